@@ -1,0 +1,70 @@
+"""Array types, and the one check that every public array argument goes through."""
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from smoskin.errors import ArgumentError
+
+Floats: TypeAlias = NDArray[np.float64]
+Ints: TypeAlias = NDArray[np.int64]
+Bools: TypeAlias = NDArray[np.bool_]
+
+
+def floats(name: str, value: ArrayLike, shape: Sequence[int | None] | None = None) -> Floats:
+    """`value` as a float64 array, checked against the shape that the argument must have.
+
+    Parameters
+    ----------
+    name : str
+        The argument's name, for the message.
+    value : array_like
+        What the caller gave.
+    shape : sequence of int or None, optional
+        Trailing shape; ``None`` stands for any length. ``(None, 3)`` accepts ``(..., S, 3)``.
+
+    Returns
+    -------
+    Floats
+        The array; the same object where it already is one.
+
+    Raises
+    ------
+    ArgumentError
+        If it is not numeric or its trailing shape differs.
+
+    Examples
+    --------
+    >>> floats("position", [0.01, 0.02], (2,))
+    array([0.01, 0.02])
+    >>> floats("position", [0.01, 0.02, 0.03], (2,))
+    Traceback (most recent call last):
+    smoskin.errors.ArgumentError: position must have shape (..., 2); got (3,)
+    """
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"{name} must be an array of numbers; got {value!r}") from error
+    if shape is not None:
+        tail = array.shape[-len(shape) :] if shape else ()
+        fits = len(tail) == len(shape) and all(
+            want is None or got == want for want, got in zip(shape, tail, strict=True)
+        )
+        if not fits:
+            wanted = ", ".join("n" if want is None else str(want) for want in shape)
+            raise ArgumentError(f"{name} must have shape (..., {wanted}); got {array.shape}")
+    return array
+
+
+def frozen(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Floats:
+    """A read-only copy of `value` with exactly this shape (``None``: any length)."""
+    array = floats(name, value, shape)
+    if array.ndim != len(shape):
+        raise ArgumentError(
+            f"{name} must have {len(shape)} dimension(s); got shape {array.shape}"
+        )
+    copy = array.copy()
+    copy.setflags(write=False)
+    return copy

@@ -1,0 +1,161 @@
+"""What flows through the package: readings in, estimates out.
+
+These records hide nothing and decide nothing; they are checked once, here, where they are
+made, so that everything downstream can trust shapes and units.
+"""
+
+from dataclasses import dataclass, field
+from enum import Enum, IntFlag
+
+import numpy as np
+
+from smoskin.arrays import Floats, Ints, frozen
+from smoskin.errors import ArgumentError
+
+
+class ChipFlag(IntFlag):
+    """What is known to be wrong with one chip's part of a reading; zero is good."""
+
+    GOOD = 0
+    MISSING = 1
+    """The chip did not answer; its numbers mean nothing."""
+    SATURATED = 2
+    """At least one axis stands at the end of its range."""
+    WRAPPED = 4
+    """At least one axis has run over its window of bits and come back with a false value."""
+    OLD = 8
+    """The chip had not converted anew since it was last read."""
+    INVALID = 16
+    """The numbers are not finite."""
+
+
+class Status(Enum):
+    """What an estimate says about itself; the value is a sentence for people."""
+
+    CONTACT = "The skin is touched; the contacts are estimated."
+    NO_CONTACT = "The skin is not touched."
+    SATURATED = "A chip stands at the end of its range; press less or move the magnet away."
+    OUT_OF_RANGE = "The field fits no displacement within the stroke of the skin."
+    AMBIGUOUS = "The displacements fit more than one place, or none."
+    STALE = "The reading is older than the one before it, or its chips had nothing new."
+    CHIP_MISSING = "A chip did not answer, or answered with numbers that are not finite."
+    NOT_CALIBRATED = "The zero is unknown or has drifted past its bound; zero the skin untouched."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reading:
+    """One moment of all chips.
+
+    Raises
+    ------
+    ArgumentError
+        If the shapes disagree or the time is not finite. Fields that are not finite are
+        accepted: they are measurements, and conditioning turns them into a status.
+    """
+
+    time: float
+    """Seconds on the source's monotonic clock."""
+    field: Floats
+    """(S, 3), T, in each chip's own axes."""
+    temperature: Floats
+    """(S,), degC, as each chip reports it; NaN where it does not."""
+    flags: Ints
+    """(S,), `ChipFlag` of each chip."""
+
+    def __init__(
+        self,
+        *,
+        time: float,
+        field: object,
+        temperature: object = None,
+        flags: object = None,
+    ) -> None:
+        if not np.isfinite(time):
+            raise ArgumentError(f"time must be finite; got {time}")
+        values = frozen("field", field, (None, 3))  # type: ignore[arg-type]
+        chips = len(values)
+        if temperature is None:
+            temperature = np.full(chips, np.nan)
+        degrees = frozen("temperature", temperature, (chips,))  # type: ignore[arg-type]
+        marks = np.zeros(chips, dtype=np.int64) if flags is None else np.array(flags, np.int64)
+        if marks.shape != (chips,):
+            raise ArgumentError(f"flags must have shape ({chips},); got {marks.shape}")
+        marks.setflags(write=False)
+        object.__setattr__(self, "time", float(time))
+        object.__setattr__(self, "field", values)
+        object.__setattr__(self, "temperature", degrees)
+        object.__setattr__(self, "flags", marks)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Reading):
+            return NotImplemented
+        return (
+            self.time == other.time
+            and np.array_equal(self.field, other.field, equal_nan=True)
+            and np.array_equal(self.temperature, other.temperature, equal_nan=True)
+            and np.array_equal(self.flags, other.flags)
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Contact:
+    """One touch, in the skin's frame.
+
+    Examples
+    --------
+    >>> Contact(position=(0.045, 0.080), force=(0.0, 0.0, -0.5)).normal_force
+    0.5
+    """
+
+    position: Floats
+    """(2,), m: where, on the undeformed skin."""
+    force: Floats
+    """(3,), N, that the toucher exerts on the skin; pressing is negative z."""
+
+    def __init__(self, *, position: object, force: object) -> None:
+        place = frozen("position", position, (2,))  # type: ignore[arg-type]
+        push = frozen("force", force, (3,))  # type: ignore[arg-type]
+        if not np.isfinite(place).all():
+            raise ArgumentError(f"position must be finite; got {place}")
+        object.__setattr__(self, "position", place)
+        object.__setattr__(self, "force", push)
+
+    @property
+    def normal_force(self) -> float:
+        """How hard the skin is pressed, N; positive when pressed."""
+        return -float(self.force[2])
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Contact):
+            return NotImplemented
+        return np.array_equal(self.position, other.position) and np.array_equal(
+            self.force, other.force, equal_nan=True
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Estimate:
+    """What an estimator makes of one reading."""
+
+    time: float
+    """The reading's time, s."""
+    status: Status
+    """Whether to believe the contacts, and why not."""
+    contacts: tuple[Contact, ...] = ()
+    """The touches; empty unless the status is `CONTACT` or `AMBIGUOUS`."""
+    covariance: Floats = field(default_factory=lambda: np.zeros((0, 5, 5)))
+    """(C, 5, 5): of (x, y, Fx, Fy, Fz) of each contact, in m and N; NaN where unknown."""
+
+    def __post_init__(self) -> None:
+        spread = frozen("covariance", self.covariance, (len(self.contacts), 5, 5))
+        object.__setattr__(self, "covariance", spread)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Estimate):
+            return NotImplemented
+        return (
+            self.time == other.time
+            and self.status is other.status
+            and self.contacts == other.contacts
+            and np.array_equal(self.covariance, other.covariance, equal_nan=True)
+        )

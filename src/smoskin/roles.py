@@ -1,0 +1,74 @@
+"""Who passes the records on: sources give readings, estimators turn them into estimates.
+
+Every concrete source and estimator of the package is one of these, and the contract suites
+in `tests/contracts` hold each of them to the sentences written here.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from types import TracebackType
+from typing import Self
+
+from smoskin.records import Estimate, Reading
+
+
+class Source(ABC):
+    """Readings, one after the other; a context manager.
+
+    Iterating yields readings until the source ends. `close` may be called any number of
+    times, from any thread; afterwards `read` returns None.
+    """
+
+    @property
+    @abstractmethod
+    def chips(self) -> int:
+        """Number of chips in every reading."""
+
+    @abstractmethod
+    def read(self, timeout: float = 1.0) -> Reading | None:
+        """The next reading; None when the source has ended or is closed.
+
+        Raises
+        ------
+        SourceError
+            If no reading comes within `timeout` seconds.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release whatever the source holds."""
+
+    def __iter__(self) -> Iterator[Reading]:
+        while (reading := self.read()) is not None:
+            yield reading
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+class Estimator(ABC):
+    """Turns each reading into an estimate; keeps what it must remember between readings."""
+
+    @abstractmethod
+    def step(self, reading: Reading) -> Estimate:
+        """The estimate of one reading.
+
+        A bad measurement becomes an estimate with a `Status`, never an exception.
+
+        Raises
+        ------
+        ArgumentError
+            If the reading has another number of chips than the estimator was made for.
+        """
+
+    @abstractmethod
+    def reset(self) -> None:
+        """Forget everything remembered between readings, the zero included."""
