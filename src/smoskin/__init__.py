@@ -1,3 +1,46 @@
-"""smoskin: design, simulate, calibrate, train, run and see a sandwich Miura-ori tactile skin."""
+"""smoskin: the open software of the sandwich Miura-ori magnetic tactile skin.
+
+>>> import smoskin as smo
+>>> design = smo.load_design("planar")
+>>> twin = smo.Twin(design, seed=0)
+>>> reading = twin.read([smo.Contact(position=(0.050, 0.067), force=(0.0, 0.0, -0.5))])
+>>> estimate = smo.ClosedFormEstimator(design).step(reading)
+>>> estimate.status.name, round(estimate.contacts[0].normal_force, 2)
+('CONTACT', 0.5)
+"""
+
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import SmoskinError
+from smoskin.feasibility import load_design
+from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
+from smoskin.roles import Estimator, Source
+from smoskin.sensing.calibration import Calibration
+from smoskin.sensing.closed_form import ClosedFormEstimator
+from smoskin.service.loop import Loop, Sink, run
+from smoskin.service.recording import Recorder, open_recording
+from smoskin.service.source import open_source
+from smoskin.twin.skin import Twin
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "Calibration",
+    "ChipFlag",
+    "ClosedFormEstimator",
+    "Contact",
+    "Estimate",
+    "Estimator",
+    "Loop",
+    "Reading",
+    "Recorder",
+    "Sink",
+    "SkinDesign",
+    "SmoskinError",
+    "Source",
+    "Status",
+    "Twin",
+    "load_design",
+    "open_recording",
+    "open_source",
+    "run",
+]

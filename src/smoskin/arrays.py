@@ -60,11 +60,15 @@ def floats(name: str, value: ArrayLike, shape: Sequence[int | None] | None = Non
 
 def frozen(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Floats:
     """A read-only copy of `value` with exactly this shape (``None``: any length)."""
-    array = floats(name, value, shape)
-    if array.ndim != len(shape):
-        raise ArgumentError(
-            f"{name} must have {len(shape)} dimension(s); got shape {array.shape}"
-        )
-    copy = array.copy()
-    copy.setflags(write=False)
+    try:
+        copy = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"{name} must be an array of numbers; got {value!r}") from error
+    if copy.shape != shape:
+        floats(name, copy, shape)
+        if copy.ndim != len(shape):
+            raise ArgumentError(
+                f"{name} must have {len(shape)} dimension(s); got shape {copy.shape}"
+            )
+    copy.flags.writeable = False
     return copy

@@ -4,6 +4,7 @@ These records hide nothing and decide nothing; they are checked once, here, wher
 made, so that everything downstream can trust shapes and units.
 """
 
+import math
 from dataclasses import dataclass, field
 from enum import Enum, IntFlag
 
@@ -70,7 +71,7 @@ class Reading:
         temperature: object = None,
         flags: object = None,
     ) -> None:
-        if not np.isfinite(time):
+        if not math.isfinite(time):
             raise ArgumentError(f"time must be finite; got {time}")
         values = frozen("field", field, (None, 3))  # type: ignore[arg-type]
         chips = len(values)
@@ -115,7 +116,7 @@ class Contact:
     def __init__(self, *, position: object, force: object) -> None:
         place = frozen("position", position, (2,))  # type: ignore[arg-type]
         push = frozen("force", force, (3,))  # type: ignore[arg-type]
-        if not np.isfinite(place).all():
+        if not (math.isfinite(place[0]) and math.isfinite(place[1])):
             raise ArgumentError(f"position must be finite; got {place}")
         object.__setattr__(self, "position", place)
         object.__setattr__(self, "force", push)

@@ -1,58 +1,59 @@
-"""Unit suffixes of files, command line and wire, and their factors to SI.
+"""Unit suffixes of files, command line and wire, and their exact conversion to SI.
 
 Everything inside the package is SI. A number that leaves it carries its unit in its name
-(`panel_a_mm`); this module holds the one table that says what each suffix means.
+(`panel_a_mm`); this module holds the one table that says what each suffix means. Conversion
+goes through decimals, so that a value written to a file is read back as the same float.
 """
 
-import math
+from decimal import Context, Decimal
+from types import MappingProxyType
 from typing import Final
 
-#: Factor from the suffix's unit to SI.
-SI_PER_SUFFIX: Final[dict[str, float]] = {
-    "mm": 1e-3,
-    "um": 1e-6,
-    "deg": math.pi / 180.0,
-    "N": 1.0,
-    "N_per_mm": 1e3,
-    "A_per_m": 1.0,
-    "kPa": 1e3,
-    "MPa": 1e6,
-    "GPa": 1e9,
-    "mT": 1e-3,
-    "uT": 1e-6,
-    "degC": 1.0,
-    "percent_per_degC": 1e-2,
-    "s": 1.0,
-    "ms": 1e-3,
-    "us": 1e-6,
-}
+_PRECISE: Final = Context(prec=50)
+_DEGREE: Final = _PRECISE.divide(
+    Decimal("3.14159265358979323846264338327950288419716939937511"), Decimal(180)
+)
+
+#: One of the suffix's unit in SI.
+SI_PER_SUFFIX: Final = MappingProxyType(
+    {
+        "mm": Decimal("1e-3"),
+        "um": Decimal("1e-6"),
+        "deg": _DEGREE,
+        "N": Decimal(1),
+        "N_per_mm": Decimal("1e3"),
+        "A_per_m": Decimal(1),
+        "mT": Decimal("1e-3"),
+        "uT": Decimal("1e-6"),
+        "degC": Decimal(1),
+        "us": Decimal("1e-6"),
+    }
+)
 
 
-def split_suffix(key: str) -> tuple[str, float]:
-    """Name and SI factor of a key that ends in a unit suffix; the longest suffix wins.
-
-    Parameters
-    ----------
-    key : str
-        A key of a file or an option, such as ``panel_a_mm``.
-
-    Returns
-    -------
-    name : str
-        The key without its suffix; the key itself where it has none.
-    factor : float
-        Multiply by this to get SI; 1 where there is no suffix.
+def to_si(number: Decimal | float, suffix: str) -> float:
+    """A number of the suffix's unit as an SI float.
 
     Examples
     --------
-    >>> split_suffix("panel_a_mm")
-    ('panel_a', 0.001)
-    >>> split_suffix("stiffness_N_per_mm")
-    ('stiffness', 1000.0)
-    >>> split_suffix("digital_filter")
-    ('digital_filter', 1.0)
+    >>> to_si(15.5334, "mm")
+    0.0155334
     """
-    for suffix in sorted(SI_PER_SUFFIX, key=len, reverse=True):
-        if key.endswith(f"_{suffix}"):
-            return key[: -len(suffix) - 1], SI_PER_SUFFIX[suffix]
-    return key, 1.0
+    exact = number if isinstance(number, Decimal) else Decimal(repr(number))
+    return float(_PRECISE.multiply(exact, SI_PER_SUFFIX[suffix]))
+
+
+def from_si(value: float, suffix: str) -> Decimal:
+    """The shortest decimal in the suffix's unit that `to_si` turns back into `value`.
+
+    Examples
+    --------
+    >>> from_si(0.0155334, "mm")
+    Decimal('15.5334')
+    """
+    exact = _PRECISE.divide(Decimal(repr(value)), SI_PER_SUFFIX[suffix])
+    for digits in range(1, _PRECISE.prec):
+        short = Decimal(f"{exact:.{digits}g}")
+        if to_si(short, suffix) == value:
+            break
+    return Decimal(f"{short:f}")

@@ -1,0 +1,1 @@
+"""What people run: short programs over the package's own parts."""

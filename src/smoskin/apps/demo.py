@@ -1,0 +1,370 @@
+"""The demonstration: a scripted hand, and the mouse, on the twin, seen through the estimator.
+
+The hand touches the skin again and again, anywhere round the top vertices and with and without
+drag; each touch is judged by what the estimator said while it was held.
+"""
+
+import math
+import os
+import threading
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from typing import Final
+
+import numpy as np
+
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError
+from smoskin.origami.cell import size
+from smoskin.origami.layout import hall_positions, magnet_positions
+from smoskin.origami.sheet import build_sheet, loaded_positions
+from smoskin.records import Contact, Estimate, Reading, Status
+from smoskin.sensing.closed_form import ClosedFormEstimator
+from smoskin.service.loop import Loop, Sink
+from smoskin.service.recording import Recorder
+from smoskin.service.scene import SkinShape
+from smoskin.service.source import TwinSource
+from smoskin.service.view import View
+from smoskin.twin.skin import Twin
+
+_PERIOD: Final = 0.8
+_RAMP: Final = 0.15
+_FIRST: Final = 0.2
+_HOLD: Final = 0.35
+"""s: a touch starts every period, rises and falls in a ramp, and is held between."""
+_OFF_VERTEX: Final = 0.2
+"""Share of a cell by which a scripted touch may lie off the top vertex, each way."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScriptedTouch:
+    """One touch of the hand."""
+
+    start: float
+    """s, on the twin's clock."""
+    contact: Contact
+    """Where and how hard while it is held."""
+
+    @property
+    def held(self) -> tuple[float, float]:
+        """s: between rising and falling."""
+        return self.start + _RAMP, self.start + _RAMP + _HOLD
+
+    def at(self, time: float) -> tuple[Contact, ...]:
+        """The contact at a time; empty before and after."""
+        begin, end = self.held
+        strength = min((time - self.start) / _RAMP, 1.0, (end + _RAMP - time) / _RAMP)
+        if strength <= 0:
+            return ()
+        return (Contact(position=self.contact.position, force=strength * self.contact.force),)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Touch:
+    """One side of a judged touch, in the units people read."""
+
+    x_mm: float
+    y_mm: float
+    fx_N: float
+    fy_N: float
+    fz_N: float
+
+    @classmethod
+    def of(cls, contact: Contact) -> "Touch":
+        """A contact in millimetres and newtons."""
+        (x, y), force = contact.position * 1e3, contact.force
+        return cls(
+            **{
+                name: round(float(value), 4)
+                for name, value in zip(
+                    ("x_mm", "y_mm", "fx_N", "fy_N", "fz_N"), (x, y, *force), strict=True
+                )
+            }
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JudgedTouch:
+    """A scripted touch beside what the estimator said of it."""
+
+    true: Touch
+    estimated: Touch | None
+    """The median over the hold; None where no contact was reported for most of it."""
+    status: str
+    """The commonest status while it was held."""
+    found: bool
+    """Whether the estimate names the cell that was touched."""
+    position_error_mm: float | None
+    force_error_percent: float | None
+    """Of the force vector, relative to the true force."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """The demonstration in six numbers."""
+
+    touches: int
+    found: int
+    mean_position_error_mm: float | None
+    mean_force_error_percent: float | None
+    rate_hz: float
+    latency_us_median: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DemoResult:
+    """What the demonstration showed."""
+
+    touches: tuple[JudgedTouch, ...]
+    summary: Summary
+
+    def as_json(self) -> dict[str, object]:
+        """Plain values for machines: ``{"touches": [...], "summary": {...}}``."""
+        return {
+            "touches": [asdict(touch) for touch in self.touches],
+            "summary": asdict(self.summary),
+        }
+
+
+def scripted_hand(design: SkinDesign, seconds: float, seed: int) -> tuple[ScriptedTouch, ...]:
+    """As many touches as fit into so many seconds, spread over the whole skin.
+
+    Every other touch drags as well; the first presses the middle of the skin straight.
+
+    Raises
+    ------
+    ArgumentError
+        If not even one touch fits.
+    """
+    count = int((seconds - _FIRST) / _PERIOD)
+    if count < 1:
+        raise ArgumentError(f"seconds must be at least {_FIRST + _PERIOD:g}; got {seconds:g}")
+    rng = np.random.default_rng(seed)
+    places = loaded_positions(design).reshape(-1, 2)
+    extent = size(design.cell)
+    order = np.concatenate([rng.permutation(len(places)) for _ in range(-(-count // len(places)))])
+    touches = []
+    for k, cell in enumerate(order[:count]):
+        off = rng.uniform(-_OFF_VERTEX, _OFF_VERTEX, 2) * (extent.length, extent.width)
+        press, drag, way = rng.uniform(0.3, 1.0), rng.uniform(0.1, 0.4), rng.uniform(0, math.tau)
+        drag *= k % 2
+        contact = Contact(
+            position=places[cell] + off,
+            force=(drag * math.cos(way), drag * math.sin(way), -press),
+        )
+        touches.append(ScriptedTouch(start=_FIRST + k * _PERIOD, contact=contact))
+    return tuple(touches)
+
+
+def run_demo(
+    design: SkinDesign,
+    *,
+    seconds: float | None = None,
+    page: bool = True,
+    port: int = 0,
+    rate: float = 100.0,
+    seed: int = 0,
+    record: str | os.PathLike[str] | None = None,
+    on_start: Callable[[str | None], None] = lambda url: None,
+) -> DemoResult:
+    """Run the demonstration and judge every touch of the hand.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    seconds : float, optional
+        How long; without it until interrupted, with the hand starting over every minute.
+    page : bool
+        Serve the live page, on which the mouse presses the skin too.
+    port : int
+        Of the page; 0 takes a free one.
+    rate : float
+        Hz, of the readings.
+    seed : int
+        Of the chips' noise and of the hand.
+    record : path, optional
+        Write everything to this MCAP file.
+    on_start : callable
+        Called once with the page's address, or None without a page.
+
+    Returns
+    -------
+    DemoResult
+        Of the touches that the hand finished; those met by the mouse are left out.
+    """
+    script = scripted_hand(design, seconds or 60.0, seed)
+    twin = Twin(design, seed=seed)
+    source = TwinSource(twin, rate=rate)
+    estimator = ClosedFormEstimator(design)
+    hand = _Hand(script, repeat=seconds is None)
+    with ExitStack() as stack:
+        sinks: list[Sink] = []
+        if record is not None:
+            sinks.append(Recorder(record, design))
+        show = _Page(design, twin, hand, port) if page else None
+        if show is not None:
+            sinks.append(show)
+        loop = stack.enter_context(Loop(source, estimator, sinks=sinks))
+        on_start(show.url if show is not None else None)
+        try:
+            for estimate in loop:
+                hand.note(estimate)
+                if show is not None:
+                    show.counters = loop.counters if hand.step % 25 == 0 else show.counters
+                    if show.zero_asked.is_set():
+                        show.zero_asked.clear()
+                        estimator.zero(show.latest)
+                if seconds is not None and estimate.time >= seconds:
+                    break
+                source.touch(hand.contacts(estimate.time + 1 / rate))
+        except KeyboardInterrupt:
+            if seconds is not None:
+                raise
+        counters = loop.counters
+    touches = hand.judge(design)
+    errors = [(t.position_error_mm, t.force_error_percent) for t in touches if t.estimated]
+    means = np.mean(errors, axis=0).round(3).tolist() if errors else [None, None]
+    return DemoResult(
+        touches=touches,
+        summary=Summary(
+            touches=len(touches),
+            found=sum(touch.found for touch in touches),
+            mean_position_error_mm=means[0],
+            mean_force_error_percent=means[1],
+            rate_hz=round(counters.rate, 2),
+            latency_us_median=round(counters.latency_median * 1e6, 1),
+        ),
+    )
+
+
+class _Hand:
+    """The scripted hand, the mouse beside it, and what was estimated meanwhile."""
+
+    def __init__(self, script: Sequence[ScriptedTouch], *, repeat: bool) -> None:
+        self.mouse: Contact | None = None
+        self.step = 0
+        self._script = script
+        self._length = script[-1].start + _PERIOD if repeat else math.inf
+        self._held: dict[int, list[Estimate]] = {}
+        self._spoilt: set[int] = set()
+
+    def contacts(self, time: float) -> tuple[Contact, ...]:
+        """What touches the skin at a time; the mouse pushes the hand aside."""
+        mouse = self.mouse
+        if mouse is not None:
+            index, _ = self._place(time)
+            self._spoilt.add(index)
+            return (mouse,)
+        index, moment = self._place(time)
+        local = moment - self._script[0].start
+        k = int(local // _PERIOD)
+        return self._script[k].at(moment) if 0 <= k < len(self._script) else ()
+
+    def note(self, estimate: Estimate) -> None:
+        """Keep an estimate that was made while a touch was held."""
+        self.step += 1
+        index, moment = self._place(estimate.time)
+        if 0 <= index % len(self._script) and index >= 0:
+            begin, end = self._script[index % len(self._script)].held
+            if begin < moment < end:
+                self._held.setdefault(index, []).append(estimate)
+
+    def judge(self, design: SkinDesign) -> tuple[JudgedTouch, ...]:
+        """Every finished touch that the mouse left alone."""
+        return tuple(
+            _judge(self._script[index % len(self._script)].contact, held, design)
+            for index, held in sorted(self._held.items())
+            if index not in self._spoilt
+        )
+
+    def _place(self, time: float) -> tuple[int, float]:
+        """Running number of the touch at a time, and the time on the script's clock."""
+        turn, moment = divmod(time, self._length) if math.isfinite(self._length) else (0, time)
+        k = math.floor((moment - self._script[0].start) / _PERIOD)
+        return int(turn) * len(self._script) + min(k, len(self._script) - 1), moment
+
+
+def _judge(true: Contact, held: Sequence[Estimate], design: SkinDesign) -> JudgedTouch:
+    """A touch against the estimates made while it was held."""
+    status = Counter(estimate.status for estimate in held).most_common(1)[0][0]
+    contacts = [one for estimate in held for one in estimate.contacts]
+    if status is not Status.CONTACT:
+        return JudgedTouch(
+            true=Touch.of(true), estimated=None, status=status.name, found=False,
+            position_error_mm=None, force_error_percent=None,
+        )  # fmt: skip
+    median = Contact(
+        position=np.median([one.position for one in contacts], axis=0),
+        force=np.median([one.force for one in contacts], axis=0),
+    )
+    extent = size(design.cell)
+    off = np.abs(median.position - true.position)
+    miss = float(np.linalg.norm(median.force - true.force) / np.linalg.norm(true.force))
+    return JudgedTouch(
+        true=Touch.of(true),
+        estimated=Touch.of(median),
+        status=status.name,
+        found=bool(off[0] < extent.length / 2 and off[1] < extent.width / 2),
+        position_error_mm=round(float(np.linalg.norm(off)) * 1e3, 3),
+        force_error_percent=round(100 * miss, 3),
+    )
+
+
+class _Page(Sink):
+    """The live page as a sink of the loop, with the truth beside the estimate."""
+
+    def __init__(self, design: SkinDesign, twin: Twin, hand: _Hand, port: int) -> None:
+        self.zero_asked = threading.Event()
+        self.latest: list[Reading] = []
+        self.counters = None
+        self._twin, self._hand = twin, hand
+        self._view = View(
+            _shape(design),
+            port=port,
+            on_press=self._press,
+            on_zero=self.zero_asked.set,
+            title=f"smoskin: {design.name}",
+        )
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return self._view.url
+
+    def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
+        """Show a reading, its estimate and the true touch."""
+        self.latest = [*self.latest[-19:], reading]
+        if estimate is None:
+            return
+        truth = self._hand.contacts(reading.time)
+        self._view.show(
+            reading,
+            estimate,
+            truth=truth,
+            vertices=self._twin.sheet_vertices(truth),
+            latency=math.nan if self.counters is None else self.counters.latency_median,
+        )
+
+    def close(self) -> None:
+        """End the page."""
+        self._view.close()
+
+    def _press(self, contact: Contact | None) -> None:
+        self._hand.mouse = contact
+
+
+def _shape(design: SkinDesign) -> SkinShape:
+    """What the page draws of a design."""
+    sheet = build_sheet(design.cell, design.cells)
+    return SkinShape(
+        vertices=sheet.vertices,
+        facets=sheet.facets,
+        chip_names=tuple(site.name for site in design.halls),
+        chips=hall_positions(design),
+        magnets=magnet_positions(design),
+        magnet_radius=design.magnets[0].radius,
+        magnet_height=design.magnets[0].height,
+        board=-design.columns.height,
+    )

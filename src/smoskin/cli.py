@@ -1,0 +1,195 @@
+"""The command line: one thin group of commands over `smoskin.apps` and the package.
+
+Exit codes: 0 done, 1 the asked-for thing failed or was missed, 2 wrong use. An error is one line
+on standard error, without a traceback.
+"""
+
+import json
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from smoskin import __version__
+from smoskin.errors import MissingExtraError, SmoskinError
+
+try:
+    import typer
+except ImportError:
+    sys.exit(f"error: {MissingExtraError('the command line', 'cli')}")
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    help="Design, simulate, calibrate, train, run and see a sandwich Miura-ori tactile skin.",
+)
+bench = typer.Typer(no_args_is_help=True, help="Measure estimators on data.")
+app.add_typer(bench, name="bench")
+
+Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
+Design = Annotated[str, typer.Argument(help="A shipped design or the path of a TOML document.")]
+Seconds = Annotated[float | None, typer.Option(min=0.0, help="Stop after so many seconds.")]
+Record = Annotated[
+    Path | None, typer.Option(help="Write everything to this new MCAP file.", dir_okay=False)
+]
+
+
+def main() -> None:
+    """Run the command line; the console script's entry."""
+    try:
+        app()
+    except SmoskinError as error:
+        sys.exit(f"error: {error}")
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(1)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"smoskin {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Options before any command."""
+
+
+@app.command()
+def demo(
+    design: Design = "planar",
+    seconds: Seconds = None,
+    headless: Annotated[bool, typer.Option("--headless", help="Without the live page.")] = False,
+    as_json: Json = False,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the page; 0: a free one.")] = 0,
+    rate: Annotated[float, typer.Option(help="Readings a second, Hz.")] = 100.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the chips' noise and of the hand.")] = 0,
+    record: Record = None,
+) -> None:
+    """Touch a simulated skin and see what its chips feel, live in a browser.
+
+    A scripted hand presses the skin all over; in the page the mouse presses it too. At the end
+    every touch of the hand is listed beside its estimate; the exit code is 1 if one was missed.
+    """
+    from smoskin.apps.demo import run_demo
+    from smoskin.feasibility import load_design
+
+    if headless and seconds is None:
+        seconds = 10.0
+
+    def announce(url: str | None) -> None:
+        where = f"The skin is live at {url}" if url else "The hand is touching the skin"
+        until = f"for {seconds:g} s" if seconds is not None else "until Ctrl-C"
+        typer.echo(f"{where} {until}.", err=True)
+
+    result = run_demo(
+        load_design(design),
+        seconds=seconds,
+        page=not headless,
+        port=port,
+        rate=rate,
+        seed=seed,
+        record=record,
+        on_start=announce,
+    )
+    if as_json:
+        typer.echo(json.dumps(result.as_json()))
+    else:
+        _print_demo(result)
+    if result.summary.found < result.summary.touches:
+        raise typer.Exit(1)
+
+
+@app.command()
+def info(design: Design = "planar", as_json: Json = False) -> None:
+    """Print a design: what is built, where each value comes from, and what follows from it."""
+    from smoskin.apps.info import describe
+    from smoskin.feasibility import load_design
+
+    sheet = describe(load_design(design))
+    if as_json:
+        typer.echo(json.dumps(sheet.as_json()))
+        return
+    for table in sheet.tables():
+        _show(table)
+
+
+@app.command()
+def run(
+    source: Annotated[str, typer.Argument(help="twin://planar or replay:FILE, with ?options.")],
+    design: Annotated[str, typer.Option(help="Of the skin that the source reads.")] = "planar",
+    seconds: Seconds = None,
+    record: Record = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print each estimate as a line of JSON.")
+    ] = False,
+) -> None:
+    """Estimate touches from a source of readings and print them as they come."""
+    from smoskin.apps.watch import estimate_line, watch
+    from smoskin.feasibility import load_design
+
+    for estimate in watch(load_design(design), source, seconds=seconds, record=record):
+        typer.echo(estimate_line(estimate, as_json=as_json))
+
+
+@bench.command()
+def recordings(
+    directory: Annotated[Path, typer.Argument(help="A folder of recordings in eFlesh's layout.")],
+    chips: Annotated[
+        int | None, typer.Option(min=1, help="Judge this many chips, best on training data.")
+    ] = None,
+    as_json: Json = False,
+    seed: Annotated[int, typer.Option(min=0, help="Of splits and training.")] = 0,
+) -> None:
+    """Train on real recordings and judge on places and runs that training never saw."""
+    from smoskin.apps.recordings import bench_recordings
+
+    result = bench_recordings(directory, chips=chips, seed=seed)
+    if as_json:
+        typer.echo(json.dumps(result.as_json()))
+
+
+def _show(table: "Table") -> None:
+    """Print a table, wide enough for its columns where nobody's terminal limits it."""
+    from rich.console import Console
+
+    console = Console()
+    Console(width=max(console.width, 100)).print(table)
+
+
+def _print_demo(result: "DemoResult") -> None:
+    """Every touch beside its estimate, and the summary."""
+    from rich.table import Table
+
+    table = Table(title="Touches of the hand")
+    for heading in ("true x, y (mm)", "estimated", "true Fx, Fy, Fz (N)", "estimated", "off"):
+        table.add_column(heading, justify="right")
+    for touch in result.touches:
+        true, seen = touch.true, touch.estimated
+        table.add_row(
+            f"{true.x_mm:.1f}, {true.y_mm:.1f}",
+            f"{seen.x_mm:.1f}, {seen.y_mm:.1f}" if seen else touch.status,
+            f"{true.fx_N:.2f}, {true.fy_N:.2f}, {true.fz_N:.2f}",
+            f"{seen.fx_N:.2f}, {seen.fy_N:.2f}, {seen.fz_N:.2f}" if seen else "",
+            f"{touch.position_error_mm:.1f} mm, {touch.force_error_percent:.1f} %" if seen else "",
+            style="" if touch.found else "red",
+        )
+    _show(table)
+    for name, value in asdict(result.summary).items():
+        typer.echo(f"{name}: {value}")
+
+
+if TYPE_CHECKING:
+    from smoskin.apps.demo import DemoResult

@@ -1,0 +1,1 @@
+"""What is built: skins as data, read from and written to TOML."""

@@ -1,0 +1,59 @@
+"""Material values that designs refer to by name, each with the source it was taken from.
+
+Values of soft and bonded materials scatter by tens of percent from batch to batch; they are
+where a design starts, and calibration replaces them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Elastomer:
+    """A rubber for columns, pillars and scales."""
+
+    shear_modulus: float
+    """Pa, initial."""
+    source: str
+    """Where the value is printed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Film:
+    """A stiff material for panels and crease film."""
+
+    young_modulus: float
+    """Pa."""
+    source: str
+    """Where the value is printed."""
+
+
+ELASTOMERS: Final[Mapping[str, Elastomer]] = MappingProxyType(
+    {
+        "Ecoflex 00-30": Elastomer(
+            shear_modulus=25e3,
+            source="Smooth-On Ecoflex series technical bulletin: 69 kPa (10 psi) at 100 % strain",
+        ),
+        "Ecoflex 00-50": Elastomer(
+            shear_modulus=30e3,
+            source="Smooth-On Ecoflex series technical bulletin: 83 kPa (12 psi) at 100 % strain",
+        ),
+        "Dragon Skin 10": Elastomer(
+            shear_modulus=55e3,
+            source="Smooth-On Dragon Skin series technical bulletin: 152 kPa at 100 % strain",
+        ),
+    }
+)
+"""A neo-Hookean rubber at stretch 2 carries G (2 - 1/4), whence G from the printed modulus;
+the Ecoflex 00-30 value is lowered to the middle of what small-strain tests report."""
+
+FILMS: Final[Mapping[str, Film]] = MappingProxyType(
+    {
+        "acrylic": Film(young_modulus=3.2e9, source="cast PMMA sheet, typical data sheet value"),
+        "polyimide": Film(
+            young_modulus=2.5e9, source="DuPont Kapton HN summary of properties, 23 degC"
+        ),
+    }
+)

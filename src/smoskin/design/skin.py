@@ -1,0 +1,331 @@
+"""What is built: the parts of a skin as records that refuse what cannot be made.
+
+A `SkinDesign` is pure data in SI units. It checks what its own numbers decide (signs, angles,
+overlaps, references between parts); whether the magnets' fields suit the chips is physics and
+is decided in `smoskin.feasibility`.
+"""
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from types import MappingProxyType
+from typing import Any, Final, Literal
+
+from smoskin.design.materials import ELASTOMERS
+from smoskin.errors import DesignError
+
+Origin = Literal["printed", "inferred", "assumed"]
+AXES: Final = ("+x", "-x", "+y", "-y", "+z", "-z")
+
+
+def _positive(owner: str, **values: float) -> None:
+    for name, value in values.items():
+        if not (math.isfinite(value) and value > 0.0):
+            raise DesignError(f"{owner}.{name} must be positive and finite; got {value}")
+
+
+def _choice(owner: str, name: str, value: object, valid: tuple[object, ...]) -> None:
+    if value not in valid:
+        wanted = ", ".join(str(one) for one in valid)
+        raise DesignError(f"{owner}.{name} must be one of {wanted}; got {value!r}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Provenance:
+    """Where a value comes from."""
+
+    origin: Origin
+    """`printed` in the paper, `inferred` from what it prints, or `assumed`."""
+    reason: str = ""
+    """Why this value."""
+
+    def __post_init__(self) -> None:
+        _choice("provenance", "origin", self.origin, ("printed", "inferred", "assumed"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MiuraCell:
+    """The unit cell of the folded sheet (Figure S6)."""
+
+    panel_a: float
+    """m: edge of the parallelogram panel along the straight (a-) creases."""
+    panel_b: float
+    """m: edge along the zigzag (b-) creases."""
+    sector_angle: float
+    """rad, alpha: acute corner of the panel."""
+    fold_angle: float
+    """rad, phi: half the in-plane angle of the zigzag; alpha is flat."""
+
+    def __post_init__(self) -> None:
+        _positive("cell", panel_a=self.panel_a, panel_b=self.panel_b)
+        if not 0.0 < self.sector_angle < math.pi / 2:
+            raise DesignError(
+                f"cell.sector_angle must lie in (0, pi/2) = (0, 1.571) rad; "
+                f"got {self.sector_angle:.4g}"
+            )
+        if not 0.0 < self.fold_angle < self.sector_angle:
+            raise DesignError(
+                f"cell.fold_angle must lie in (0, alpha) = (0, {self.sector_angle:.4g}) rad; "
+                f"got {self.fold_angle:.4g}: such a cell cannot fold"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Columns:
+    """The elastomer columns, one under each bottom vertex of the sheet."""
+
+    radius: float
+    """m."""
+    height: float
+    """m, from the board's upper face to the bottom vertices."""
+    material: str
+    """A name in `smoskin.design.materials.ELASTOMERS`."""
+
+    def __post_init__(self) -> None:
+        _positive("columns", radius=self.radius, height=self.height)
+        _choice("columns", "material", self.material, tuple(ELASTOMERS))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """The constraint frame round the sheet, which holds the rim columns in the plane."""
+
+    stiffness: float
+    """N/m, in the plane, for each rim column."""
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.stiffness) and self.stiffness >= 0.0):
+            raise DesignError(f"frame.stiffness must be >= 0 N/m; got {self.stiffness}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Board:
+    """The circuit board that carries the chips on both faces, under the columns."""
+
+    thickness: float
+    """m."""
+    sensing_height: float
+    """m, from the board's face to the point inside the chip that senses."""
+
+    def __post_init__(self) -> None:
+        _positive("board", thickness=self.thickness, sensing_height=self.sensing_height)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShearLayer:
+    """The soft pillars that carry the board, so that a drag moves it over its base."""
+
+    pillars: int
+    """How many."""
+    radius: float
+    """m."""
+    height: float
+    """m."""
+    material: str
+    """A name in `smoskin.design.materials.ELASTOMERS`."""
+
+    def __post_init__(self) -> None:
+        _positive("shear_layer", pillars=self.pillars, radius=self.radius, height=self.height)
+        _choice("shear_layer", "material", self.material, tuple(ELASTOMERS))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Magnet:
+    """A disc of four sectors, each magnetised along its bisector towards the centre."""
+
+    name: str
+    """As hall sites refer to it."""
+    mount: Literal["sheet", "base"]
+    """On the sheet, in a holder between columns, or on the base below the board."""
+    corner: tuple[int, int]
+    """(p, q): the corner of the grid of cells at which it sits, at (p l, q w)."""
+    radius: float
+    """m."""
+    height: float
+    """m, along its axis z."""
+    remanence: float
+    """A/m: magnetisation m_0 of each sector."""
+    polarity: Literal[-1, 1] = 1
+    """+1: magnetised towards the centre; -1: away from it."""
+
+    def __post_init__(self) -> None:
+        owner = f"magnet {self.name!r}"
+        _positive(owner, radius=self.radius, height=self.height, remanence=self.remanence)
+        _choice(owner, "mount", self.mount, ("sheet", "base"))
+        _choice(owner, "polarity", self.polarity, (-1, 1))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HallSite:
+    """One chip, opposite the middle of its magnet at rest."""
+
+    name: str
+    """As printed on the board."""
+    magnet: str
+    """The magnet that it watches."""
+    gap: float
+    """m, from the magnet's nearer face to the sensing point, at rest."""
+    axes: tuple[str, str, str]
+    """Directions of the chip's x, y, z in the skin's frame, such as ("+x", "-y", "-z")."""
+    address: int
+    """7-bit I2C address."""
+
+    def __post_init__(self) -> None:
+        owner = f"hall site {self.name!r}"
+        _positive(owner, gap=self.gap)
+        for axis in self.axes:
+            _choice(owner, "axes", axis, AXES)
+        letters = [AXES.index(axis) // 2 for axis in self.axes]
+        sign = math.prod(-1 if axis[0] == "-" else 1 for axis in self.axes)
+        turns = {(0, 1, 2): 1, (1, 2, 0): 1, (2, 0, 1): 1}
+        swaps = {(1, 0, 2): -1, (0, 2, 1): -1, (2, 1, 0): -1}
+        handed = (turns | swaps).get((letters[0], letters[1], letters[2]), 0) * sign
+        if handed != 1:
+            raise DesignError(
+                f"{owner}.axes must be three different, right-handed directions such as "
+                f"('+x', '+y', '+z') or ('+x', '-y', '-z'); got {self.axes}"
+            )
+        if not 0x08 <= self.address <= 0x77:
+            raise DesignError(
+                f"{owner}.address must be a 7-bit I2C address in 0x08..0x77; "
+                f"got {self.address:#x}"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HallSetting:
+    """How every MLX90393 of the skin is set; the fields are its registers' own."""
+
+    gain_selection: int
+    """GAIN_SEL, 0..7: analogue gain 5, 4, 3, 2.5, 2, 1.67, 1.33, 1."""
+    resolution: int
+    """RES, 0..3: which 16 of the 19 converted bits are read."""
+    oversampling: int
+    """OSR, 0..3."""
+    digital_filter: int
+    """DIG_FILT, 0..7."""
+
+    def __post_init__(self) -> None:
+        for name, most in (
+            ("gain_selection", 7),
+            ("resolution", 3),
+            ("oversampling", 3),
+            ("digital_filter", 7),
+        ):
+            value = getattr(self, name)
+            if not 0 <= value <= most:
+                raise DesignError(f"hall_setting.{name} must lie in 0..{most}; got {value}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coefficients:
+    """The numbers of the reduced model that theory does not give and calibration finds."""
+
+    attenuation: tuple[float, float]
+    """(v_aX, v_aY): how much less each next cell unfolds (S10); 1 is a rigid sheet."""
+    stiffness_variation: float
+    """v_s: measured over modelled stiffness (S27)."""
+    folding_correction_x: tuple[float, ...]
+    """N, v_f for shear in X, from the outermost layer of cells inwards (S27)."""
+    folding_correction_y: tuple[float, ...]
+    """N, v_f for shear in Y, likewise."""
+
+    def __post_init__(self) -> None:
+        for value in self.attenuation:
+            if not 0.0 < value <= 1.0:
+                raise DesignError(f"coefficients.attenuation must lie in (0, 1]; got {value}")
+        _positive("coefficients", stiffness_variation=self.stiffness_variation)
+        if not self.folding_correction_x or len(self.folding_correction_x) != len(
+            self.folding_correction_y
+        ):
+            raise DesignError(
+                "coefficients.folding_correction_x and _y must name the same layers, at least "
+                f"one; got {len(self.folding_correction_x)} and {len(self.folding_correction_y)}"
+            )
+        for value in self.folding_correction_x + self.folding_correction_y:
+            _positive("coefficients", folding_correction=value)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SkinDesign:
+    """A whole skin: what the workshop builds and every model starts from.
+
+    Raises
+    ------
+    DesignError
+        If the parts do not fit each other.
+    """
+
+    name: str
+    """What people call it."""
+    cells: tuple[int, int]
+    """(N, M): cells along x and y."""
+    cell: MiuraCell
+    columns: Columns
+    frame: Frame
+    board: Board
+    shear_layer: ShearLayer
+    magnets: tuple[Magnet, ...]
+    """On the sheet or on the base."""
+    halls: tuple[HallSite, ...]
+    """In the order of every reading's chips."""
+    hall_setting: HallSetting
+    coefficients: Coefficients
+    provenance: Mapping[str, Provenance] = field(default_factory=dict, compare=False, hash=False)
+    """Where each value comes from, by dotted field path such as ``cell.panel_a``."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
+        columns, rows = self.cells
+        if columns < 1 or rows < 1:
+            raise DesignError(f"cells must be at least (1, 1); got {self.cells}")
+        _unique("magnets", [magnet.name for magnet in self.magnets])
+        _unique("hall sites", [site.name for site in self.halls])
+        _unique("hall addresses", [f"{site.address:#x}" for site in self.halls])
+        if not self.halls:
+            raise DesignError("halls must name at least one chip; got none")
+        names = [magnet.name for magnet in self.magnets]
+        for site in self.halls:
+            _choice(f"hall site {site.name!r}", "magnet", site.magnet, tuple(names))
+        for magnet in self.magnets:
+            p, q = magnet.corner
+            if not (0 <= p <= columns and 0 <= q <= rows):
+                raise DesignError(
+                    f"magnet {magnet.name!r}.corner must lie in (0..{columns}, 0..{rows}); "
+                    f"got {magnet.corner}"
+                )
+
+    @property
+    def content_hash(self) -> str:
+        """SHA-256 over every value that is built, names and provenance left out."""
+        values = _plain(self)
+        del values["name"], values["provenance"]
+        text = json.dumps(values, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def magnet(self, name: str) -> Magnet:
+        """The magnet of this name."""
+        for magnet in self.magnets:
+            if magnet.name == name:
+                return magnet
+        known = ", ".join(magnet.name for magnet in self.magnets)
+        raise DesignError(f"magnet must be one of {known}; got {name!r}")
+
+
+def _unique(what: str, names: list[str]) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise DesignError(f"{what} must have different names; {name!r} occurs twice")
+
+
+def _plain(value: Any) -> Any:
+    """Records and tuples as dicts and lists, for hashing."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {one.name: _plain(getattr(value, one.name)) for one in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: _plain(one) for key, one in value.items()}
+    if isinstance(value, tuple):
+        return [_plain(one) for one in value]
+    return value

@@ -1,0 +1,170 @@
+"""Whether a design can work: what its geometry and its fields together decide.
+
+`smoskin.design` refuses numbers that are wrong by themselves. Here the parts meet: magnets
+must clear columns and each other, fit between board and sheet, and keep every chip inside its
+range over the whole stroke.
+"""
+
+import math
+import os
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from smoskin.arrays import Floats
+from smoskin.design.document import read_design
+from smoskin.design.skin import HallSite, Magnet, SkinDesign
+from smoskin.errors import DesignError
+from smoskin.magnetics import hall, sector
+from smoskin.mechanics.attenuation import magnet_displacements, profiles
+from smoskin.mechanics.stiffness import board_stiffness, sheet_stiffness, stiffness_map
+from smoskin.origami.cell import size
+from smoskin.origami.layout import chip_offset, magnet_positions
+from smoskin.origami.sheet import vertex_positions
+
+RATED_PRESS: Final = 1.0
+"""N: the largest press that a skin must read without saturating, as in the paper."""
+RATED_SHEAR: Final = 0.5
+"""N: the largest drag likewise."""
+MARGIN: Final = 0.95
+"""Share of a chip's range that the rated stroke may use."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FieldExtent:
+    """What a chip sees while its magnet goes through the rated stroke."""
+
+    rest: Floats
+    """(3,), T, in the chip's axes, untouched."""
+    largest: Floats
+    """(3,), T: largest magnitude on each chip axis."""
+    stroke: float
+    """m: farthest that the magnet moves against the chip along x or y."""
+
+
+def load_design(name_or_path: str | os.PathLike[str]) -> SkinDesign:
+    """Read a design and make sure that it can work.
+
+    Parameters
+    ----------
+    name_or_path : str or path
+        A design shipped with the package, such as ``"planar"``, or the path of a TOML document.
+
+    Raises
+    ------
+    DesignError
+        If there is no such design, or it cannot be built, fold or be read by its chips; the
+        message says which value is wrong and what would be valid.
+
+    Examples
+    --------
+    >>> load_design("planar").cells
+    (6, 6)
+    """
+    design = read_design(name_or_path)
+    check_design(design)
+    return design
+
+
+def check_design(design: SkinDesign) -> None:
+    """Raise unless the design can work.
+
+    Raises
+    ------
+    DesignError
+        Naming the part, the number and what would be valid.
+    """
+    _check_room(design)
+    _check_fields(design)
+
+
+def field_extent(design: SkinDesign, site: HallSite) -> FieldExtent:
+    """Fields that a chip must read from rest to the rated press and drag anywhere."""
+    magnet = design.magnet(site.magnet)
+    stroke = _stroke(design, magnet)
+    steps = np.linspace(-stroke, stroke, 9)
+    x, y = np.meshgrid(steps, steps, indexing="ij")
+    points = np.stack([x, y, np.full_like(x, chip_offset(design, site))], axis=-1)
+    seen = sector.field(magnet, points) @ hall.rotation(site)
+    return FieldExtent(
+        rest=seen[4, 4], largest=np.abs(seen).max(axis=(0, 1)), stroke=stroke
+    )
+
+
+def _stroke(design: SkinDesign, magnet: Magnet) -> float:
+    """Farthest that a magnet moves against its chip along x or y under the rated touch."""
+    if magnet.mount == "base":
+        return RATED_SHEAR / board_stiffness(design)
+    coefficients = design.coefficients
+    depth = RATED_PRESS / stiffness_map(design, coefficients)
+    parts = profiles(design.cell, design.cells, coefficients.attenuation, -1.0)
+    pressed = np.abs(magnet_displacements(parts, magnet.corner)) * depth[..., None]
+    return float(pressed.max()) + RATED_SHEAR / sheet_stiffness(design)
+
+
+def _check_room(design: SkinDesign) -> None:
+    """Magnets against columns, each other, board and sheet."""
+    columns = vertex_positions(design.cell, design.cells)[:, ::2, :2].reshape(-1, 2)
+    places = magnet_positions(design)[:, :2]
+    for magnet, place in zip(design.magnets, places, strict=True):
+        if magnet.mount != "sheet":
+            continue
+        room = float(np.linalg.norm(columns - place, axis=1).min()) - design.columns.radius
+        if magnet.radius >= room:
+            raise DesignError(
+                f"magnet {magnet.name!r} overlaps a column: radius must be below "
+                f"{room * 1e3:.2f} mm at corner {magnet.corner}; got {magnet.radius * 1e3:.2f} mm"
+            )
+    for g, one in enumerate(design.magnets):
+        for other, place in zip(design.magnets[:g], places[:g], strict=True):
+            apart = math.dist(places[g], place)
+            if one.mount == other.mount and apart <= one.radius + other.radius:
+                raise DesignError(
+                    f"magnets {other.name!r} and {one.name!r} overlap: they must be more than "
+                    f"{(one.radius + other.radius) * 1e3:.1f} mm apart; got {apart * 1e3:.1f} mm"
+                )
+    for site in design.halls:
+        magnet = design.magnet(site.magnet)
+        needed = design.board.sensing_height + site.gap + magnet.height
+        if magnet.mount == "sheet" and needed >= design.columns.height:
+            raise DesignError(
+                f"magnet {magnet.name!r} does not fit between chip and sheet: columns.height must "
+                f"exceed {needed * 1e3:.2f} mm (sensing height, gap and magnet); "
+                f"got {design.columns.height * 1e3:.2f} mm"
+            )
+    deepest = float((RATED_PRESS / stiffness_map(design, design.coefficients)).max())
+    height = float(size(design.cell).height)
+    if deepest >= height:
+        raise DesignError(
+            f"columns are too soft: a press of {RATED_PRESS:g} N must sink the sheet by less than "
+            f"its height {height * 1e3:.2f} mm; got {deepest * 1e3:.2f} mm"
+        )
+
+
+def _check_fields(design: SkinDesign) -> None:
+    """Every chip inside its range over the rated stroke."""
+    limit = MARGIN * hall.full_scale(design.hall_setting)
+    for site in design.halls:
+        largest = field_extent(design, site).largest
+        for axis, name in enumerate("xyz"):
+            if largest[axis] > limit[axis]:
+                raise DesignError(
+                    f"hall site {site.name!r}: |B_{name}| reaches {largest[axis] * 1e3:.1f} mT over "
+                    f"the rated stroke and must stay within {limit[axis] * 1e3:.1f} mT "
+                    f"({MARGIN:.0%} of the range at this hall_setting); {_remedy(design, site)}"
+                )
+
+
+def _remedy(design: SkinDesign, site: HallSite) -> str:
+    """What would bring a chip back into its range."""
+    limit = MARGIN * hall.full_scale(design.hall_setting)
+    magnet = design.magnet(site.magnet)
+    stroke = _stroke(design, magnet)
+    corners = np.array([[0, 0], [stroke, 0], [0, stroke], [stroke, stroke]])
+    for gap in np.arange(site.gap, 10 * magnet.radius, 1e-4):
+        depth = np.full((len(corners), 1), -(gap + magnet.height / 2))
+        seen = sector.field(magnet, np.concatenate([corners, depth], axis=1)) @ hall.rotation(site)
+        if (np.abs(seen) <= limit).all():
+            return f"a gap of at least {gap * 1e3:.1f} mm would do; got {site.gap * 1e3:.1f} mm"
+    return f"no gap up to {10 * magnet.radius * 1e3:.0f} mm would do: choose a wider range"

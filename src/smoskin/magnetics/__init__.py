@@ -1,0 +1,1 @@
+"""From displacement to field to Hall reading, and the field's inverse."""

@@ -1,0 +1,1 @@
+"""The folded sheet as geometry: one cell, and the sheet of cells."""

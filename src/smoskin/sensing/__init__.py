@@ -1,0 +1,1 @@
+"""From readings to touches: conditioning, estimators, their calibration and training."""

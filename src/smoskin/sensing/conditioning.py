@@ -1,0 +1,201 @@
+"""From what chips read to their magnets' field alone: zero, temperature, and what to distrust.
+
+A chip reads ``f(T) (B + X) + e``: the field B of its own magnet and X of the others at rest,
+weakened by f as they warm, plus an offset e of electronics and surroundings. The zero is the
+offset found while the skin is untouched; it is followed slowly while the skin stays idle, up to a bound past which the zero is no longer
+believed. Source: SI Text S11 (5 % per 10 degC).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from smoskin.arrays import Floats
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError
+from smoskin.magnetics import hall
+from smoskin.magnetics.material import REFERENCE_TEMPERATURE, temperature_factor
+from smoskin.records import ChipFlag, Reading, Status
+
+_BAD = int(ChipFlag.MISSING | ChipFlag.INVALID)
+_FULL = int(ChipFlag.SATURATED | ChipFlag.WRAPPED)
+_OLD = int(ChipFlag.OLD)
+_PLAUSIBLE = (-40.0, 125.0)
+"""degC: the chip's operating range; a report outside it is not believed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ZeroTracking:
+    """How the zero follows the sensor while nothing touches it."""
+
+    idle_field: float = 40e-6
+    """T: a change below this on every axis counts as idle."""
+    hold: float = 1.0
+    """s of idleness before the zero starts to follow."""
+    time_constant: float = 10.0
+    """s, of the exponential mean that the zero follows with; `inf` keeps it still."""
+    drift_bound: float = 500e-6
+    """T: the zero is no longer believed once it has moved this far."""
+
+    def __post_init__(self) -> None:
+        for name in ("idle_field", "time_constant", "drift_bound"):
+            if not getattr(self, name) > 0:
+                raise ArgumentError(f"{name} must be positive; got {getattr(self, name)}")
+        if not self.hold >= 0:
+            raise ArgumentError(f"hold must be >= 0 s; got {self.hold}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Conditioned:
+    """One reading made ready for the models."""
+
+    field: Floats
+    """(S, 3), T: of the magnets, at reference temperature, in the skin's frame."""
+    status: Status | None
+    """What forbids an estimate; None where nothing does."""
+
+
+class Conditioner:
+    """Conditions readings one after the other.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    rest_field : Floats, shape (S, 3)
+        T: of each untouched chip's own magnet, in the skin's frame.
+    cross_talk : Floats, shape (S, 3)
+        T: of all other magnets there at rest, likewise.
+    tracking : ZeroTracking, optional
+        How the zero follows drift.
+    """
+
+    def __init__(
+        self,
+        design: SkinDesign,
+        rest_field: Floats,
+        cross_talk: Floats,
+        *,
+        tracking: ZeroTracking | None = None,
+    ) -> None:
+        self.tracking = tracking or ZeroTracking()
+        self._rotations = np.stack([hall.rotation(site) for site in design.halls])
+        self._rest = rest_field
+        setting = design.hall_setting
+        # Only below the highest resolution can a value run over its window and come back.
+        self._jump = hall.full_scale(setting) if setting.resolution < 3 else None
+        self._cross_talk = cross_talk
+        self.reset()
+
+    @property
+    def drift(self) -> Floats:
+        """How far the zero has followed since it was set, shape (S, 3), T."""
+        return self._offset - self._zero
+
+    def reset(self) -> None:
+        """Return to the design's zero and forget earlier readings."""
+        self._set_zero(np.zeros_like(self._rest))
+        self._last_time = -np.inf
+        self._last_raw: Floats | None = None
+        self._last_degrees = [REFERENCE_TEMPERATURE] * len(self._rest)
+        self._idle_since: float | None = None
+
+    def zero(self, readings: Sequence[Reading]) -> None:
+        """Take the mean of these readings, made while nothing touches, as the zero.
+
+        Raises
+        ------
+        ArgumentError
+            If there are none, or none in which all chips answered within their range.
+        """
+        good = [r for r in readings if self._fault(r) is None]
+        if not good:
+            raise ArgumentError(
+                f"readings must hold at least one with all chips good; got {len(readings)} readings"
+            )
+        offsets = [
+            self._in_skin(r.field) - self._factors(r.temperature) * (self._rest + self._cross_talk)
+            for r in good
+        ]
+        self._set_zero(np.mean(offsets, axis=0))
+
+    def step(self, reading: Reading) -> Conditioned:
+        """Condition the next reading.
+
+        Raises
+        ------
+        ArgumentError
+            If it has another number of chips than the design.
+        """
+        if reading.field.shape != self._rest.shape:
+            raise ArgumentError(
+                f"reading must come from {len(self._rest)} chips, as the design has; "
+                f"got {len(reading.field)}"
+            )
+        stale = not reading.time > self._last_time
+        status = Status.STALE if stale else self._fault(reading)
+        if stale:
+            return Conditioned(field=self._rest, status=status)
+        elapsed = reading.time - self._last_time
+        self._last_time = reading.time
+        if status is not None:
+            self._idle_since = None
+            return Conditioned(field=self._rest, status=status)
+        self._last_raw = reading.field
+        seen = self._in_skin(reading.field)
+        factors = self._factors(reading.temperature)
+        field = (seen - self._offset) / factors - self._cross_talk
+        if np.abs(field - self._rest).max() < self.tracking.idle_field:
+            status = Status.NO_CONTACT
+            self._follow(reading.time, elapsed, seen - factors * (self._rest + self._cross_talk))
+        else:
+            self._idle_since = None
+        if self._drifted:
+            status = Status.NOT_CALIBRATED
+        return Conditioned(field=field, status=status)
+
+    def _fault(self, reading: Reading) -> Status | None:
+        """What is wrong with the reading as a measurement."""
+        if reading.flags.any():
+            flags = int(np.bitwise_or.reduce(reading.flags))
+            if flags & _BAD:
+                return Status.CHIP_MISSING
+            if flags & _FULL:
+                return Status.SATURATED
+            if flags & _OLD:
+                return Status.STALE
+        if not np.isfinite(reading.field).all():
+            return Status.CHIP_MISSING
+        if self._jump is not None and self._last_raw is not None:
+            jumped = np.abs(reading.field - self._last_raw) > self._jump
+            if jumped.any():
+                return Status.SATURATED
+        return None
+
+    def _in_skin(self, field: Floats) -> Floats:
+        """Chip axes turned into the skin's."""
+        return np.asarray((self._rotations @ field[:, :, None])[:, :, 0])
+
+    def _factors(self, temperature: Floats) -> Floats:
+        """f(T) of each chip's magnet, (S, 1); a report that cannot be is the last good one."""
+        least, most = _PLAUSIBLE
+        self._last_degrees = [
+            now if least < now < most else before
+            for now, before in zip(temperature.tolist(), self._last_degrees, strict=True)
+        ]
+        return temperature_factor(self._last_degrees)[:, None]
+
+    def _follow(self, time: float, elapsed: float, offset: Floats) -> None:
+        """Let the zero follow an idle reading."""
+        if self._idle_since is None:
+            self._idle_since = time
+        if time - self._idle_since >= self.tracking.hold:
+            weight = -np.expm1(-elapsed / self.tracking.time_constant)
+            self._offset = self._offset + weight * (offset - self._offset)
+            self._drifted = bool(np.abs(self.drift).max() > self.tracking.drift_bound)
+
+    def _set_zero(self, offset: Floats) -> None:
+        self._zero = offset
+        self._offset = offset
+        self._drifted = False
+        self._idle_since = None

@@ -1,0 +1,198 @@
+"""The MCAP container, read from files that may be cut off or damaged.
+
+Decides which chunks of a file can be trusted: each is found through the file's own index where
+that is whole, else by walking from record to record, and counts only if its checksum holds.
+Everything that a recording says stands inside chunks, so nothing unchecked gets through.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from io import BytesIO
+from typing import BinaryIO, Final, NamedTuple
+
+from smoskin.errors import MissingExtraError, RecordingError
+
+_MAGIC: Final = b"\x89MCAP0\r\n"
+_RECORD: Final = struct.Struct("<BQ")  # opcode, length of what follows
+_FOOTER: Final = struct.Struct("<BQQQI")  # a whole record: starts of the summary, checksum
+_MESSAGE: Final = struct.Struct("<HIQQ")  # channel, sequence, log and publish time
+
+#: What unpacking damaged bytes raises, beside the libraries' own errors.
+_UNPACKING: Final = (ValueError, RuntimeError, OverflowError, MemoryError)
+
+#: What zstandard says of a frame that does not tell its unpacked size.
+_SIZE_UNTOLD: Final = -1
+
+
+class Span(NamedTuple):
+    """Where a chunk stands in the file, its record's opcode and length included."""
+
+    offset: int
+    """bytes"""
+    length: int
+    """bytes"""
+
+
+class Message(NamedTuple):
+    """One message of a chunk."""
+
+    topic: str
+    payload: bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """What stands where in a file."""
+
+    spans: tuple[Span, ...]
+    """The chunks, in the file's order, not yet checked."""
+    topics: Mapping[int, str]
+    """Topic of each channel, as far as the file's index tells."""
+    truncated: bool
+    """Whether the file ends before its end."""
+
+
+def survey(file: BinaryIO) -> Layout:
+    """The layout of an MCAP file.
+
+    Raises
+    ------
+    RecordingError
+        If the file is empty or something else than MCAP.
+    MissingExtraError
+        If mcap is not installed.
+    """
+    try:
+        import mcap.records  # noqa: F401 - the first use of mcap in reading
+    except ImportError as error:
+        raise MissingExtraError("recording and replaying", "recording") from error
+    file.seek(0)
+    magic = file.read(len(_MAGIC))
+    if not magic:
+        raise RecordingError("the file is empty")
+    if magic != _MAGIC:
+        if _MAGIC.startswith(magic):
+            raise RecordingError("the file ends before its header")
+        raise RecordingError(f"not an MCAP file: it begins with {magic!r}")
+    return _indexed(file) or _walked(file)
+
+
+def load(file: BinaryIO, span: Span) -> bytes | None:
+    """The records in a chunk, unpacked; None if the chunk is damaged."""
+    from mcap.data_stream import ReadDataStream
+    from mcap.exceptions import McapError
+    from mcap.opcode import Opcode
+    from mcap.records import Chunk
+    from mcap.stream_reader import get_chunk_data_stream
+    from zstandard import ZstdError, frame_content_size
+
+    file.seek(span.offset)
+    raw = file.read(span.length)
+    if len(raw) != span.length or len(raw) < _RECORD.size:
+        return None
+    if _RECORD.unpack_from(raw) != (Opcode.CHUNK, span.length - _RECORD.size):
+        return None
+    try:
+        chunk = Chunk.read(ReadDataStream(BytesIO(raw[_RECORD.size :])))
+        # A damaged size must not make the unpacking ask for memory without end.
+        sizes = (chunk.uncompressed_size, _SIZE_UNTOLD)
+        if chunk.compression == "zstd" and frame_content_size(chunk.data) not in sizes:
+            return None
+        stream, length = get_chunk_data_stream(chunk)
+        data = stream.read(length)
+    except (McapError, ZstdError, struct.error, *_UNPACKING):
+        return None
+    return data if zlib.crc32(data) == chunk.uncompressed_crc else None
+
+
+def messages(data: bytes, topics: dict[int, str]) -> Iterator[Message]:
+    """The messages in an unpacked chunk; adds the channels that it declares to `topics`.
+
+    Raises
+    ------
+    RecordingError
+        If the records do not fill the chunk.
+    """
+    from mcap.data_stream import ReadDataStream
+    from mcap.opcode import Opcode
+    from mcap.records import Channel
+
+    position = 0
+    while position < len(data):
+        if position + _RECORD.size > len(data):
+            raise RecordingError("a chunk ends within a record")
+        opcode, length = _RECORD.unpack_from(data, position)
+        start = position + _RECORD.size
+        position = start + length
+        if position > len(data):
+            raise RecordingError("a chunk ends within a record")
+        if opcode == Opcode.MESSAGE and length >= _MESSAGE.size:
+            topic = topics.get(_MESSAGE.unpack_from(data, start)[0])
+            # Without a topic, its channel was declared in a chunk that is lost.
+            if topic is not None:
+                yield Message(topic, data[start + _MESSAGE.size : position])
+        elif opcode == Opcode.CHANNEL:
+            declared = Channel.read(ReadDataStream(BytesIO(data[start:position])))
+            topics[declared.id] = declared.topic
+
+
+def _indexed(file: BinaryIO) -> Layout | None:
+    """The layout by the summary at the file's end; None unless its checksum holds."""
+    from mcap.opcode import Opcode
+    from mcap.records import Channel, ChunkIndex
+    from mcap.stream_reader import StreamReader
+
+    tail = _FOOTER.size + len(_MAGIC)
+    end = file.seek(0, 2) - tail
+    if end < len(_MAGIC):
+        return None
+    file.seek(end)
+    footer = file.read(tail)
+    opcode, length, start, _, checksum = _FOOTER.unpack_from(footer)
+    sound = (
+        footer.endswith(_MAGIC)
+        and opcode == Opcode.FOOTER
+        and length == _FOOTER.size - _RECORD.size
+        and len(_MAGIC) <= start < end
+    )
+    if not sound:
+        return None
+    file.seek(start)
+    summary = file.read(end - start)
+    # The checksum runs on over the footer up to itself.
+    if zlib.crc32(footer[: _FOOTER.size - 4], zlib.crc32(summary)) != checksum:
+        return None
+    records = list(StreamReader(BytesIO(summary + footer), skip_magic=True).records)
+    chunks = [record for record in records if isinstance(record, ChunkIndex)]
+    if not chunks:
+        return None
+    return Layout(
+        spans=tuple(Span(chunk.chunk_start_offset, chunk.chunk_length) for chunk in chunks),
+        topics={record.id: record.topic for record in records if isinstance(record, Channel)},
+        truncated=False,
+    )
+
+
+def _walked(file: BinaryIO) -> Layout:
+    """The layout by going from record to record, as far as they make sense."""
+    from mcap.opcode import Opcode
+
+    size = file.seek(0, 2)
+    position = len(_MAGIC)
+    spans: list[Span] = []
+    opcode = 0
+    while position + _RECORD.size <= size:
+        file.seek(position)
+        opcode, length = _RECORD.unpack(file.read(_RECORD.size))
+        if opcode == 0 or position + _RECORD.size + length > size:
+            break
+        if opcode == Opcode.CHUNK:
+            spans.append(Span(position, _RECORD.size + length))
+        position += _RECORD.size + length
+        if opcode == Opcode.FOOTER:
+            break
+    file.seek(position)
+    ended = opcode == Opcode.FOOTER and file.read(len(_MAGIC) + 1) == _MAGIC
+    return Layout(spans=tuple(spans), topics={}, truncated=not ended)

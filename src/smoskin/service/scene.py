@@ -1,0 +1,429 @@
+"""The 3-D half of the page: the sheet, what lies under it, and the touches on it.
+
+This module decides how a planar skin looks (camera, light, colours, arrows, the exaggerated
+deformation) and where on the skin a ray from the camera lands. It hides the viewer's scene
+graph, its unit (a centimetre) and the triangles that stand for the facets.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from smoskin.arrays import Floats, Ints, frozen
+from smoskin.errors import ArgumentError
+from smoskin.records import Contact, Estimate
+
+if TYPE_CHECKING:
+    import viser
+
+#: Colour of what is estimated.
+ESTIMATED: Final = (213, 94, 0)
+#: Colour of what is true.
+TRUE: Final = (40, 92, 168)
+
+_UNITS: Final = 100.0
+_FIELD_OF_VIEW: Final = float(np.deg2rad(34.0))
+
+_PAPER: Final = (247, 226, 186)
+_CREASE: Final = np.array((150, 138, 116), dtype=float)
+_BOARD: Final = (108, 138, 130)
+_MAGNET: Final = (96, 100, 108)
+_CHIP: Final = (38, 40, 44)
+# A crease takes the full colour of a touch where it has moved this far.
+_VIVID_DISPLACEMENT: Final = 0.2e-3
+_ARROW_PER_NEWTON: Final = 0.05 * _UNITS
+_ARROW_SIDES: Final = 24
+_DISC_RADIUS: Final = 0.45
+# Radius of the ellipse that holds 95 % of a normal distribution in the plane.
+_ELLIPSE_95: Final = 2.4477
+_LIFT: Final = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SkinShape:
+    """What a planar skin looks like at rest, in the skin's frame.
+
+    Raises
+    ------
+    ArgumentError
+        If a shape is wrong, a facet names no vertex or names and chips differ in number.
+    """
+
+    vertices: Floats
+    """(V, 3), m: of the sheet."""
+    facets: Ints
+    """(F, 4): vertices of each panel, in order round it."""
+    chip_names: tuple[str, ...]
+    """(S,): in the order of every reading's chips."""
+    chips: Floats
+    """(S, 3), m: their middles."""
+    magnets: Floats
+    """(G, 3), m: their middles."""
+    magnet_radius: float = 5e-3
+    """m."""
+    magnet_height: float = 2e-3
+    """m."""
+    board: float = -10e-3
+    """m: z of the board's upper face."""
+    extent: tuple[float, float] | None = None
+    """m: presses outside 0..extent count at the nearest place inside; None: none is outside."""
+
+    def __post_init__(self) -> None:
+        vertices = frozen("vertices", self.vertices, (None, 3))
+        facets = np.array(self.facets, dtype=np.int64)
+        if facets.ndim != 2 or facets.shape[1] != 4:
+            raise ArgumentError(f"facets must have shape (F, 4); got {facets.shape}")
+        if not (len(facets) and facets.min() >= 0 and facets.max() < len(vertices)):
+            raise ArgumentError(
+                f"facets must name at least one panel of vertices 0..{len(vertices) - 1}; "
+                f"got {len(facets)} panels"
+            )
+        facets.setflags(write=False)
+        object.__setattr__(self, "vertices", vertices)
+        object.__setattr__(self, "facets", facets)
+        object.__setattr__(self, "chip_names", tuple(self.chip_names))
+        object.__setattr__(self, "chips", frozen("chips", self.chips, (len(self.chip_names), 3)))
+        object.__setattr__(self, "magnets", frozen("magnets", self.magnets, (None, 3)))
+
+    @property
+    def triangles(self) -> Ints:
+        """(2 F, 3): each facet cut along its first diagonal."""
+        return np.concatenate([self.facets[:, [0, 1, 2]], self.facets[:, [0, 2, 3]]])
+
+    @property
+    def creases(self) -> Ints:
+        """(E, 2): every edge of a facet, once."""
+        edges = np.stack([self.facets, np.roll(self.facets, -1, axis=1)], axis=-1)
+        return np.unique(np.sort(edges.reshape(-1, 2), axis=1), axis=0)
+
+
+def camera(shape: SkinShape) -> tuple[Floats, Floats, float]:
+    """Where the page looks from at first, and at what.
+
+    Parameters
+    ----------
+    shape : SkinShape
+        The skin to be seen whole.
+
+    Returns
+    -------
+    position : Floats
+        (3,), m.
+    target : Floats
+        (3,), m: appears in the middle of the picture.
+    field_of_view : float
+        rad, from the picture's upper to its lower edge.
+    """
+    low, high = shape.vertices.min(axis=0), shape.vertices.max(axis=0)
+    size = float(np.linalg.norm((high - low)[:2]))
+    # The near edge looks larger than the far one: aim a little in front of the middle.
+    target = (low + high) / 2 - size * np.array((0.0, 0.04, 0.0))
+    towards = np.array((-0.26, -0.95, 1.05))
+    return target + towards / np.linalg.norm(towards) * size * 1.74, target, _FIELD_OF_VIEW
+
+
+def pick(shape: SkinShape, drawn: Floats, origin: ArrayLike, direction: ArrayLike) -> Floats | None:
+    """The place on the skin that a ray meets first.
+
+    Parameters
+    ----------
+    shape : SkinShape
+        The skin at rest.
+    drawn : Floats
+        (V, 3), m: its vertices as they are drawn.
+    origin : array_like
+        (3,), m: where the ray starts.
+    direction : array_like
+        (3,): where it goes, of any length.
+
+    Returns
+    -------
+    Floats or None
+        (2,), m: x and y on the undeformed skin of the material point hit; None on a miss.
+    """
+    corners = drawn[shape.triangles]
+    start, along = np.asarray(origin, dtype=float), np.asarray(direction, dtype=float)
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    across = np.cross(along, second)
+    volume = np.einsum("ti,ti->t", first, across)
+    seen = np.abs(volume) > 1e-15 * np.linalg.norm(along)
+    scale = np.divide(1.0, volume, out=np.zeros_like(volume), where=seen)
+    offset = start - corners[:, 0]
+    u = np.einsum("ti,ti->t", offset, across) * scale
+    lever = np.cross(offset, first)
+    v = lever @ along * scale
+    depth = np.einsum("ti,ti->t", second, lever) * scale
+    # A hair of slack, so that a ray along a crease falls through neither of its two panels.
+    inside = seen & (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1.0 + 1e-9) & (depth > 0.0)
+    if not inside.any():
+        return None
+    hit = int(np.argmin(np.where(inside, depth, np.inf)))
+    weights = np.array((1.0 - u[hit] - v[hit], u[hit], v[hit]))
+    place: Floats = weights @ shape.vertices[shape.triangles[hit], :2]
+    return place if shape.extent is None else np.clip(place, 0.0, shape.extent)
+
+
+class SkinScene:
+    """Draws the skin and its touches in a viewer's scene.
+
+    Parameters
+    ----------
+    server : viser.ViserServer
+        Whose scene to fill.
+    shape : SkinShape
+        The skin at rest.
+    """
+
+    def __init__(self, server: "viser.ViserServer", shape: SkinShape) -> None:
+        self._server = server
+        self._shape = shape
+        self._triangles = shape.triangles
+        self._creases = shape.creases
+        self._estimated: list[_Marker] = []
+        self._true: list[_Marker] = []
+        self._hung: list[tuple[viser.CylinderHandle, int, Floats]] = []
+        self._drawn: Floats = shape.vertices
+        self._stage()
+        self.sheet = server.scene.add_mesh_simple(
+            "/sheet",
+            self._drawn * _UNITS,
+            self._triangles,
+            color=_PAPER,
+            flat_shading=True,
+            side="double",
+        )
+        """The node that takes clicks."""
+        self._lines = server.scene.add_line_segments(
+            "/creases",
+            self._drawn[self._creases] * _UNITS,
+            _CREASE.astype(np.uint8),
+            thickness=0.05,
+        )
+
+    def place_under(self, origin: ArrayLike, direction: ArrayLike) -> Floats | None:
+        """The place on the skin that a ray of the viewer's scene meets first, (2,), m."""
+        return pick(self._shape, self._drawn, np.asarray(origin) / _UNITS, direction)
+
+    def draw(
+        self,
+        estimate: Estimate,
+        truth: Sequence[Contact],
+        vertices: Floats | None,
+        exaggeration: float,
+        opacity: float,
+    ) -> None:
+        """Show one moment.
+
+        Parameters
+        ----------
+        estimate : Estimate
+            Its contacts are drawn solid, with their 95 % ellipses where known.
+        truth : sequence of Contact
+            Drawn translucent.
+        vertices : Floats or None
+            (V, 3), m: the deformed sheet; None at rest.
+        exaggeration : float
+            How many times larger than life the deformation is drawn.
+        opacity : float
+            Of the sheet, 0 to 1.
+        """
+        rest = self._shape.vertices
+        moved = np.zeros_like(rest) if vertices is None else np.nan_to_num(vertices - rest)
+        self._drawn = rest + exaggeration * moved
+        points = (self._drawn * _UNITS).astype(np.float32)
+        distance = np.linalg.norm(moved, axis=1)[self._creases]
+        share = np.clip(distance / _VIVID_DISPLACEMENT, 0.0, 1.0)[..., None]
+        self.sheet.vertices = points
+        self.sheet.opacity = opacity if opacity < 1.0 else None
+        for node, vertex, offset in self._hung:
+            node.position = tuple(points[vertex] + offset)
+        self._lines.points = points[self._creases]
+        self._lines.colors = (_CREASE + share * (np.array(ESTIMATED) - _CREASE)).astype(np.uint8)
+        spreads = [spread[:2, :2] for spread in estimate.covariance]
+        unknown = [np.full((2, 2), np.nan)] * len(truth)
+        self._mark(self._true, "/true", TRUE, 0.45, truth, unknown)
+        self._mark(self._estimated, "/estimated", ESTIMATED, 1.0, estimate.contacts, spreads)
+
+    def _mark(
+        self,
+        markers: "list[_Marker]",
+        name: str,
+        color: tuple[int, int, int],
+        opacity: float,
+        contacts: Sequence[Contact],
+        spreads: Sequence[Floats],
+    ) -> None:
+        """Move one marker to each contact and hide the rest."""
+        while len(markers) < len(contacts):
+            markers.append(_Marker(self._server, f"{name}/{len(markers)}", color, opacity))
+        for marker, contact, spread in zip(markers, contacts, spreads, strict=False):
+            marker.show(contact, self._height(contact.position), spread)
+        for marker in markers[len(contacts) :]:
+            marker.hide()
+
+    def _height(self, place: Floats) -> float:
+        """Z of the top of the drawn facet at a place on the skin, m."""
+        middles = self._shape.vertices[self._shape.facets, :2].mean(axis=1)
+        nearest = int(np.argmin(np.linalg.norm(middles - place, axis=1)))
+        return float(self._drawn[self._shape.facets[nearest], 2].max())
+
+    def _stage(self) -> None:
+        """Everything that never moves: camera, light, board, chips, magnets."""
+        shape, scene = self._shape, self._server.scene
+        position, target, field_of_view = camera(shape)
+        start = self._server.initial_camera
+        start.position, start.look_at = position * _UNITS, target * _UNITS
+        start.fov = field_of_view
+        # Light that grazes from the left tells the panels of the sheet apart.
+        scene.configure_environment_map(None)
+        scene.configure_default_lights(enabled=False)
+        scene.add_light_hemisphere(
+            "/light/sky", sky_color=(255, 255, 255), ground_color=(186, 194, 206), intensity=1.9
+        )
+        scene.add_light_directional("/light/sun", intensity=2.2, position=(-30.0, -6.0, 22.0))
+        low, high = shape.vertices.min(axis=0), shape.vertices.max(axis=0)
+        middle = (low + high) / 2 * _UNITS
+        width, depth, _ = (high - low + 4e-3) * _UNITS
+        top = shape.board * _UNITS
+        scene.add_box(
+            "/board",
+            color=_BOARD,
+            dimensions=(width, depth, 0.16),
+            position=(middle[0], middle[1], top - 0.08),
+        )
+        scene.add_grid(
+            "/table",
+            width=80.0,
+            height=80.0,
+            cell_size=1.0,
+            section_size=5.0,
+            cell_color=(226, 229, 233),
+            section_color=(206, 211, 217),
+            fade_distance=60.0,
+            position=(middle[0], middle[1], top - 1.2),
+        )
+        for index, magnet in enumerate(shape.magnets * _UNITS):
+            node = scene.add_cylinder(
+                f"/magnets/{index}",
+                radius=shape.magnet_radius * _UNITS,
+                height=shape.magnet_height * _UNITS,
+                color=_MAGNET,
+                position=tuple(magnet),
+            )
+            # Above the board a magnet hangs from the sheet; below it, it stays.
+            if magnet[2] > top:
+                offsets = magnet - np.array((0.0, 0.0, _LIFT)) - self._drawn * _UNITS
+                vertex = int(np.argmin(np.linalg.norm(offsets, axis=1)))
+                self._hung.append((node, vertex, offsets[vertex]))
+        for name, chip in zip(shape.chip_names, shape.chips * _UNITS, strict=True):
+            scene.add_box(
+                f"/chips/{name}", color=_CHIP, dimensions=(0.4, 0.4, 0.14), position=tuple(chip)
+            )
+            scene.add_label(
+                f"/chips/{name}/label",
+                name,
+                font_screen_scale=0.8,
+                anchor="center-center",
+                depth_test=False,
+            )
+
+
+class _Marker:
+    """One touch: a disc where it is, an arrow for its force, an ellipse for its spread."""
+
+    def __init__(
+        self,
+        server: "viser.ViserServer",
+        name: str,
+        color: tuple[int, int, int],
+        opacity: float,
+    ) -> None:
+        scene = server.scene
+        self._solid = opacity >= 1.0
+        self._root = scene.add_frame(name, show_axes=False, visible=False)
+        points, faces = _arrow(np.array((0.0, 0.0, -1.0)))
+        self._arrow = scene.add_mesh_simple(
+            f"{name}/arrow",
+            points,
+            faces,
+            color=color,
+            opacity=None if self._solid else opacity,
+            side="double",
+        )
+        scene.add_cylinder(
+            f"{name}/disc",
+            radius=_DISC_RADIUS if self._solid else 1.35 * _DISC_RADIUS,
+            height=0.02,
+            color=color,
+            opacity=0.8 if self._solid else opacity,
+        )
+        self._ellipse = scene.add_line_segments(
+            f"{name}/ellipse", np.zeros((48, 2, 3)), color, thickness=0.08, visible=False
+        )
+        self._label = scene.add_label(
+            f"{name}/label", "", font_screen_scale=1.0, anchor="bottom-center", visible=False
+        )
+
+    def show(self, contact: Contact, height: float, spread: Floats) -> None:
+        x, y = contact.position * _UNITS
+        force = np.nan_to_num(contact.force)
+        self._root.position = (x, y, height * _UNITS + _LIFT)
+        self._arrow.vertices = _arrow(force)[0].astype(np.float32)
+        self._arrow.visible = bool(force.any())
+        known = bool(np.isfinite(spread).all())
+        if known:
+            self._ellipse.points = _ellipse(spread).astype(np.float32)
+        self._ellipse.visible = known
+        if self._solid:
+            self._label.text = f"{np.linalg.norm(force):.2f} N"
+            self._label.position = tuple(_tail(force) + np.array((0.0, 0.0, 0.35)))
+            self._label.visible = True
+        self._root.visible = True
+
+    def hide(self) -> None:
+        self._root.visible = False
+
+
+def _tail(force: Floats) -> Floats:
+    """Where an arrow's blunt end lies, seen from the contact; a pull starts at the contact."""
+    return np.zeros(3) if force[2] > 0.0 else -force * _ARROW_PER_NEWTON
+
+
+def _arrow(force: Floats) -> tuple[Floats, Ints]:
+    """Vertices and triangles of an arrow for a force, with the contact at the origin."""
+    length = float(np.linalg.norm(force)) * _ARROW_PER_NEWTON
+    axis = force / np.linalg.norm(force) if length > 0.0 else np.array((0.0, 0.0, -1.0))
+    aside = np.cross(axis, (1.0, 0.0, 0.0) if abs(axis[0]) < 0.9 else (0.0, 1.0, 0.0))
+    aside /= np.linalg.norm(aside)
+    angle = np.linspace(0.0, 2 * np.pi, _ARROW_SIDES, endpoint=False)[:, None]
+    circle = np.cos(angle) * aside + np.sin(angle) * np.cross(axis, aside)
+    head = min(0.75, 0.5 * length)
+    # Stations along the arrow as (distance from its tail, radius).
+    stations = ((0.0, 0.0), (0.0, 0.13), (length - head, 0.13), (length - head, 0.34))
+    rings = [_tail(force) + along * axis + radius * circle for along, radius in stations]
+    rings.append(np.broadcast_to(_tail(force) + length * axis, circle.shape))
+    here = np.arange(_ARROW_SIDES)
+    after = np.roll(here, -1)
+    faces = [
+        np.stack([ring * _ARROW_SIDES + one, ring * _ARROW_SIDES + two, three], axis=1)
+        for ring in range(len(rings) - 1)
+        for one, two, three in (
+            (here, after, (ring + 1) * _ARROW_SIDES + here),
+            (after, after + _ARROW_SIDES, (ring + 1) * _ARROW_SIDES + here),
+        )
+    ]
+    return np.concatenate(rings), np.concatenate(faces)
+
+
+def _ellipse(spread: Floats) -> Floats:
+    """(48, 2, 3), scene units: the 95 % ellipse of a (2, 2) covariance in m^2, as segments."""
+    values, vectors = np.linalg.eigh(spread)
+    angle = np.linspace(0.0, 2 * np.pi, 49)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    radii = _ELLIPSE_95 * np.sqrt(np.clip(values, 0.0, None)) * _UNITS
+    loop = np.zeros((49, 3))
+    loop[:, :2] = (circle * radii) @ vectors.T
+    return np.stack([loop[:-1], loop[1:]], axis=1)

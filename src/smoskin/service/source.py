@@ -1,0 +1,361 @@
+"""Sources by URL: recordings played back, and the twin at its own pace.
+
+Decides what a source's URL may say and when each reading comes; hides waiting and closing.
+"""
+
+import math
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Final, final
+from urllib.parse import parse_qsl
+
+from smoskin.errors import ArgumentError, RecordingError, SourceError
+from smoskin.records import Contact, Reading
+from smoskin.roles import Source
+
+if TYPE_CHECKING:
+    from smoskin.service.recording import Recording
+    from smoskin.twin.skin import Twin
+
+#: What a URL can be, for messages.
+_FORMS: Final = "replay:FILE[?speed=1&gap=0.5] or twin://DESIGN[?rate=100&seed=0&speed=1]"
+
+
+def open_source(url: str) -> Source:
+    """The source that a URL names.
+
+    Parameters
+    ----------
+    url : str
+        ``replay:FILE`` plays a recording back. Options: ``speed``, times the original (1) or
+        ``max``, as fast as possible; ``gap``, s, the longest wait for the next reading (0.5).
+
+        ``twin://DESIGN`` simulates a skin, DESIGN being a name shipped with the package or the
+        path of a TOML document. Options: ``rate``, Hz (100); ``seed`` of the noise (0);
+        ``speed``, times real time (1) or ``max``.
+
+    Returns
+    -------
+    Source
+        Open; close it, or use it in a ``with`` statement.
+
+    Raises
+    ------
+    ArgumentError
+        If the URL names no kind of source, or an option is unknown or out of its range.
+    SourceError
+        If the recording cannot be opened.
+    DesignError
+        If there is no such design.
+    """
+    scheme, colon, rest = url.partition(":")
+    place, _, query = rest.removeprefix("//").partition("?")
+    if not colon or scheme not in ("replay", "twin") or not place:
+        raise ArgumentError(f"url must be {_FORMS}; got {url!r}")
+    if scheme == "replay":
+        options = _options(url, query, ("speed", "gap"))
+        return _open_replay(
+            place,
+            speed=_speed(options.get("speed", "1")),
+            longest_gap=_number("gap", options.get("gap", "0.5")),
+        )
+    options = _options(url, query, ("rate", "seed", "speed"))
+    return _open_twin(
+        place,
+        rate=_number("rate", options.get("rate", "100")),
+        seed=_seed(options.get("seed", "0")),
+        speed=_speed(options.get("speed", "1")),
+    )
+
+
+@final
+class ReplaySource(Source):
+    """A recording's readings, with its own timing.
+
+    Times are passed on as recorded. The pace follows them where they go forward by no more
+    than `longest_gap`; it never goes back.
+
+    Parameters
+    ----------
+    recording : Recording
+        What to play.
+    speed : float
+        Times the original; infinite is as fast as possible.
+    longest_gap : float
+        s, the longest wait for the next reading.
+    clock : callable
+        A monotonic clock in s.
+    sleep : callable, optional
+        Waits for so many seconds; by default until then or until the source is closed.
+
+    Raises
+    ------
+    ArgumentError
+        If the speed or the gap is not positive.
+    """
+
+    def __init__(
+        self,
+        recording: "Recording",
+        *,
+        speed: float = 1.0,
+        longest_gap: float = 0.5,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], object] | None = None,
+    ) -> None:
+        _require_positive("speed", speed)
+        _require_positive("longest_gap", longest_gap)
+        self._recording = recording
+        self._readings: Iterator[Reading] = recording.readings()
+        self._speed = speed
+        self._longest_gap = longest_gap
+        self._pace = _Pace(clock, sleep)
+        self._waiting: Reading | None = None
+        self._reached: float | None = None
+
+    @property
+    def chips(self) -> int:
+        """Number of chips in every reading."""
+        return self._recording.description.chips
+
+    def read(self, timeout: float = 1.0) -> Reading | None:
+        """The next reading, when its time has come; None at the end or when closed.
+
+        Raises
+        ------
+        SourceError
+            If its time does not come within `timeout` seconds, or the file has changed.
+        """
+        if self._pace.closed:
+            return None
+        if self._waiting is None:
+            try:
+                self._waiting = next(self._readings, None)
+            except RecordingError as error:
+                raise SourceError(str(error)) from error
+            if self._waiting is None:
+                return None
+            self._pace.advance(self._step(self._waiting.time))
+        if not self._pace.wait(timeout):
+            return None
+        reading, self._waiting = self._waiting, None
+        return reading
+
+    def close(self) -> None:
+        """End the playing; a waiting `read` returns."""
+        self._pace.close()
+        # Lets go of the file; another thread's `read` may still be in the old iterator.
+        self._readings = iter(())
+
+    def _step(self, moment: float) -> float:
+        """Seconds to wait from the last reading to this one."""
+        before = moment if self._reached is None else self._reached
+        step = moment - before
+        # Slightly out of order: the readings ahead of it have used up its time already. Far
+        # back: the recorded clock was set anew.
+        if step >= 0.0 or step < -self._longest_gap:
+            self._reached = moment
+        return min(max(step, 0.0) / self._speed, self._longest_gap)
+
+
+@final
+class TwinSource(Source):
+    """A simulated skin, read at a steady rate, that can be touched meanwhile.
+
+    Readings are timed from 0 in steps of 1 / rate. As with a real skin, the readings that
+    nobody asked for in time are never made: their times are skipped, and `missed` counts them.
+
+    Parameters
+    ----------
+    twin : Twin
+        The skin.
+    rate : float
+        Hz, in the twin's time.
+    speed : float
+        Times real time; infinite is as fast as possible.
+    clock : callable
+        A monotonic clock in s.
+    sleep : callable, optional
+        Waits for so many seconds; by default until then or until the source is closed.
+
+    Raises
+    ------
+    ArgumentError
+        If the rate is not positive and finite, or the speed is not positive.
+    """
+
+    def __init__(
+        self,
+        twin: "Twin",
+        *,
+        rate: float = 100.0,
+        speed: float = 1.0,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], object] | None = None,
+    ) -> None:
+        _require_positive("rate", rate)
+        if math.isinf(rate):
+            raise ArgumentError("rate must be finite; use speed=max to run as fast as possible")
+        _require_positive("speed", speed)
+        self._twin = twin
+        self._rate = rate
+        self._period = 1.0 / (rate * speed)
+        self._pace = _Pace(clock, sleep)
+        self._contacts: tuple[Contact, ...] = ()
+        self._index = 0
+        self._missed = 0
+
+    @property
+    def chips(self) -> int:
+        """Number of chips in every reading."""
+        return len(self._twin.design.halls)
+
+    @property
+    def missed(self) -> int:
+        """How many readings were skipped because nobody asked in time."""
+        return self._missed
+
+    def touch(self, contacts: Sequence[Contact]) -> None:
+        """Touch the skin so from the next reading on; may be called from any thread.
+
+        Raises
+        ------
+        ArgumentError
+            If a contact lies off the skin or pulls at it.
+        """
+        held = tuple(contacts)
+        self._twin.press_depths(held)  # raises here, not in the thread that reads
+        self._contacts = held
+
+    def read(self, timeout: float = 1.0) -> Reading | None:
+        """The next reading, when its time has come; None when closed.
+
+        Raises
+        ------
+        SourceError
+            If its time does not come within `timeout` seconds.
+        """
+        if not self._pace.wait(timeout):
+            return None
+        missed = int(self._pace.lateness / self._period) if self._period > 0.0 else 0
+        self._index += missed
+        self._missed += missed
+        reading = self._twin.read(self._contacts, time=self._index / self._rate)
+        self._index += 1
+        self._pace.advance((missed + 1) * self._period)
+        return reading
+
+    def close(self) -> None:
+        """End the readings; a waiting `read` returns."""
+        self._pace.close()
+
+
+@final
+class _Pace:
+    """Waits until the next reading is due, until time is out, or until closed."""
+
+    def __init__(self, clock: Callable[[], float], sleep: Callable[[float], object] | None) -> None:
+        self._clock = clock
+        self._closed = threading.Event()
+        self._sleep = self._closed.wait if sleep is None else sleep
+        self._due: float | None = None
+
+    @property
+    def closed(self) -> bool:
+        return self._closed.is_set()
+
+    @property
+    def lateness(self) -> float:
+        """Seconds since the reading was due."""
+        return 0.0 if self._due is None else max(self._clock() - self._due, 0.0)
+
+    def advance(self, step: float) -> None:
+        """Make the next reading due so many seconds after the last; the first is at once."""
+        if self._due is not None:
+            self._due += step
+
+    def wait(self, timeout: float) -> bool:
+        """Whether the reading is due, after waiting for it; False when closed."""
+        start = self._clock()
+        due = self._due = start if self._due is None else self._due
+        while not self._closed.is_set() and (now := self._clock()) < due:
+            if now - start >= timeout:
+                raise SourceError(
+                    f"no reading within {timeout} s; the next is due in {due - now:.3f} s"
+                )
+            self._sleep(min(due - now, start + timeout - now))
+        return not self._closed.is_set()
+
+    def close(self) -> None:
+        self._closed.set()
+
+
+def _open_replay(path: str, *, speed: float, longest_gap: float) -> ReplaySource:
+    from smoskin.service.recording import open_recording
+
+    try:
+        recording = open_recording(path)
+    except RecordingError as error:
+        raise SourceError(str(error)) from error
+    return ReplaySource(recording, speed=speed, longest_gap=longest_gap)
+
+
+def _open_twin(name_or_path: str, *, rate: float, seed: int, speed: float) -> TwinSource:
+    from smoskin.feasibility import load_design
+    from smoskin.twin.skin import Twin
+
+    return TwinSource(Twin(load_design(name_or_path), seed=seed), rate=rate, speed=speed)
+
+
+def _options(url: str, query: str, known: tuple[str, ...]) -> dict[str, str]:
+    """The options in a URL's query, each known and given once."""
+    try:
+        pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=bool(query))
+    except ValueError as error:
+        raise ArgumentError(
+            f"options must be written NAME=VALUE&NAME=VALUE; got {query!r} in {url!r}"
+        ) from error
+    names = [name for name, _ in pairs]
+    for name in names:
+        if name not in known:
+            raise ArgumentError(f"options must be of {', '.join(known)}; got {name!r} in {url!r}")
+        if names.count(name) > 1:
+            raise ArgumentError(f"option {name!r} must be given once; got {url!r}")
+    return dict(pairs)
+
+
+def _number(name: str, text: str) -> float:
+    """A positive number."""
+    value = _finite(text)
+    if value is None or value <= 0.0:
+        raise ArgumentError(f"{name} must be a positive number; got {text!r}")
+    return value
+
+
+def _speed(text: str) -> float:
+    """A positive number; infinity where the text says ``max`` or 0."""
+    value = 0.0 if text == "max" else _finite(text)
+    if value is None or value < 0.0:
+        raise ArgumentError(f"speed must be a number >= 0 or 'max'; got {text!r}")
+    return value or math.inf
+
+
+def _finite(text: str) -> float | None:
+    """The number that a text says, unless it says none."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def _seed(text: str) -> int:
+    if not (text.isascii() and text.isdigit()):
+        raise ArgumentError(f"seed must be a whole number >= 0; got {text!r}")
+    return int(text)
+
+
+def _require_positive(name: str, value: float) -> None:
+    if not value > 0.0:
+        raise ArgumentError(f"{name} must be positive; got {value}")

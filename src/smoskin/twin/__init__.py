@@ -1,0 +1,1 @@
+"""The digital twin: from contacts to what the chips read."""

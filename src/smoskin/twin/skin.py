@@ -1,0 +1,198 @@
+"""The forward chain of one skin: contacts to displacements to fields to readings.
+
+Mechanics are those of the SI's reduced model (attenuated, linear presses on top vertices); the
+fields are exact and include every magnet at every chip; the chips add noise, quantisation and
+their limits. A touch between top vertices presses the four round it, in shares.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from smoskin.arrays import Floats
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError
+from smoskin.magnetics import hall, sector
+from smoskin.magnetics.material import temperature_factor
+from smoskin.mechanics.attenuation import column_displacements, magnet_displacements, profiles
+from smoskin.mechanics.stiffness import (
+    board_stiffness,
+    folding_correction_map,
+    press_depth,
+    shear_gain,
+    sheet_stiffness,
+    stiffness_map,
+)
+from smoskin.origami.cell import size
+from smoskin.origami.layout import hall_positions, magnet_positions
+from smoskin.origami.sheet import loaded_positions, vertex_positions
+from smoskin.records import Contact, Reading
+
+
+class Twin:
+    """A virtual skin that answers touches with readings.
+
+    Parameters
+    ----------
+    design : SkinDesign
+        The skin, as designed.
+    seed : int or None
+        Of the chips' noise; the same seed gives the same readings. None gives ideal chips:
+        no noise, no quantisation, no limits.
+
+    Notes
+    -----
+    Source: SI Eqs. (S7)-(S11), (S26) and (S27) forward; (S3) replaced by the exact field of the
+    four-sector magnet.
+
+    Examples
+    --------
+    >>> from smoskin.feasibility import load_design
+    >>> twin = Twin(load_design("planar"), seed=0)
+    >>> reading = twin.read([Contact(position=(0.05, 0.067), force=(0.0, 0.0, -0.5))])
+    >>> reading.field.shape
+    (3, 3)
+    """
+
+    def __init__(self, design: SkinDesign, *, seed: int | None = 0) -> None:
+        self.design = design
+        self._noise = None if seed is None else np.random.default_rng(seed)
+        coefficients = design.coefficients
+        self._unit_press = profiles(design.cell, design.cells, coefficients.attenuation, -1.0)
+        self._stiffness = stiffness_map(design, coefficients)
+        self._folding = folding_correction_map(design.cells, coefficients)
+        self._per_press = np.stack(
+            [
+                magnet_displacements(self._unit_press, magnet.corner)
+                if magnet.mount == "sheet"
+                else np.zeros((*design.cells, 2))
+                for magnet in design.magnets
+            ]
+        )
+        self._on_sheet = np.array([magnet.mount == "sheet" for magnet in design.magnets])
+        self._halls = hall_positions(design)
+        self._magnets = magnet_positions(design)
+        self._rotations = np.stack([hall.rotation(site) for site in design.halls])
+
+    def press_depths(self, contacts: Sequence[Contact]) -> Floats:
+        """How deep the contacts press each cell's top vertex, shape (N, M), m.
+
+        Raises
+        ------
+        ArgumentError
+            If a contact lies off the skin or pulls at it.
+        """
+        depth = np.zeros(self.design.cells)
+        for contact in contacts:
+            if not np.isfinite(contact.force).all() or contact.force[2] > 0:
+                raise ArgumentError(
+                    f"force must be finite and press, with z <= 0 N; got {contact.force} N"
+                )
+            gain = shear_gain(contact.force[:2], self._folding)
+            share = _vertex_shares(self.design, contact.position)
+            depth += press_depth(share * contact.normal_force, self._stiffness, gain)
+        return depth
+
+    def magnet_motion(self, contacts: Sequence[Contact]) -> tuple[Floats, Floats]:
+        """Motion of the magnets and of the board over the base.
+
+        Returns
+        -------
+        magnets : Floats
+            Shape (G, 3), m; those on the base stand still.
+        board : Floats
+            Shape (3,), m; the chips move with it.
+        """
+        drag = np.sum([contact.force[:2] for contact in contacts], axis=0) if contacts else 0.0
+        board = np.zeros(3)
+        board[:2] = drag / board_stiffness(self.design)
+        magnets = np.zeros((len(self.design.magnets), 3))
+        magnets[:, :2] = np.einsum("gnmd,nm->gd", self._per_press, self.press_depths(contacts))
+        slide = board.copy()
+        slide[:2] += drag / sheet_stiffness(self.design)
+        return magnets + self._on_sheet[:, None] * slide, board
+
+    def field(self, contacts: Sequence[Contact] = (), *, temperature: float = 25.0) -> Floats:
+        """Exact field of all magnets at all chips, in the skin's frame, shape (S, 3), T."""
+        moved, board = self.magnet_motion(contacts)
+        chips = self._halls + board
+        total = np.zeros_like(chips)
+        for magnet, rest, motion in zip(self.design.magnets, self._magnets, moved, strict=True):
+            total += sector.field(magnet, chips - (rest + motion))
+        return total * temperature_factor(temperature)
+
+    def read(
+        self, contacts: Sequence[Contact] = (), *, time: float = 0.0, temperature: float = 25.0
+    ) -> Reading:
+        """What the chips read under these contacts.
+
+        Parameters
+        ----------
+        contacts : sequence of Contact
+            All that touches the skin now; none by default.
+        time : float
+            The reading's time, s.
+        temperature : float
+            Of magnets and chips, degC.
+
+        Raises
+        ------
+        ArgumentError
+            If a contact lies off the skin or pulls at it.
+        """
+        seen = np.einsum("sij,si->sj", self._rotations, self.field(contacts, temperature=temperature))
+        degrees = np.full(len(seen), temperature)
+        if self._noise is None:
+            return Reading(time=time, field=seen, temperature=degrees)
+        sample = hall.measure(
+            seen, self.design.hall_setting, temperature=degrees, rng=self._noise
+        )
+        return Reading(
+            time=time,
+            field=hall.tesla(sample.counts, self.design.hall_setting),
+            temperature=hall.degrees(sample.temperature_counts),
+            flags=sample.flags,
+        )
+
+    def sheet_vertices(self, contacts: Sequence[Contact] = ()) -> Floats:
+        """Vertices of the deformed sheet over the board, shape (V, 3), m.
+
+        Notes
+        -----
+        For showing. Each cell's top vertex sinks by the press times the attenuation in both
+        directions; the SI fixes heights only for the cells in line with the load.
+        """
+        cells = self.design.cells
+        vertices = vertex_positions(self.design.cell, cells)
+        depths = self.press_depths(contacts)
+        v_x, v_y = self.design.coefficients.attenuation
+        rows, lines = np.arange(2 * cells[0] + 1), np.arange(cells[1])
+        for n0, m0 in np.argwhere(depths > 0):
+            depth = depths[n0, m0]
+            moved = depth * column_displacements(self._unit_press, (n0, m0))
+            vertices[:, ::2, :2] += moved
+            vertices[:, 1::2, :2] += (moved[:, :-1] + moved[:, 1:]) / 2
+            sink_x = v_x ** np.abs((rows - 1) / 2 - n0)
+            sink_y = v_y ** np.abs(lines - m0)
+            vertices[:, 1::2, 2] -= depth * np.outer(sink_x, sink_y)
+        drag = np.sum([contact.force[:2] for contact in contacts], axis=0) if contacts else 0.0
+        vertices[..., :2] += drag / sheet_stiffness(self.design)
+        return vertices.reshape(-1, 3)
+
+
+def _vertex_shares(design: SkinDesign, position: Floats) -> Floats:
+    """Shares of a touch that each cell's top vertex takes, shape (N, M), sum 1."""
+    extent = size(design.cell)
+    whole = np.array([design.cells[0] * extent.length, design.cells[1] * extent.width])
+    slack = 1e-6
+    if not np.all((position >= -slack) & (position <= whole + slack)):
+        raise ArgumentError(
+            f"position must lie on the skin, (0..{whole[0] * 1e3:.1f}, 0..{whole[1] * 1e3:.1f}) "
+            f"mm; got ({position[0] * 1e3:.1f}, {position[1] * 1e3:.1f}) mm"
+        )
+    places = loaded_positions(design)
+    in_x = np.interp(position[0], places[:, 0, 0], np.arange(design.cells[0]))
+    in_y = np.interp(position[1], places[0, :, 1], np.arange(design.cells[1]))
+    share_x = np.maximum(1 - np.abs(np.arange(design.cells[0]) - in_x), 0)
+    share_y = np.maximum(1 - np.abs(np.arange(design.cells[1]) - in_y), 0)
+    return np.outer(share_x, share_y)

@@ -1,0 +1,34 @@
+"""Fixtures shared by the whole suite."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from smoskin.design.skin import SkinDesign
+from smoskin.feasibility import load_design
+
+
+@pytest.fixture(scope="session")
+def planar() -> SkinDesign:
+    """The reference design."""
+    return load_design("planar")
+
+
+@pytest.fixture(scope="session")
+def long_planar(planar: SkinDesign) -> SkinDesign:
+    """A skin of other numbers of cells than the reference, 4 x 5, with its magnets inside."""
+    corners = {"M1": (2, 2), "M2": (3, 2), "M3": (1, 3)}
+    magnets = tuple(replace(m, corner=corners[m.name]) for m in planar.magnets)
+    return replace(planar, name="4x5", cells=(4, 5), magnets=magnets)
+
+
+@pytest.fixture(scope="session")
+def recordings() -> Path:
+    """The folder of real recordings; the test is skipped where there is none."""
+    named = os.environ.get("SMOSKIN_DATA")
+    folder = Path(named) if named else Path(__file__).parents[2] / "shared" / "data"
+    if not (folder / "eflesh").is_dir():
+        pytest.skip(f"no eFlesh recordings in {folder}; set SMOSKIN_DATA to their folder")
+    return folder / "eflesh"

@@ -1,0 +1,147 @@
+"""The closed-form estimator on the twin, and on skins that are not what it believes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smoskin.errors import ArgumentError, ModelError
+from smoskin.mechanics.attenuation import magnet_displacements, profiles
+from smoskin.origami.sheet import loaded_positions
+from smoskin.records import Contact, Reading, Status
+from smoskin.sensing.calibration import Calibration
+from smoskin.sensing.closed_form import ClosedFormEstimator, decide, divisions, signal_matrix
+from smoskin.twin.skin import Twin
+
+SHEARS = [(0.0, 0.0), (0.5, 0.0), (0.0, -0.5), (-0.35, 0.35)]
+
+
+def touches(design, force, shear):
+    """One contact on each cell's vertex."""
+    places = loaded_positions(design).reshape(-1, 2)
+    return [Contact(position=place, force=(*shear, -force)) for place in places]
+
+
+def estimates(twin, estimator, contacts):
+    return estimator.batch([twin.read([c], time=0.01 * k) for k, c in enumerate(contacts, 1)])
+
+
+def located(estimate, contact) -> bool:
+    return estimate.status is Status.CONTACT and np.allclose(
+        estimate.contacts[0].position, contact.position, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("shear", SHEARS)
+@pytest.mark.parametrize("force", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("skin", ["planar", "long_planar"])
+def test_every_cell_is_found_without_noise(request, skin, force, shear):
+    design = request.getfixturevalue(skin)
+    contacts = touches(design, force, shear)
+    for contact, estimate in zip(
+        contacts, estimates(Twin(design, seed=None), ClosedFormEstimator(design), contacts), strict=True
+    ):
+        assert located(estimate, contact), (contact, estimate)
+        seen = estimate.contacts[0]
+        assert seen.normal_force == pytest.approx(force, rel=0.02)
+        # Pressed straight, the lower chip still feels the upper magnets move: 0.2 % of the press.
+        within = 0.02 * np.hypot(*shear) if any(shear) else 0.003 * force
+        np.testing.assert_allclose(seen.force[:2], shear, atol=within)
+
+
+def test_3600_noisy_touches_fall_on_the_right_cell(planar):
+    twin, estimator = Twin(planar, seed=3), ClosedFormEstimator(planar)
+    contacts = touches(planar, 0.5, (0.0, 0.0)) * 100
+    found = [
+        located(e, c) for e, c in zip(estimates(twin, estimator, contacts), contacts, strict=True)
+    ]
+    assert len(found) == 3600
+    assert np.mean(found) >= 0.98
+
+
+def scattered(design, rng):
+    """A skin near the design: other attenuation, magnets, gaps and folding corrections."""
+    coefficients = design.coefficients
+    v_a = tuple(float(v * rng.uniform(0.95, 1.05)) for v in coefficients.attenuation)
+    magnets = tuple(replace(m, remanence=m.remanence * rng.uniform(0.98, 1.02)) for m in design.magnets)
+    halls = tuple(replace(s, gap=s.gap * rng.uniform(0.99, 1.01)) for s in design.halls)
+    return replace(
+        design, magnets=magnets, halls=halls, coefficients=replace(coefficients, attenuation=v_a)
+    )
+
+
+def test_cells_are_found_on_skins_that_are_not_as_designed(planar):
+    rng = np.random.default_rng(0)
+    found = []
+    for seed in range(10):
+        twin, estimator = Twin(scattered(planar, rng), seed=seed), ClosedFormEstimator(planar)
+        estimator.zero([twin.read(time=-1.0 + 0.01 * k) for k in range(20)])
+        contacts = touches(planar, 0.5, (0.0, 0.0))
+        found += [located(e, c) for e, c in zip(estimates(twin, estimator, contacts), contacts, strict=True)]
+    assert np.mean(found) >= 0.98
+
+
+def test_batch_and_step_give_the_same_numbers(planar):
+    twin = Twin(planar, seed=1)
+    contacts = touches(planar, 0.4, (0.1, -0.2))
+    readings = []
+    for k in range(400):
+        touched = [contacts[k // 10 % 36]] if k // 10 % 2 else []
+        readings.append(twin.read(touched, time=0.01 * k))
+    readings[50] = Reading(time=readings[50].time, field=np.full((3, 3), np.nan))
+    batch, steps = ClosedFormEstimator(planar), ClosedFormEstimator(planar)
+    for together, alone in zip(batch.batch(readings), map(steps.step, readings), strict=True):
+        assert together.status is alone.status
+        assert len(together.contacts) == len(alone.contacts)
+        for one, other in zip(together.contacts, alone.contacts, strict=True):
+            np.testing.assert_array_equal(one.position, other.position)
+            np.testing.assert_allclose(one.force, other.force, rtol=1e-9, atol=1e-12)
+
+
+def unit_press(design):
+    parts = profiles(design.cell, design.cells, design.coefficients.attenuation, -1.0)
+    return np.stack([magnet_displacements(parts, c) for c in ((4, 2), (2, 4))], axis=2)
+
+
+@given(factor=st.floats(1e-9, 1e3))
+def test_location_ignores_a_common_factor(planar, factor):
+    unit = unit_press(planar)
+    cells = decide(divisions(unit), factor * unit)
+    np.testing.assert_array_equal(cells, np.stack(np.indices((6, 6)), axis=-1))
+
+
+def test_signs_that_no_cell_gives_name_no_cell(planar):
+    unit = unit_press(planar)
+    # A load right of magnet 2 (x = 4 cells) yet left of magnet 3 (x = 2 cells) cannot be.
+    impossible = np.array([[-1.0, 1.0], [1.0, 1.0]])
+    assert signal_matrix(impossible).tolist() == [[1, -1], [-1, -1]]
+    assert decide(divisions(unit), impossible)[0] == -1
+
+
+def test_covariance_is_the_cells_size_and_the_chips_noise(planar):
+    twin, estimator = Twin(planar, seed=0), ClosedFormEstimator(planar)
+    contact = touches(planar, 0.5, (0.2, 0.0))[14]
+    many = estimates(twin, estimator, [contact] * 400)
+    spread = many[0].covariance[0]
+    np.testing.assert_allclose(np.sqrt(np.diag(spread))[:2], [5.77e-3, 7.70e-3], rtol=1e-2)
+    forces = np.array([e.contacts[0].force for e in many])
+    ratio = forces.std(axis=0) / np.sqrt(np.diag(spread))[2:]
+    assert np.all((ratio > 0.5) & (ratio < 2.0)), ratio
+
+
+def test_a_field_of_no_place_is_out_of_range(planar):
+    reading = Reading(time=0.0, field=np.full((3, 3), 0.02))
+    assert ClosedFormEstimator(planar).step(reading).status is Status.OUT_OF_RANGE
+
+
+def test_wrong_use_is_named(planar):
+    with pytest.raises(ModelError, match="calibration must belong to design '4x5'"):
+        other = replace(planar, name="4x5", cells=(5, 6))
+        ClosedFormEstimator(other, Calibration.nominal(planar))
+    no_base = replace(planar, halls=planar.halls[1:])
+    with pytest.raises(ArgumentError, match="one over a magnet of the base; got 2 and 0"):
+        ClosedFormEstimator(no_base)
+    with pytest.raises(ArgumentError, match="must come from 3 chips"):
+        ClosedFormEstimator(planar).step(Reading(time=0.0, field=np.zeros((5, 3))))

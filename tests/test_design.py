@@ -1,0 +1,164 @@
+"""Designs as records and as TOML documents."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smoskin import units
+from smoskin.design.document import format_design, parse_design, read_design
+from smoskin.design.skin import HallSite, MiuraCell, SkinDesign
+from smoskin.errors import DesignError
+from smoskin.feasibility import check_design, load_design
+
+
+def test_every_physical_value_of_the_shipped_design_says_where_it_comes_from(planar):
+    assert planar.provenance["cell.panel_a"].origin == "inferred"
+    assert planar.provenance["magnets.1.remanence"].origin == "printed"
+    unsaid = [
+        path
+        for part in ("cell", "columns", "frame", "board", "shear_layer", "hall_setting")
+        for path in (f"{part}.{name}" for name in getattr(planar, part).__dataclass_fields__)
+        if path not in planar.provenance or not planar.provenance[path].reason
+    ]
+    assert unsaid == []
+
+
+@given(
+    a=st.floats(1e-3, 0.1),
+    b=st.floats(1e-3, 0.1),
+    alpha=st.floats(0.2, 1.5),
+    share=st.floats(0.05, 0.99),
+    v_f=st.floats(0.1, 3.0),
+)
+def test_a_design_survives_its_document_to_the_last_bit(planar, a, b, alpha, share, v_f):
+    cell = MiuraCell(panel_a=a, panel_b=b, sector_angle=alpha, fold_angle=alpha * share)
+    coefficients = replace(planar.coefficients, folding_correction_x=(v_f, 0.1 + v_f, 1.0))
+    design = replace(planar, cell=cell, coefficients=coefficients)
+    again = parse_design(format_design(design))
+    assert again == design
+    assert again.content_hash == design.content_hash
+    assert again.provenance == design.provenance
+
+
+@given(value=st.floats(1e-9, 1e9), suffix=st.sampled_from(sorted(units.SI_PER_SUFFIX)))
+def test_units_convert_both_ways_without_loss(value, suffix):
+    assert units.to_si(units.from_si(value, suffix), suffix) == value
+
+
+def test_hash_follows_what_is_built_and_nothing_else(planar):
+    assert replace(planar, name="other").content_hash == planar.content_hash
+    assert replace(planar, provenance={}).content_hash == planar.content_hash
+    thicker = replace(planar, columns=replace(planar.columns, radius=1.6e-3))
+    assert thicker.content_hash != planar.content_hash
+
+
+def test_plain_values_are_read_too(planar):
+    text = format_design(replace(planar, provenance={}))
+    assert "origin" not in text
+    assert parse_design(text) == planar
+
+
+def edited(planar: SkinDesign, old: str, new: str) -> str:
+    text = format_design(replace(planar, provenance={}))
+    assert old in text
+    return text.replace(old, new, 1)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("panel_a_mm", "panel_a_cm", r"unknown key 'panel_a_cm'; did you mean 'panel_a_mm'\?"),
+        ("[frame]", "[fram]", r"unknown key 'fram'; did you mean 'frame'\?"),
+        ("[[halls]]\n", "[[halls]]\ncolour = 1\n", "unknown key 'colour'"),
+        ("gap_mm = 5.0\n", "", "halls.0: missing key 'gap_mm'"),
+        ("panel_a_mm = 15.5334", 'panel_a_mm = "long"', "must be a number of mm; got 'long'"),
+        ("panel_a_mm = 15.5334", "panel_a_mm = true", "must be a number of mm; got True"),
+        ("panel_a_mm = 15.5334", "panel_a_mm = -1.0", "panel_a must be positive"),
+        ("panel_a_mm = 15.5334", "panel_a_mm = nan", "panel_a must be positive"),
+        ("fold_angle_deg = 44.5909", "fold_angle_deg = 60", r"\(0, 0.9131\) rad; got 1.047"),
+        ("pillars = 8", "pillars = 0", "pillars must be positive"),
+        ('material = "Ecoflex 00-30"', 'material = "jelly"', "must be one of Ecoflex 00-30"),
+        ('mount = "base"', 'mount = "lid"', "mount must be one of sheet, base; got 'lid'"),
+        ('magnet = "M1"', 'magnet = "M9"', "magnet must be one of M1, M2, M3; got 'M9'"),
+        ("address = 12", "address = 13", "hall addresses must have different names"),
+        ("gain_selection = 7", "gain_selection = 8", "gain_selection must lie in 0..7; got 8"),
+        ("oversampling = 1", 'oversampling = "1"', "hall_setting: a value is of the wrong kind"),
+        ("cells = [\n    6,\n    6,\n]", "cells = 6", "cells must be two whole numbers"),
+        ('name = "planar"', "name = planar", "not a TOML document"),
+        ('name = "planar"', "", "missing key 'name'"),
+    ],
+)
+def test_a_bad_document_is_refused_with_the_reason(planar, old, new, message):
+    with pytest.raises(DesignError, match=message):
+        parse_design(edited(planar, old, new))
+
+
+def test_a_value_without_its_origin_is_refused(planar):
+    text = edited(planar, "panel_a_mm = 15.5334", "panel_a_mm = { value = 15.5 }")
+    with pytest.raises(DesignError, match=r"cell.panel_a: missing key 'origin'"):
+        parse_design(text)
+
+
+def test_axes_must_be_right_handed():
+    def site(*axes: str) -> HallSite:
+        return HallSite(name="S", magnet="M", gap=6e-3, axes=axes, address=0x0C)
+
+    assert site("+y", "+z", "+x").axes == ("+y", "+z", "+x")
+    for axes in (("+x", "+y", "-z"), ("+x", "+x", "+z"), ("+y", "+x", "+z")):
+        with pytest.raises(DesignError, match="right-handed"):
+            site(*axes)
+
+
+def test_an_unknown_design_names_the_known_ones(tmp_path):
+    with pytest.raises(DesignError, match="shipped design .*planar"):
+        load_design("plannar")
+    bad = tmp_path / "skin.toml"
+    bad.write_text("name = 3")
+    with pytest.raises(DesignError, match=r"skin.toml: missing key"):
+        read_design(bad)
+
+
+def with_magnet(planar: SkinDesign, **changes: object) -> SkinDesign:
+    magnets = tuple(replace(m, **changes) if m.name == "M2" else m for m in planar.magnets)
+    return replace(planar, magnets=magnets)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"radius": 9e-3}, r"'M2' overlaps a column: radius must be below 8.5\d mm"),
+        ({"height": 5e-3}, r"does not fit between chip and sheet: columns.height must exceed 10.6"),
+        ({"corner": (2, 4)}, "magnets 'M2' and 'M3' overlap"),
+        ({"remanence": 1.4e6}, r"\|B_z\| reaches .* a gap of at least \d\.\d mm would do"),
+    ],
+)
+def test_a_design_that_cannot_work_is_refused_with_what_would(planar, changes, message):
+    with pytest.raises(DesignError, match=message):
+        check_design(with_magnet(planar, **changes))
+
+
+def test_a_magnet_off_the_grid_is_refused(planar):
+    with pytest.raises(DesignError, match=r"corner must lie in \(0..6, 0..6\); got \(7, 2\)"):
+        with_magnet(planar, corner=(7, 2))
+
+
+def test_a_range_that_the_field_overruns_is_refused(planar):
+    fine = replace(planar, hall_setting=replace(planar.hall_setting, resolution=0))
+    with pytest.raises(DesignError, match=r"'S1': .* choose a wider range|would do"):
+        check_design(fine)
+
+
+def test_columns_too_soft_for_the_rated_press_are_refused(planar):
+    soft = replace(planar, columns=replace(planar.columns, radius=0.3e-3))
+    with pytest.raises(DesignError, match="columns are too soft"):
+        check_design(soft)
+
+
+def test_fold_angle_message_is_the_documented_sentence():
+    with pytest.raises(DesignError, match=r"must lie in \(0, alpha\) = \(0, 0.913\) rad; got 1.2"):
+        MiuraCell(panel_a=0.01, panel_b=0.01, sector_angle=0.913, fold_angle=1.2)
+    with pytest.raises(DesignError, match="cannot fold"):
+        MiuraCell(panel_a=0.01, panel_b=0.01, sector_angle=1.0, fold_angle=math.nan)

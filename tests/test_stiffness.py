@@ -1,0 +1,62 @@
+"""Stiffnesses and the force law."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smoskin.mechanics.stiffness import (
+    board_stiffness,
+    cell_layers,
+    column_stiffness,
+    folding_correction_map,
+    normal_force,
+    press_depth,
+    relative_stiffness_map,
+    shear_gain,
+    sheet_stiffness,
+    stiffness_map,
+)
+
+
+def test_the_reference_columns_and_skin_are_as_stiff_as_planned(planar):
+    assert column_stiffness(planar) == pytest.approx(17.67, abs=0.01)
+    stiffness = stiffness_map(planar, planar.coefficients)
+    assert 1.6e3 < stiffness.min() < stiffness.max() < 2.1e3
+    assert board_stiffness(planar) == pytest.approx(8 * math.pi * 9e-6 * 25e3 / 3e-3)
+    assert sheet_stiffness(planar) == pytest.approx(91 * 17.6715 + 36 * 100, rel=1e-4)
+
+
+@given(v=st.floats(0.05, 1.0), n=st.integers(1, 7), m=st.integers(1, 7))
+def test_stiffness_is_positive_and_mirror_symmetric_in_x(planar, v, n, m):
+    stiffness = relative_stiffness_map(planar.cell, (n, m), (v, v))
+    assert np.all(stiffness > 0)
+    np.testing.assert_allclose(stiffness, stiffness[::-1], rtol=1e-12)
+
+
+@given(
+    press=st.floats(1e-6, 1e-3),
+    shear=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)),
+    more=st.floats(1e-6, 1e-3),
+)
+def test_force_law_is_monotone_and_undone_by_its_inverse(press, shear, more):
+    gain = shear_gain(shear, (0.6, 0.9))
+    assert gain >= 1
+    force = normal_force(press, 1700.0, gain)
+    assert press_depth(force, 1700.0, gain) == pytest.approx(press, rel=1e-12)
+    assert normal_force(press + more, 1700.0, gain) > force
+
+
+def test_shear_gain_is_the_printed_one_on_each_axis():
+    assert shear_gain([0.3, 0.0], [0.6, 0.9]) == pytest.approx(1 + 0.3 / 0.6)
+    assert shear_gain([0.0, -0.45], [0.6, 0.9]) == pytest.approx(1 + 0.45 / 0.9)
+
+
+def test_layers_count_from_the_rim(planar):
+    layers = cell_layers((6, 6))
+    assert [int(layers[k, k]) for k in range(6)] == [0, 1, 2, 2, 1, 0]
+    table = folding_correction_map((9, 9), planar.coefficients)
+    assert table[4, 4].tolist() == [0.9, 1.1]  # deeper than the named layers: the innermost
+    assert table[0, 4].tolist() == [0.6, 0.9]
