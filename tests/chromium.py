@@ -1,6 +1,7 @@
 """Opens pages in the system's Chromium with the network off."""
 
 import shutil
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -45,7 +46,8 @@ class OpenPage:
 
     def wait_until(self, holds: Callable[[], object], deadline: float = 30.0) -> None:
         """Let the page run until something holds; fails after `deadline` seconds."""
-        for _ in range(round(deadline / 0.05)):
+        end = time.monotonic() + deadline
+        while time.monotonic() < end:
             if holds():
                 return
             self.page.wait_for_timeout(50)

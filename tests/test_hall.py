@@ -20,6 +20,7 @@ from smoskin.magnetics.hall import (
     sensitivity,
     temperature_counts,
     tesla,
+    wraps,
 )
 from smoskin.magnetics.material import temperature_factor
 from smoskin.records import ChipFlag
@@ -60,12 +61,16 @@ def test_sensitivity_is_the_data_sheets(gain: int, lateral: float, axial: float)
 
 def test_ranges() -> None:
     assert_allclose(full_scale(setting(resolution=0)) * 1e3, [4.92, 4.92, 7.93], atol=0.01)
-    assert_allclose(full_scale(setting(resolution=3)) * 1e3, [39.3, 39.3, 63.4], atol=0.05)
+    assert_allclose(full_scale(setting(resolution=2)) * 1e3, [13.2, 13.2, 21.3], atol=0.05)
+    assert_allclose(full_scale(setting(resolution=3)) * 1e3, [13.2, 13.2, 21.3], atol=0.05)
+    # The data sheet's largest field: 106 mT in z at the lowest gain.
+    assert_allclose(full_scale(setting(0, 3))[2], 106.5e-3, atol=0.1e-3)
+    assert [wraps(setting(resolution=r)) for r in range(4)] == [True, True, False, False]
 
 
 @given(
     chosen=settings,
-    counts=st.lists(st.integers(-(2**15), 2**15 - 1), min_size=3, max_size=3),
+    counts=st.lists(st.integers(-11000, 10999), min_size=3, max_size=3),
 )
 def test_counts_survive_the_way_to_tesla_and_back(chosen: HallSetting, counts: list[int]) -> None:
     assert_array_equal(measure(tesla(counts, chosen), chosen).counts, counts)
@@ -79,16 +84,19 @@ def test_a_field_in_range_reads_to_within_a_count(chosen: HallSetting, part: lis
     assert sample.flags == ChipFlag.GOOD
 
 
-def test_below_the_highest_resolution_a_large_field_wraps_without_a_flag() -> None:
+def test_at_the_lowest_resolution_a_large_field_wraps_without_a_flag() -> None:
     sample = measure([4.92e-3, -4.92e-3, 8.0e-3], setting(resolution=0))
     read = tesla(sample.counts, setting(resolution=0))
     assert_allclose(read, [4.92e-3 - 9.8304e-3, -4.92e-3 + 9.8304e-3, 8.0e-3 - 15.86e-3], atol=1e-6)
     assert sample.flags == ChipFlag.GOOD
 
 
-@pytest.mark.parametrize("field", [[41e-3, 0, 0], [0, -41e-3, 0], [0, 0, 65e-3], [1.0, 1.0, -1.0]])
-def test_at_the_highest_resolution_it_stops_at_the_rail_and_says_so(field: list[float]) -> None:
-    chosen = setting(resolution=3)
+@pytest.mark.parametrize("field", [[14e-3, 0, 0], [0, -14e-3, 0], [0, 0, 22e-3], [1.0, 1.0, -1.0]])
+@pytest.mark.parametrize("resolution", [2, 3])
+def test_where_all_bits_are_read_it_stops_at_the_rail_and_says_so(
+    field: list[float], resolution: int
+) -> None:
+    chosen = setting(resolution=resolution)
     sample = measure([field, [0.0, 0.0, 0.0]], chosen)
     assert_array_equal(sample.flags, [ChipFlag.SATURATED, ChipFlag.GOOD])
     assert np.abs(tesla(sample.counts, chosen) / full_scale(chosen)).max() > 0.9999

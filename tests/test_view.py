@@ -227,6 +227,7 @@ def test_the_page_shows_what_it_is_told() -> None:
         time=0.0, status=Status.CONTACT, contacts=(TOUCH,), covariance=covariance[None]
     )
     missing = Estimate(time=0.0, status=Status.CHIP_MISSING)
+    flags = [0, ChipFlag.MISSING, 0]
 
     with View(SHAPE, title="a skin") as view, open_page(view.url) as opened:
         opened.wait_until(lambda: opened.text("status") == "Waiting")
@@ -247,9 +248,9 @@ def test_the_page_shows_what_it_is_told() -> None:
         assert middle.mean(axis=-1).std() > 8
         assert vermilion(untouched) < 20
 
-        view.show(reading(100.0), touched, truth=[TOUCH])
-        opened.wait_until(lambda: opened.text("status") == "Touched")
-        assert opened.text("sentence") == Status.CONTACT.value
+        with feeding(lambda k: view.show(reading(100 + 0.02 * k), touched, truth=[TOUCH])):
+            opened.wait_until(lambda: opened.text("status") == "Touched")
+            assert opened.text("sentence") == Status.CONTACT.value
         assert opened.text("touch") == "x 45.0 mm  y 80.0 mm  Fn 0.50 N"
         assert opened.page.locator('[data-name="touches"] tr').all_text_contents() == [
             "estimatetrueerror",
@@ -259,11 +260,11 @@ def test_the_page_shows_what_it_is_told() -> None:
             "Fx, N0.10± 0.020.10+0.00",
             "Fy, N-0.05± 0.03-0.05+0.00",
         ]
-        opened.wait_until(lambda: vermilion(picture(opened)) > 300)
+        opened.wait_until(lambda: vermilion(picture(opened)) > 100)
 
-        view.show(reading(101.0, flags=[0, ChipFlag.MISSING, 0]), missing)
-        opened.wait_until(lambda: opened.text("status") == "Chip missing")
-        opened.wait_until(lambda: opened.page.get_by_text("S2 · missing").count() == 1)
+        with feeding(lambda k: view.show(reading(200 + 0.02 * k, flags=flags), missing)):
+            opened.wait_until(lambda: opened.text("status") == "Chip missing")
+            opened.wait_until(lambda: opened.page.get_by_text("S2 · missing").count() == 1)
         opened.wait_until(lambda: vermilion(picture(opened)) < 20)
 
 

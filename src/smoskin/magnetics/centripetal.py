@@ -6,19 +6,22 @@ closed form (S5). Hides the fit of that correction and its usable range. Magnet 
 is counted from the face that the chip looks at, negative towards the chip: -z is the distance.
 """
 
+import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import least_squares
 
 from smoskin.arrays import Floats, floats, frozen
 from smoskin.design.skin import Magnet
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.sector import VACUUM_PERMEABILITY, field
 
+_SKEW_SIGNS: Final = np.array([-1.0, 1.0])
+"""Of Bx^2 - By^2 in p and q of S5."""
 _RAYS: Final = 12
 """Polar angles at which the usable range is searched."""
 _STEPS: Final = 200
@@ -121,7 +124,7 @@ def ideal_inverse(field: ArrayLike) -> tuple[Floats, Floats, Floats]:
 
     Notes
     -----
-    Source: SI Eq. (S5), with the minus sign that its printed third line has lost. Valid for
+    Source: SI Eq. (S5), erratum E3: the third line has lost a minus sign. Valid for
     abs(kx) and abs(ky) < pi/2; in two-argument arctangents it holds until Bz vanishes, at
     abs(kx) + abs(ky) = pi.
 
@@ -132,44 +135,64 @@ def ideal_inverse(field: ArrayLike) -> tuple[Floats, Floats, Floats]:
     >>> float(round(x, 9)), float(round(y, 9))
     (0.25, -0.5)
     """
-    parts = floats("field", field, (3,))
-    bx, by, bz = parts[..., 0], parts[..., 1], parts[..., 2]
-    bz = np.where(bz == 0.0, np.nan, bz)
-    skew = (bx - by) * (bx + by)
-    square = bz * bz
-    twice = 2.0 * bz
-    q = square + skew
-    phase_x = np.arctan2(-twice * bx, square - skew)
-    phase_y = np.arctan2(-twice * by, q)
-    strength = np.hypot(q / twice, by)
-    return phase_x, phase_y, strength
+    phases, strength = _phases_and_strength(floats("field", field, (3,)))
+    return phases[..., 0], phases[..., 1], strength
+
+
+def _phases_and_strength(field: Floats) -> tuple[Floats, Floats]:
+    """S5 with both phases side by side, (..., 2) and (...)."""
+    axial = field[..., 2:]
+    axial = np.where(axial == 0.0, np.nan, axial)
+    square = field * field
+    skew = square[..., :1] - square[..., 1:2]
+    reach = square[..., 2:] + skew * _SKEW_SIGNS  # 2 Bz p and 2 Bz q
+    twice = 2.0 * axial
+    phases = np.arctan2(-twice * field[..., :2], reach)
+    strength = np.hypot(reach[..., 1] / twice[..., 0], field[..., 1])
+    return phases, strength
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinearCorrection:
-    """What brings a four-sector magnet's field to the ideal one, and the ideal one's numbers."""
+    """What brings a four-sector magnet's field to the ideal one, and the ideal one's numbers.
+
+    One magnet's, or those of S magnets stacked by `stack_corrections`.
+    """
 
     k_c: Floats
-    """(3,), factor of each component."""
+    """(3,) or (S, 3), factor of each component."""
     c_c: Floats
-    """(3,), T, added to each component."""
-    wave_number: float
-    """k, 1/m."""
-    amplitude: float
-    """abs(K), T, at the magnet's face."""
-    gap: float
-    """m, from that face to the chip at rest."""
-    side: float
-    """-1: the chip lies below the magnet; +1: above it."""
+    """(3,) or (S, 3), T, added to each component."""
+    wave_number: Floats
+    """() or (S,), k, 1/m."""
+    amplitude: Floats
+    """() or (S,), abs(K), T, at the magnet's face."""
+    gap: Floats
+    """() or (S,), m, from that face to the chip at rest."""
+    side: Floats
+    """() or (S,): -1, the chip lies below the magnet; +1, above it."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "k_c", frozen("k_c", self.k_c, (3,)))
-        object.__setattr__(self, "c_c", frozen("c_c", self.c_c, (3,)))
+        many = np.shape(self.k_c)[:-1]
+        for name in ("k_c", "c_c"):
+            object.__setattr__(self, name, frozen(name, getattr(self, name), (*many, 3)))
+        for name in ("wave_number", "amplitude", "gap", "side"):
+            object.__setattr__(self, name, frozen(name, getattr(self, name), many))
         for name in ("wave_number", "amplitude", "gap"):
-            if not getattr(self, name) > 0.0:
+            if not np.all(getattr(self, name) > 0.0):
                 raise ArgumentError(f"{name} must be positive; got {getattr(self, name)}")
-        if self.side not in (-1.0, 1.0):
+        if not np.all(np.abs(self.side) == 1.0):
             raise ArgumentError(f"side must be -1 (chip below) or +1 (above); got {self.side}")
+
+
+def stack_corrections(corrections: Sequence[LinearCorrection]) -> LinearCorrection:
+    """Corrections of S magnets as one, for fields of shape (..., S, 3)."""
+    return LinearCorrection(
+        **{
+            one.name: np.stack([getattr(each, one.name) for each in corrections])
+            for one in dataclasses.fields(LinearCorrection)
+        }
+    )
 
 
 def displacement(correction: LinearCorrection, field: ArrayLike) -> Floats:
@@ -198,13 +221,12 @@ def displacement(correction: LinearCorrection, field: ArrayLike) -> Floats:
     Source: SI Eqs. (S5), (S6). Valid for displacements within the `usable_range`.
     """
     corrected = correction.k_c * floats("field", field, (3,)) + correction.c_c
-    phase_x, phase_y, strength = ideal_inverse(corrected)
+    phases, strength = _phases_and_strength(corrected)
     result = np.empty_like(corrected)
-    result[..., 0] = phase_x
-    result[..., 1] = phase_y
-    result[..., 2] = -correction.side * np.log(strength / correction.amplitude)
-    result /= -correction.wave_number
-    result[..., 2] += correction.side * correction.gap
+    wave_number = correction.wave_number
+    result[..., :2] = phases / -wave_number[..., None]
+    depth = np.log(strength / correction.amplitude) / wave_number
+    result[..., 2] = correction.side * (depth + correction.gap)
     return result
 
 
@@ -235,6 +257,9 @@ def fit_correction(magnet: Magnet, gap: float, stroke: float) -> LinearCorrectio
     -----
     Source: SI Eq. (S6). Valid for displacements up to `stroke`.
     """
+    # Here, so that whoever only imports the package does not wait for it.
+    from scipy.optimize import least_squares
+
     if not 0.0 < stroke < gap:
         raise ArgumentError(f"stroke must lie in (0, gap) = (0, {gap:.4g}) m; got {stroke}")
     side = -1.0 if magnet.mount == "sheet" else 1.0
@@ -251,10 +276,10 @@ def fit_correction(magnet: Magnet, gap: float, stroke: float) -> LinearCorrectio
         return LinearCorrection(
             k_c=sign * [lateral, lateral, axial],
             c_c=np.array([0.0, 0.0, values[3] * rest]),
-            wave_number=wave,
-            amplitude=face,
-            gap=gap,
-            side=side,
+            wave_number=np.asarray(wave),
+            amplitude=np.asarray(face),
+            gap=np.asarray(gap),
+            side=np.asarray(side),
         )
 
     def errors(values: Floats) -> Floats:
@@ -305,7 +330,7 @@ def usable_range(
             raise ArgumentError(f"{name} must be positive; got {value}")
     radii = np.linspace(0.0, 0.95 * gap, _STEPS + 1)
     moves = radii[:, None, None] * _ball(1.0)
-    found = displacement(correction, _field_at(magnet, gap, correction.side, moves))
+    found = displacement(correction, _field_at(magnet, gap, float(correction.side), moves))
     error = np.linalg.norm(found - moves, axis=-1).max(axis=-1)
     beyond = ~(error <= tolerance)
     if not beyond.any():

@@ -1,7 +1,7 @@
 """The MLX90393 as an instrument: what a field becomes on its way through the chip.
 
 Decides sensitivity, range, noise, loss of bits, temperature word and conversion time of a
-setting; hides the arithmetic of the 19-bit converter, of which 16 bits are read. Fields are in
+setting; hides the arithmetic of the converter, of whose bits 16 are read. Fields are in
 the chip's own axes; `rotation` leads from there to the skin's. Register HALLCONF is 0xC.
 """
 
@@ -23,8 +23,8 @@ _STEP: Final = (0.150e-6, 0.150e-6, 0.242e-6)
 """T a count in x, y, z at GAIN_SEL 7 (1x) and RES 0."""
 _GAIN: Final = (5.0, 4.0, 3.0, 2.5, 2.0, 5.0 / 3.0, 4.0 / 3.0, 1.0)
 """Factor on the step for GAIN_SEL 0..7."""
-_RAIL: Final = 2**18
-"""Counts of RES 0 from zero to the end of the 19-bit converter."""
+_RAIL: Final = 88_000
+"""Counts of RES 0 from zero to where the converter stops: 22000 at RES 2, 11000 at RES 3."""
 _WORD: Final = 2**15
 """Counts from zero to the end of the 16 bits that are read."""
 _DEGREE: Final = 45.2
@@ -105,20 +105,31 @@ def full_scale(setting: HallSetting) -> Floats:
     Returns
     -------
     Floats, shape (3,)
-        T, for x, y, z to either side: beyond it a reading wraps (RES 0..2) or stops (RES 3).
+        T, for x, y, z to either side: beyond it a reading wraps (`wraps`) or stops.
 
     Notes
     -----
-    Source: Melexis MLX90393 data sheet. Valid for the converter; its front end is specified
-    to 50 mT only.
+    Source: Melexis MLX90393 data sheet: the converter stops at +-22000 counts of RES 2 and
+    +-11000 of RES 3. Its front end is specified to 50 mT only.
 
     Examples
     --------
     >>> setting = HallSetting(gain_selection=7, resolution=3, oversampling=0, digital_filter=2)
     >>> (full_scale(setting) * 1e3).round(1)
-    array([39.3, 39.3, 63.4])
+    array([13.2, 13.2, 21.3])
     """
     return sensitivity(setting) * min(_WORD, _RAIL >> setting.resolution)
+
+
+def wraps(setting: HallSetting) -> bool:
+    """Whether a field past the range comes back as a false value instead of stopping.
+
+    Examples
+    --------
+    >>> wraps(HallSetting(gain_selection=7, resolution=0, oversampling=0, digital_filter=2))
+    True
+    """
+    return _WORD << setting.resolution < _RAIL
 
 
 def noise(setting: HallSetting, model: HallNoise | None = None) -> Floats:
@@ -172,8 +183,8 @@ def measure(
     Returns
     -------
     HallSample
-        Below RES 3 only the lower bits are read, and a field beyond +-32768 counts wraps to a
-        false value; at RES 3 the converter's own rails are seen, and flagged.
+        At RES 0 and 1 a field beyond +-32768 counts wraps to a false value without a flag; at
+        RES 2 and 3 the converter's own rails are seen, and flagged.
 
     Raises
     ------
@@ -201,7 +212,7 @@ def measure(
 def _rail_flags(counts: Ints, setting: HallSetting) -> Ints:
     """SATURATED where an axis stands at a rail of the converter, if its bits are read."""
     rail = _RAIL >> setting.resolution
-    railed = ((counts >= rail - 1) | (counts <= -rail)).any(axis=-1) & (rail <= _WORD)
+    railed = ((counts >= rail - 1) | (counts <= -rail)).any(axis=-1) & (not wraps(setting))
     return np.where(railed, int(ChipFlag.SATURATED), int(ChipFlag.GOOD))
 
 

@@ -1,26 +1,31 @@
 """From the fields at the chips to where each magnet has moved: the inverse of the sector field.
 
-The corrected ideal inverse (S5, S6) gives a start, Newton steps on the exact field the rest, so
-that the answer does not depend on how well the ideal field fits. All chips and any number of
-readings are solved together.
+Inside its usable range the corrected ideal inverse (S5, S6) is the answer; outside, it is the
+start of a few Newton steps on the magnets' own field. All chips and any number of readings are
+solved together.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from smoskin.arrays import Bools, Floats, floats
-from smoskin.design.skin import SkinDesign
-from smoskin.magnetics.centripetal import displacement, fit_correction
+from smoskin.arrays import Bools, Floats
+from smoskin.design.skin import HallSite, Magnet, SkinDesign
+from smoskin.magnetics.centripetal import (
+    LinearCorrection,
+    displacement,
+    fit_correction,
+    stack_corrections,
+    usable_range,
+)
 from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
 from smoskin.magnetics.sector import field
 from smoskin.origami.layout import chip_offset, hall_positions, magnet_positions
 
 _STEPS = 2
-"""Newton steps from the corrected inverse: the second already moves less than a nanometre
-inside the usable range."""
-_FITTED = 1e-3
-"""m: displacements that the ideal field is corrected for."""
+"""Newton steps from the corrected inverse; the second moves less than a nanometre in the stroke."""
+_FITTED = 0.5e-3
+"""m: largest displacement that the ideal field is corrected for."""
 _SETTLED = 2e-6
 """m: a last Newton step longer than this has not converged."""
 
@@ -29,9 +34,9 @@ class Displacements(NamedTuple):
     """Where the chips stand relative to their magnets."""
 
     moved: Floats
-    """(..., S, 3), m: chip against magnet, from rest, in the skin's frame."""
+    """(T, S, 3), m: chip against magnet, from rest, in the skin's frame."""
     found: Bools
-    """(..., S): whether the field fits a place within the stroke."""
+    """(T,): whether every chip's field fits a place within the stroke."""
 
 
 def rest_cross_talk(design: SkinDesign) -> Floats:
@@ -50,20 +55,28 @@ class FieldInverse:
     Parameters
     ----------
     design : SkinDesign
+    tolerance : float
+        m: where the corrected ideal inverse may err by more, Newton steps follow it.
     stroke : float
-        m: farthest motion that counts as a solution, in the plane and along z.
+        m: farthest motion that counts as a solution, along each axis.
     """
 
-    def __init__(self, design: SkinDesign, *, stroke: float = 2.5e-3) -> None:
+    def __init__(
+        self, design: SkinDesign, *, tolerance: float = 1e-6, stroke: float = 2.5e-3
+    ) -> None:
         magnets = [design.magnet(site.magnet) for site in design.halls]
         self._stroke = stroke
         self._rest = np.zeros((len(magnets), 3))
         self._rest[:, 2] = [chip_offset(design, site) for site in design.halls]
         self._places, self._charges = point_charges(magnets)
-        self._corrections = [
-            fit_correction(magnet, site.gap, min(_FITTED, site.gap / 2))
-            for magnet, site in zip(magnets, design.halls, strict=True)
-        ]
+        fitted: dict[tuple[object, ...], tuple[LinearCorrection, float]] = {}
+        for magnet, site in zip(magnets, design.halls, strict=True):
+            if _kind(magnet, site) not in fitted:
+                one = fit_correction(magnet, site.gap, min(_FITTED, site.gap / 2))
+                fitted[_kind(magnet, site)] = one, usable_range(magnet, site.gap, one, tolerance)
+        mine = [fitted[_kind(m, site)] for m, site in zip(magnets, design.halls, strict=True)]
+        self._correction = stack_corrections([one for one, _ in mine])
+        self._usable_squared = np.array([radius for _, radius in mine]) ** 2
 
     @property
     def rest_field(self) -> Floats:
@@ -81,27 +94,34 @@ class FieldInverse:
 
         Parameters
         ----------
-        fields : Floats, shape (..., S, 3)
+        fields : Floats, shape (T, S, 3)
             T, of each chip's own magnet, at reference temperature, in the skin's frame.
 
         Returns
         -------
         Displacements
         """
-        fields = floats("fields", fields, self._rest.shape)
-        moved = np.empty_like(fields)
-        for s, correction in enumerate(self._corrections):
-            # A chip moves against its magnet as the magnet moves against the chip, reversed.
-            moved[..., s, :] = -displacement(correction, fields[..., s, :])
-        np.clip(moved, -self._stroke, self._stroke, out=moved)
-        np.nan_to_num(moved, copy=False)
+        # A chip moves against its magnet as the magnet moves against the chip, reversed.
+        moved = -displacement(self._correction, fields)
+        usable = ((moved * moved).sum(axis=-1) <= self._usable_squared).all(axis=-1)
+        if usable.all():
+            return Displacements(moved, usable)
+        found = usable.copy()
+        moved[~usable], found[~usable] = self._refine(fields[~usable], moved[~usable])
+        return Displacements(moved, found)
+
+    def _refine(self, fields: Floats, start: Floats) -> tuple[Floats, Bools]:
+        """Newton steps on the magnets' own field, and whether they settled within the stroke."""
+        moved = np.nan_to_num(np.clip(start, -self._stroke, self._stroke))
         step = moved
         for _ in range(_STEPS):
-            at, slope = charge_field_and_gradient(
-                self._places, self._charges, self._rest + moved
-            )
+            at, slope = charge_field_and_gradient(self._places, self._charges, self._rest + moved)
             step = np.linalg.solve(slope, (fields - at)[..., None])[..., 0]
             moved = moved + step
-        found = (np.abs(moved) <= self._stroke).all(axis=-1)
-        found &= (np.abs(step) <= _SETTLED).all(axis=-1)
-        return Displacements(moved, found)
+        settled = (np.abs(moved) <= self._stroke) & (np.abs(step) <= _SETTLED)
+        return moved, settled.all(axis=(-2, -1))
+
+
+def _kind(magnet: Magnet, site: HallSite) -> tuple[object, ...]:
+    """What the correction of a magnet depends on."""
+    return (magnet.mount, magnet.radius, magnet.height, magnet.remanence, magnet.polarity, site.gap)

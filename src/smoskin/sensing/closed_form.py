@@ -31,8 +31,8 @@ from smoskin.roles import Estimator
 from smoskin.sensing.calibration import Calibration
 from smoskin.sensing.conditioning import Conditioner, ZeroTracking
 
-_AXES: Final = np.arange(2)
-_SIGN_BITS: Final = np.array([2, 1])
+_FIRST_ROW: Final = np.array([0, 4])
+"""Of each axis in `Divisions`."""
 
 
 def signal_matrix(displacements: Floats) -> Ints:
@@ -52,12 +52,16 @@ def signal_matrix(displacements: Floats) -> Ints:
 
 
 class Divisions(NamedTuple):
-    """How displacements along x and y name a column and a row of cells."""
+    """How displacements along x and y name a column and a row of cells.
+
+    Row ``4 axis + code`` belongs to an axis and to the pair of signs that the two magnets show
+    along it.
+    """
 
     lines: Floats
-    """(2, 4, K): dividing ratios of each axis and pair of signs, ascending, then infinity."""
+    """(8, K): dividing ratios, ascending, then infinity."""
     cells: Ints
-    """(2, 4, K + 1): the column (or row) between the lines; -1 where none gives these signs."""
+    """(8, K + 1): the column (or row) between the lines; -1 where none gives these signs."""
 
 
 def divisions(unit_press: Floats) -> Divisions:
@@ -74,16 +78,15 @@ def divisions(unit_press: Floats) -> Divisions:
     Source: SI Eq. (S12) and Figure S5: the mean of two neighbours' ratios divides them.
     """
     most = max(unit_press.shape[:2])
-    lines = np.full((2, 4, most), np.inf)
-    cells = np.full((2, 4, most + 1), -1, dtype=np.int64)
+    lines = np.full((8, most), np.inf)
+    cells = np.full((8, most + 1), -1, dtype=np.int64)
     for axis, along in enumerate((unit_press[:, 0, :, 0], unit_press[0, :, :, 1])):
-        codes, ratio = _sign_code(along), along[:, 0] / along[:, 1]
-        for code in range(4):
-            members = np.flatnonzero(codes == code)
+        rows, ratio = 4 * axis + _sign_code(along > 0), along[:, 0] / along[:, 1]
+        for row in set(rows.tolist()):
+            members = np.flatnonzero(rows == row)
             members = members[np.argsort(ratio[members])]
-            if len(members):
-                cells[axis, code, : len(members)] = members
-                lines[axis, code, : len(members) - 1] = (ratio[members][:-1] + ratio[members][1:]) / 2
+            cells[row, : len(members)] = members
+            lines[row, : len(members) - 1] = (ratio[members][:-1] + ratio[members][1:]) / 2
     return Divisions(lines, cells)
 
 
@@ -100,10 +103,12 @@ def decide(rule: Divisions, displacements: Floats) -> Ints:
     -----
     Source: SI Eq. (S12): the signs name a zone (Table S1), the ratios a cell in it.
     """
-    codes = _sign_code(np.moveaxis(displacements, -2, -1))
-    ratio = displacements[..., 0, :] / displacements[..., 1, :]
-    past = (ratio[..., None] > rule.lines[_AXES, codes]).sum(axis=-1)
-    return np.asarray(rule.cells[_AXES, codes, past])
+    positive = displacements > 0
+    row = 2 * positive[..., 0, :] + positive[..., 1, :] + _FIRST_ROW
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = displacements[..., 0, :] / displacements[..., 1, :]
+    past = (ratio[..., None] > rule.lines.take(row, axis=0)).sum(axis=-1)
+    return rule.cells.ravel().take(row * rule.cells.shape[1] + past)
 
 
 class Solution(NamedTuple):
@@ -173,7 +178,7 @@ class ClosedFormEstimator(Estimator):
                 "design must have two chips under magnets of the sheet and one over a magnet of "
                 f"the base; got {len(upper)} and {len(lower)}"
             )
-        self._upper, self._lower = upper, lower[0]
+        self._upper, self._lower = np.array(upper), lower[0]
         self._inverse = FieldInverse(design)
         self._conditioner = Conditioner(
             design, self._inverse.rest_field, rest_cross_talk(design), tracking=tracking
@@ -184,9 +189,13 @@ class ClosedFormEstimator(Estimator):
         unit = [magnet_displacements(parts, watched[s].corner) for s in upper]
         self._divisions = divisions(np.stack(unit, axis=2))
         self._unit = np.concatenate(unit, axis=-1)
-        self._per_press = self._unit / (self._unit**2).sum(axis=-1, keepdims=True)
         self._stiffness = stiffness_map(design, coefficients)
-        self._folding = folding_correction_map(design.cells, coefficients)
+        # One row a cell: displacements to press depth, then v_s K_z, then v_f in x and y.
+        per_press = self._unit / (self._unit**2).sum(axis=-1, keepdims=True)
+        folding = folding_correction_map(design.cells, coefficients)
+        table = np.concatenate([per_press, self._stiffness[..., None], folding], axis=-1)
+        self._cell_table = table.reshape(-1, 7)
+        self._cell_strides = np.array([design.cells[1], 1])
         self._places = loaded_positions(design)
         self._covariance = self._covariances()
 
@@ -229,7 +238,7 @@ class ClosedFormEstimator(Estimator):
         """
         conditioned = [self._conditioner.step(reading) for reading in readings]
         rows = [k for k, one in enumerate(conditioned) if one.status is None]
-        solution = self.solve(np.stack([conditioned[k].field for k in rows])) if rows else None
+        solution = self.solve(np.array([conditioned[k].field for k in rows])) if rows else None
         row_of = {k: row for row, k in enumerate(rows)}
         estimates = []
         for k, (reading, one) in enumerate(zip(readings, conditioned, strict=True)):
@@ -251,16 +260,16 @@ class ClosedFormEstimator(Estimator):
         shear = self.calibration.board_stiffness * moved[:, self._lower, :2]
         slide = shear / self.calibration.sheet_stiffness
         # Chips are at rest in their own frame; a magnet's motion is the reverse of theirs.
-        pressed = -(moved[:, self._upper, :2] + slide[:, None, :])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            cell = decide(self._divisions, pressed)
-        n, m = cell[:, 0], cell[:, 1]
-        press = (pressed.reshape(-1, 4) * self._per_press[n, m]).sum(axis=-1)
-        gain = shear_gain(shear, self._folding[n, m])
+        pressed = -(moved.take(self._upper, axis=1)[..., :2] + slide[:, None, :])
+        cell = decide(self._divisions, pressed)
+        # Where no cell was found the row is some cell's, and the cell says so.
+        of_cell = self._cell_table.take(cell @ self._cell_strides, axis=0, mode="clip")
+        press = (pressed.reshape(-1, 4) * of_cell[:, :4]).sum(axis=-1)
         force = np.empty((len(field), 3))
         force[:, :2] = shear
-        force[:, 2] = -normal_force(press, self._stiffness[n, m], gain)
-        return Solution(cell, press, force, found.all(axis=-1))
+        gain = shear_gain(shear, of_cell[:, 5:])
+        force[:, 2] = -normal_force(press, of_cell[:, 4], gain)
+        return Solution(cell, press, force, found)
 
     def _estimate(self, time: float, solution: Solution, k: int) -> Estimate:
         """One row of a solution as an estimate."""
@@ -292,6 +301,6 @@ class ClosedFormEstimator(Estimator):
         return spread
 
 
-def _sign_code(pair: Floats) -> Ints:
-    """0 to 3 from the signs of the two magnets' displacements, (..., 2)."""
-    return np.asarray((pair > 0) @ _SIGN_BITS)
+def _sign_code(positive: Bools) -> Ints:
+    """0 to 3 from whether the two magnets' displacements are positive, (..., 2)."""
+    return np.asarray(2 * positive[..., 0] + positive[..., 1])

@@ -82,8 +82,7 @@ class Conditioner:
         self._rotations = np.stack([hall.rotation(site) for site in design.halls])
         self._rest = rest_field
         setting = design.hall_setting
-        # Only below the highest resolution can a value run over its window and come back.
-        self._jump = hall.full_scale(setting) if setting.resolution < 3 else None
+        self._jump = hall.full_scale(setting) if hall.wraps(setting) else None
         self._cross_talk = cross_talk
         self.reset()
 

@@ -164,12 +164,13 @@ class Panel:
         self._card.content = _card(estimate, truth, rate, latency, age)
         if not self._history:
             return
-        # Running seconds, because the plots lay out their axes anew only when a scale moves;
-        # zeros in front, so that curves still short are drawn at the same scale as long ones.
+        # Running seconds, because the plots lay out their axes anew only when a scale moves.
         times = np.array([time for time, _ in self._history]) - self._start
-        times = np.concatenate([[times[-1] - _HISTORY, times[0]], times])
         changes = np.array([change for _, change in self._history])
-        changes = np.concatenate([np.zeros((2, *changes.shape[1:])), changes])
+        if times[0] == 0.0:
+            # Zeros before the zero, so that short curves have the scale of long ones.
+            times = np.concatenate([[times[-1] - _HISTORY, 0.0], times])
+            changes = np.concatenate([np.zeros_like(changes[[0, 0]]), changes])
         for chip, plot in enumerate(self._plots):
             plot.data = (times, *changes[:, chip].T)
             plot.title = _heading(self._chips[chip], ChipFlag(int(reading.flags[chip])))
@@ -180,7 +181,9 @@ def _plot(server: "viser.ViserServer", name: str) -> "viser.GuiUplotHandle":
     span, nothing = np.array((-_HISTORY, 0.0)), np.zeros(2)
     seconds: uplot.Axis = {"size": 24, "ticks": {"show": False}}
     microtesla: uplot.Axis = {"size": 44, "ticks": {"show": False}}
-    curves: list[uplot.Series] = [{"stroke": color, "width": 1.6} for _, color in _AXES]
+    curves: list[uplot.Series] = [
+        {"stroke": color, "width": 1.6, "points": {"show": False}} for _, color in _AXES
+    ]
     # At least +-20 uT, so that noise looks like noise.
     margin = {"pad": 0.1, "mode": 1}
     return server.gui.add_uplot(
@@ -196,7 +199,7 @@ def _plot(server: "viser.ViserServer", name: str) -> "viser.GuiUplotHandle":
         legend={"show": False},
         cursor={"show": False},
         height=200,
-        padding=(4, 14, 4, 0),
+        padding=(10, 14, 4, 0),
     )
 
 

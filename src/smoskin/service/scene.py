@@ -344,7 +344,9 @@ class _Marker:
         scene = server.scene
         self._solid = opacity >= 1.0
         self._root = scene.add_frame(name, show_axes=False, visible=False)
-        points, faces = _arrow(np.array((0.0, 0.0, -1.0)))
+        # Slimmer where translucent, so that it hides inside an estimate that is right.
+        self._girth = 1.0 if self._solid else 0.7
+        points, faces = _arrow(np.array((0.0, 0.0, -1.0)), self._girth)
         self._arrow = scene.add_mesh_simple(
             f"{name}/arrow",
             points,
@@ -371,7 +373,7 @@ class _Marker:
         x, y = contact.position * _UNITS
         force = np.nan_to_num(contact.force)
         self._root.position = (x, y, height * _UNITS + _LIFT)
-        self._arrow.vertices = _arrow(force)[0].astype(np.float32)
+        self._arrow.vertices = _arrow(force, self._girth)[0].astype(np.float32)
         self._arrow.visible = bool(force.any())
         known = bool(np.isfinite(spread).all())
         if known:
@@ -392,7 +394,7 @@ def _tail(force: Floats) -> Floats:
     return np.zeros(3) if force[2] > 0.0 else -force * _ARROW_PER_NEWTON
 
 
-def _arrow(force: Floats) -> tuple[Floats, Ints]:
+def _arrow(force: Floats, girth: float) -> tuple[Floats, Ints]:
     """Vertices and triangles of an arrow for a force, with the contact at the origin."""
     length = float(np.linalg.norm(force)) * _ARROW_PER_NEWTON
     axis = force / np.linalg.norm(force) if length > 0.0 else np.array((0.0, 0.0, -1.0))
@@ -400,9 +402,10 @@ def _arrow(force: Floats) -> tuple[Floats, Ints]:
     aside /= np.linalg.norm(aside)
     angle = np.linspace(0.0, 2 * np.pi, _ARROW_SIDES, endpoint=False)[:, None]
     circle = np.cos(angle) * aside + np.sin(angle) * np.cross(axis, aside)
-    head = min(0.75, 0.5 * length)
+    head = min(0.75 * girth, 0.5 * length)
+    thin, wide = 0.13 * girth, 0.34 * girth
     # Stations along the arrow as (distance from its tail, radius).
-    stations = ((0.0, 0.0), (0.0, 0.13), (length - head, 0.13), (length - head, 0.34))
+    stations = ((0.0, 0.0), (0.0, thin), (length - head, thin), (length - head, wide))
     rings = [_tail(force) + along * axis + radius * circle for along, radius in stations]
     rings.append(np.broadcast_to(_tail(force) + length * axis, circle.shape))
     here = np.arange(_ARROW_SIDES)

@@ -1,0 +1,207 @@
+"""Recordings that others made, read from the layouts that they published them in.
+
+Decides how the folders of the eFlesh characterisation become arrays in SI: which sets and runs
+there are, how rows of several files pair up in time, and which marks mean "no reading". Hides
+the files; a file that is cut short, of another width or not numeric is an error that names the
+line, never a guess.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from smoskin.arrays import Bools, Floats, frozen
+from smoskin.errors import RecordingError
+
+EFLESH_SETS: Final = ("spatial_resolution", "normal_force", "shear_force")
+"""Sets of the eFlesh characterisation, each a folder of runs."""
+
+_GRAM_FORCE: Final = 9.81e-3
+_NO_LOAD: Final = -1.0
+_MOST_UNPAIRED: Final = 0.05
+"""Share of rows that may lack a partner in another file before the run is refused."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ProbeRun:
+    """One run of a probe over a sensor, its files paired up row by row."""
+
+    set: str
+    """One of `EFLESH_SETS`."""
+    name: str
+    """The run's folder."""
+    time: Floats
+    """(T,), s, unix time, increasing."""
+    field: Floats
+    """(T, S, 3), T, as read."""
+    field_rezeroed: Floats
+    """(T, S, 3), T, less the zero that was taken anew before each press or cycle."""
+    position: Floats
+    """(T, 3), m, of the probe in the robot's frame."""
+    load: Floats
+    """(T,), N; NaN where the file has no reading."""
+    unpaired: int
+    """Rows left out because another file has none near them in time."""
+
+    def __post_init__(self) -> None:
+        rows, chips = self.field.shape[:2]
+        shapes: dict[str, tuple[int, ...]] = {
+            "time": (rows,),
+            "field": (rows, chips, 3),
+            "field_rezeroed": (rows, chips, 3),
+            "position": (rows, 3),
+            "load": (rows,),
+        }
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, frozen(name, getattr(self, name), shape))
+
+
+def read_eflesh(directory: Path | str) -> tuple[ProbeRun, ...]:
+    """All runs of the eFlesh characterisation under a folder.
+
+    Parameters
+    ----------
+    directory : Path or str
+        The repository's folder, its `characterization` or its `datasets`. Sets may be absent.
+
+    Returns
+    -------
+    tuple of ProbeRun
+        In the order of `EFLESH_SETS`, then by name.
+
+    Raises
+    ------
+    RecordingError
+        If there is no set, a set has no run, or a file cannot be believed.
+
+    Notes
+    -----
+    Source: arXiv:2506.09994, public data of its characterisation.
+    """
+    root = Path(directory)
+    places = [root, root / "datasets", root / "characterization" / "datasets"]
+    for place in places:
+        found = [name for name in EFLESH_SETS if (place / name).is_dir()]
+        if found:
+            return tuple(run for name in found for run in _read_set(place / name))
+    raise RecordingError(
+        f"directory must hold one of {', '.join(EFLESH_SETS)}, or be a folder above them "
+        f"(eflesh, characterization or datasets); got {root}"
+    )
+
+
+def _read_set(folder: Path) -> list[ProbeRun]:
+    """Every run of one set."""
+    runs = sorted(path for path in folder.glob("*_probe") if path.is_dir())
+    if not runs:
+        raise RecordingError(f"{folder}: a set must hold folders named *_probe; it has none")
+    return [_read_run(path) for path in runs]
+
+
+def _read_run(folder: Path) -> ProbeRun:
+    """One run, its three files paired up on the sensor's times."""
+    files = [folder / f"{name}.csv" for name in ("sensor", "sensor_post_baselines", "states")]
+    sensor, rezeroed, states = (_read_table(path) for path in files)
+    for path, table in zip(files[:2], (sensor, rezeroed), strict=True):
+        if table.shape[1] < 4 or table.shape[1] % 3 != 1:
+            raise RecordingError(
+                f"{path}:1: a row must hold a time and three values a chip; "
+                f"got {table.shape[1]} columns"
+            )
+    if sensor.shape[1] != rezeroed.shape[1]:
+        raise RecordingError(
+            f"{files[1]}:1: a row must have {sensor.shape[1]} columns, as sensor.csv has; "
+            f"got {rezeroed.shape[1]}"
+        )
+    if states.shape[1] not in (4, 5):
+        raise RecordingError(
+            f"{files[2]}:1: a row must hold time, x, y, z and perhaps the load; "
+            f"got {states.shape[1]} columns"
+        )
+    keep = np.ones(len(sensor), dtype=bool)
+    partners = []
+    for path, table in zip(files[1:], (rezeroed, states), strict=True):
+        rows, near = _pair(sensor[:, 0], table[:, 0], files[0], path)
+        partners.append(rows)
+        keep &= near
+    zeroed, state = (
+        table[rows[keep]] for table, rows in zip((rezeroed, states), partners, strict=True)
+    )
+    raw = sensor[keep]
+    load = np.full(len(raw), np.nan)
+    if states.shape[1] == 5:
+        load = np.where(state[:, 4] == _NO_LOAD, np.nan, state[:, 4] * _GRAM_FORCE)
+    return ProbeRun(
+        set=folder.parent.name,
+        name=folder.name,
+        time=raw[:, 0],
+        field=raw[:, 1:].reshape(len(raw), -1, 3) * 1e-6,
+        field_rezeroed=zeroed[:, 1:].reshape(len(raw), -1, 3) * 1e-6,
+        position=state[:, 1:4] * 1e-3,
+        load=load,
+        unpaired=int(max(len(sensor), len(states), len(rezeroed)) - len(raw)),
+    )
+
+
+def _pair(time: Floats, other: Floats, path: Path, other_path: Path) -> tuple[Floats, Bools]:
+    """Row of the other file for each time, and whether it is near enough to belong to it."""
+    reach = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
+    if len(time) == len(other):
+        rows = np.arange(len(time))
+    else:
+        after = np.clip(np.searchsorted(other, time), 1, max(len(other) - 1, 1))
+        after = np.minimum(after, len(other) - 1)
+        before = np.maximum(after - 1, 0)
+        rows = np.where(time - other[before] <= other[after] - time, before, after)
+    near = np.abs(other[rows] - time) <= reach
+    longer = max(len(time), len(other))
+    if near.sum() < (1 - _MOST_UNPAIRED) * longer:
+        raise RecordingError(
+            f"{other_path}: its {len(other)} rows must pair up in time with the {len(time)} of "
+            f"{path.name}; only {int(near.sum())} lie within {reach:.3g} s of each other: "
+            "one of the two is cut short or belongs to another run"
+        )
+    return rows, near
+
+
+def _read_table(path: Path) -> Floats:
+    """A CSV file of numbers without a header, its first column an increasing time."""
+    try:
+        text = path.read_text(encoding="ascii")
+    except FileNotFoundError as error:
+        raise RecordingError(f"{path}: a run must have this file; it is missing") from error
+    except UnicodeDecodeError as error:
+        line = bytes(error.object[: error.start]).count(b"\n") + 1
+        raise RecordingError(f"{path}:{line}: not a text file of numbers") from error
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+    lines = text.split("\n")
+    if lines.pop() != "":
+        raise RecordingError(
+            f"{path}:{len(lines) + 1}: the last line must end in a line break; "
+            "the file is cut short"
+        )
+    if not lines:
+        raise RecordingError(f"{path}: must hold rows of numbers; it is empty")
+    rows = []
+    for number, line in enumerate(lines, start=1):
+        try:
+            row = [float(cell) for cell in line.split(",")]
+        except ValueError as error:
+            raise RecordingError(f"{path}:{number}: {error}") from error
+        if rows and len(row) != len(rows[0]):
+            raise RecordingError(
+                f"{path}:{number}: a row must have {len(rows[0])} columns, as line 1 has; "
+                f"got {len(row)}"
+            )
+        rows.append(row)
+    table = np.array(rows)
+    faulty = np.flatnonzero(~np.isfinite(table).all(axis=1))
+    if len(faulty):
+        raise RecordingError(f"{path}:{faulty[0] + 1}: numbers must be finite")
+    back = np.flatnonzero(np.diff(table[:, 0]) < 0)
+    if len(back):
+        raise RecordingError(f"{path}:{back[0] + 2}: time must not run backwards")
+    return table
