@@ -256,9 +256,9 @@ def test_the_page_shows_what_it_is_told() -> None:
             "estimatetrueerror",
             "x, mm45.0± 2.045.0+0.0",
             "y, mm80.0± 1.080.0+0.0",
-            "Fn, N0.50± 0.040.50+0.00",
-            "Fx, N0.10± 0.020.10+0.00",
-            "Fy, N-0.05± 0.03-0.05+0.00",
+            "Fn, N0.500± 0.0400.500+0.000",
+            "Fx, N0.100± 0.0200.100+0.000",
+            "Fy, N-0.050± 0.030-0.050+0.000",
         ]
         opened.wait_until(lambda: vermilion(picture(opened)) > 100)
 

@@ -103,7 +103,8 @@ class FieldInverse:
         """
         # A chip moves against its magnet as the magnet moves against the chip, reversed.
         moved = -displacement(self._correction, fields)
-        usable = ((moved * moved).sum(axis=-1) <= self._usable_squared).all(axis=-1)
+        squared = np.einsum("tsk,tsk->ts", moved, moved)
+        usable = (squared <= self._usable_squared).all(axis=-1)
         if usable.all():
             return Displacements(moved, usable)
         found = usable.copy()

@@ -31,8 +31,8 @@ from smoskin.roles import Estimator
 from smoskin.sensing.calibration import Calibration
 from smoskin.sensing.conditioning import Conditioner, ZeroTracking
 
-_FIRST_ROW: Final = np.array([0, 4])
-"""Of each axis in `Divisions`."""
+_AXIS_TURNS: Final = np.array([0.0, 2 * np.pi])
+"""Added to the directions of x and y, so that one sorted list of lines serves both."""
 
 
 def signal_matrix(displacements: Floats) -> Ints:
@@ -52,16 +52,17 @@ def signal_matrix(displacements: Floats) -> Ints:
 
 
 class Divisions(NamedTuple):
-    """How displacements along x and y name a column and a row of cells.
+    """How the two magnets' displacements along x and y name a column and a row of cells.
 
-    Row ``4 axis + code`` belongs to an axis and to the pair of signs that the two magnets show
-    along it.
+    The signs of the two displacements and their ratio are together one direction,
+    ``arctan2(first, second)``. Lines on its circle divide the columns, and where the signs
+    belong to no column, a sector is nobody's. A second circle divides the rows.
     """
 
     lines: Floats
-    """(8, K): dividing ratios, ascending, then infinity."""
+    """(K,), rad, ascending: of x in (-pi, pi], of y one turn further."""
     cells: Ints
-    """(8, K + 1): the column (or row) between the lines; -1 where none gives these signs."""
+    """(K + 1,): the column (or row) between the lines; -1 where there is none."""
 
 
 def divisions(unit_press: Floats) -> Divisions:
@@ -77,17 +78,17 @@ def divisions(unit_press: Floats) -> Divisions:
     -----
     Source: SI Eq. (S12) and Figure S5: the mean of two neighbours' ratios divides them.
     """
-    most = max(unit_press.shape[:2])
-    lines = np.full((8, most), np.inf)
-    cells = np.full((8, most + 1), -1, dtype=np.int64)
-    for axis, along in enumerate((unit_press[:, 0, :, 0], unit_press[0, :, :, 1])):
-        rows, ratio = 4 * axis + _sign_code(along > 0), along[:, 0] / along[:, 1]
-        for row in set(rows.tolist()):
-            members = np.flatnonzero(rows == row)
-            members = members[np.argsort(ratio[members])]
-            cells[row, : len(members)] = members
-            lines[row, : len(members) - 1] = (ratio[members][:-1] + ratio[members][1:]) / 2
-    return Divisions(lines, cells)
+    lines, cells = [], []
+    for turn, along in zip(_AXIS_TURNS, (unit_press[:, 0, :, 0], unit_press[0, :, :, 1]), strict=True):
+        direction = np.arctan2(along[:, 0], along[:, 1])
+        for quarter in np.arange(-np.pi, np.pi - 0.1, np.pi / 2):
+            members = np.flatnonzero((direction > quarter) & (direction < quarter + np.pi / 2))
+            members = members[np.argsort(direction[members])]
+            ratio, side = along[members, 0] / along[members, 1], np.sign(along[members, 1])
+            between = np.arctan2(side[1:] * (ratio[1:] + ratio[:-1]) / 2, side[1:])
+            lines += [quarter + turn, *(between + turn)]
+            cells += members.tolist() if len(members) else [-1]
+    return Divisions(np.array(lines), np.array([-1, *cells]))
 
 
 def decide(rule: Divisions, displacements: Floats) -> Ints:
@@ -103,12 +104,8 @@ def decide(rule: Divisions, displacements: Floats) -> Ints:
     -----
     Source: SI Eq. (S12): the signs name a zone (Table S1), the ratios a cell in it.
     """
-    positive = displacements > 0
-    row = 2 * positive[..., 0, :] + positive[..., 1, :] + _FIRST_ROW
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = displacements[..., 0, :] / displacements[..., 1, :]
-    past = (ratio[..., None] > rule.lines.take(row, axis=0)).sum(axis=-1)
-    return rule.cells.ravel().take(row * rule.cells.shape[1] + past)
+    direction = np.arctan2(displacements[..., 0, :], displacements[..., 1, :])
+    return rule.cells.take(rule.lines.searchsorted(direction + _AXIS_TURNS))
 
 
 class Solution(NamedTuple):
@@ -226,7 +223,10 @@ class ClosedFormEstimator(Estimator):
         ArgumentError
             If the reading has another number of chips than the design.
         """
-        return self.batch([reading])[0]
+        conditioned = self._conditioner.step(reading)
+        if conditioned.status is not None:
+            return Estimate(time=reading.time, status=conditioned.status)
+        return self._estimate(reading.time, self.solve(conditioned.field[None]), 0)
 
     def batch(self, readings: Sequence[Reading]) -> list[Estimate]:
         """The same as `step` on each reading in turn, faster.
@@ -258,13 +258,13 @@ class ClosedFormEstimator(Estimator):
         """
         moved, found = self._inverse.displacements(field)
         shear = self.calibration.board_stiffness * moved[:, self._lower, :2]
-        slide = shear / self.calibration.sheet_stiffness
         # Chips are at rest in their own frame; a magnet's motion is the reverse of theirs.
-        pressed = -(moved.take(self._upper, axis=1)[..., :2] + slide[:, None, :])
+        pressed = -moved.take(self._upper, axis=1)[..., :2]
+        pressed -= (shear / self.calibration.sheet_stiffness)[:, None, :]
         cell = decide(self._divisions, pressed)
         # Where no cell was found the row is some cell's, and the cell says so.
         of_cell = self._cell_table.take(cell @ self._cell_strides, axis=0, mode="clip")
-        press = (pressed.reshape(-1, 4) * of_cell[:, :4]).sum(axis=-1)
+        press = np.einsum("tk,tk->t", pressed.reshape(-1, 4), of_cell[:, :4])
         force = np.empty((len(field), 3))
         force[:, :2] = shear
         gain = shear_gain(shear, of_cell[:, 5:])
@@ -299,8 +299,3 @@ class ClosedFormEstimator(Estimator):
         spread[..., 2, 2] = spread[..., 3, 3] = self.calibration.board_stiffness**2 * of_board
         spread[..., 4, 4] = self._stiffness**2 * of_motion / (self._unit**2).sum(axis=-1)
         return spread
-
-
-def _sign_code(positive: Bools) -> Ints:
-    """0 to 3 from whether the two magnets' displacements are positive, (..., 2)."""
-    return np.asarray(2 * positive[..., 0] + positive[..., 1])

@@ -223,7 +223,7 @@ def _legend() -> str:
         (f"border:1.5px solid rgb({estimated});height:9px", "95 % ellipse of the place"),
         (
             f"background:linear-gradient(90deg,#96866e,rgb({estimated}))",
-            "creases moved by 0 to 0.2 mm",
+            "creases, moved within the sheet by 0 to 0.2 mm",
         ),
     )
     rows = (
@@ -306,7 +306,7 @@ def _touch(contact: Contact, covariance: Floats, true: Contact | None) -> str:
         cells.append(f"± {deviation:.{digits}f}" if math.isfinite(deviation) else "")
         if true is not None:
             actual = _values(true)[index] * factor
-            cells += [_number(actual, digits), f"{value - actual:+.{digits}f}"]
+            cells += [_number(actual, digits), f"{round(value - actual, digits) + 0.0:+.{digits}f}"]
         rows.append(cells)
     heads = ["", "estimate", ""] + (["true", "error"] if true is not None else [])
     line = (
@@ -326,9 +326,9 @@ def _touch(contact: Contact, covariance: Floats, true: Contact | None) -> str:
 _QUANTITIES: Final = (
     ("x", "mm", 1e3, 1),
     ("y", "mm", 1e3, 1),
-    ("Fn", "N", 1.0, 2),
-    ("Fx", "N", 1.0, 2),
-    ("Fy", "N", 1.0, 2),
+    ("Fn", "N", 1.0, 3),
+    ("Fx", "N", 1.0, 3),
+    ("Fy", "N", 1.0, 3),
 )
 
 
@@ -355,4 +355,5 @@ def _row(tag: str, cells: Sequence[str]) -> str:
 
 
 def _number(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}" if math.isfinite(value) else "–"
+    """A number for people: no minus before zero, a dash where there is none."""
+    return f"{round(value, digits) + 0.0:.{digits}f}" if math.isfinite(value) else "–"
