@@ -41,7 +41,9 @@ def test_every_cell_is_found_without_noise(request, skin, force, shear):
     design = request.getfixturevalue(skin)
     contacts = touches(design, force, shear)
     for contact, estimate in zip(
-        contacts, estimates(Twin(design, seed=None), ClosedFormEstimator(design), contacts), strict=True
+        contacts,
+        estimates(Twin(design, seed=None), ClosedFormEstimator(design), contacts),
+        strict=True,
     ):
         assert located(estimate, contact), (contact, estimate)
         seen = estimate.contacts[0]
@@ -65,7 +67,9 @@ def scattered(design, rng):
     """A skin near the design: other attenuation, magnets, gaps and folding corrections."""
     coefficients = design.coefficients
     v_a = tuple(float(v * rng.uniform(0.95, 1.05)) for v in coefficients.attenuation)
-    magnets = tuple(replace(m, remanence=m.remanence * rng.uniform(0.98, 1.02)) for m in design.magnets)
+    magnets = tuple(
+        replace(m, remanence=m.remanence * rng.uniform(0.98, 1.02)) for m in design.magnets
+    )
     halls = tuple(replace(s, gap=s.gap * rng.uniform(0.99, 1.01)) for s in design.halls)
     return replace(
         design, magnets=magnets, halls=halls, coefficients=replace(coefficients, attenuation=v_a)
@@ -79,7 +83,10 @@ def test_cells_are_found_on_skins_that_are_not_as_designed(planar):
         twin, estimator = Twin(scattered(planar, rng), seed=seed), ClosedFormEstimator(planar)
         estimator.zero([twin.read(time=-1.0 + 0.01 * k) for k in range(20)])
         contacts = touches(planar, 0.5, (0.0, 0.0))
-        found += [located(e, c) for e, c in zip(estimates(twin, estimator, contacts), contacts, strict=True)]
+        found += [
+            located(e, c)
+            for e, c in zip(estimates(twin, estimator, contacts), contacts, strict=True)
+        ]
     assert np.mean(found) >= 0.98
 
 
@@ -124,11 +131,28 @@ def test_covariance_is_the_cells_size_and_the_chips_noise(planar):
     twin, estimator = Twin(planar, seed=0), ClosedFormEstimator(planar)
     contact = touches(planar, 0.5, (0.2, 0.0))[14]
     many = estimates(twin, estimator, [contact] * 400)
-    spread = many[0].covariance[0]
-    np.testing.assert_allclose(np.sqrt(np.diag(spread))[:2], [5.77e-3, 7.70e-3], rtol=1e-2)
-    forces = np.array([e.contacts[0].force for e in many])
-    ratio = forces.std(axis=0) / np.sqrt(np.diag(spread))[2:]
+    deviation = np.sqrt(np.diag(many[0].covariance[0]))
+    np.testing.assert_allclose(deviation[:2], [5.77e-3, 7.70e-3], rtol=1e-2)
+    shear = np.array([e.contacts[0].force[:2] for e in many])
+    ratio = shear.std(axis=0) / deviation[2:4]
     assert np.all((ratio > 0.5) & (ratio < 2.0)), ratio
+
+
+def test_presses_anywhere_in_the_cells_scatter_as_stated(planar):
+    rng = np.random.default_rng(5)
+    twin, estimator = Twin(planar, seed=5), ClosedFormEstimator(planar)
+    contacts = [
+        Contact(position=rng.uniform((0, 0), (0.1199, 0.1599)), force=(0.0, 0.0, -0.6))
+        for _ in range(600)
+    ]
+    scores = []
+    for contact, estimate in zip(contacts, estimates(twin, estimator, contacts), strict=True):
+        assert estimate.status is Status.CONTACT
+        seen = estimate.contacts[0]
+        off = np.array([*(seen.position - contact.position), seen.force[2] + 0.6])
+        scores.append(off / np.sqrt(np.diag(estimate.covariance[0])[[0, 1, 4]]))
+    rms = np.sqrt(np.mean(np.square(scores), axis=0))
+    assert np.all((rms > 0.7) & (rms < 1.4)), rms
 
 
 def test_a_field_of_no_place_is_out_of_range(planar):
@@ -137,8 +161,8 @@ def test_a_field_of_no_place_is_out_of_range(planar):
 
 
 def test_wrong_use_is_named(planar):
+    other = replace(planar, name="4x5", cells=(5, 6))
     with pytest.raises(ModelError, match="calibration must belong to design '4x5'"):
-        other = replace(planar, name="4x5", cells=(5, 6))
         ClosedFormEstimator(other, Calibration.nominal(planar))
     no_base = replace(planar, halls=planar.halls[1:])
     with pytest.raises(ArgumentError, match="one over a magnet of the base; got 2 and 0"):

@@ -115,7 +115,9 @@ def test_time_that_does_not_go_on_is_stale(planar, twin):
 
 
 def test_a_jump_of_half_the_window_is_a_wrap_where_a_chip_can_wrap(planar, twin):
-    fine = replace(planar, hall_setting=replace(planar.hall_setting, gain_selection=0, resolution=1))
+    fine = replace(
+        planar, hall_setting=replace(planar.hall_setting, gain_selection=0, resolution=1)
+    )
     seen = conditioner(fine)
     assert seen.step(twin.read()).status is Status.NO_CONTACT
     wrapped = twin.read(time=0.1).field - [0.0, 0.0, 0.17]

@@ -113,7 +113,7 @@ def test_axes_must_be_right_handed():
 
 
 def test_an_unknown_design_names_the_known_ones(tmp_path):
-    with pytest.raises(DesignError, match="shipped design .*planar"):
+    with pytest.raises(DesignError, match=r"shipped design .*planar"):
         load_design("plannar")
     bad = tmp_path / "skin.toml"
     bad.write_text("name = 3")

@@ -81,9 +81,7 @@ def test_loaded_vertices_lie_in_the_middle_of_their_cells(planar):
 
 def test_chips_stand_their_gap_from_their_magnets(planar):
     chips, magnets = hall_positions(planar), magnet_positions(planar)
-    for site, chip, magnet, where in zip(
-        planar.halls, chips, planar.magnets, magnets, strict=True
-    ):
+    for site, chip, magnet, where in zip(planar.halls, chips, planar.magnets, magnets, strict=True):
         apart = np.abs(chip - where)
         np.testing.assert_allclose(apart, [0, 0, site.gap + magnet.height / 2], atol=1e-12)
     assert chips[0, 2] < -planar.columns.height < chips[1, 2]

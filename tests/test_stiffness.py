@@ -13,6 +13,7 @@ from smoskin.mechanics.stiffness import (
     column_stiffness,
     folding_correction_map,
     normal_force,
+    pillar_stiffness,
     press_depth,
     relative_stiffness_map,
     shear_gain,
@@ -27,6 +28,13 @@ def test_the_reference_columns_and_skin_are_as_stiff_as_planned(planar):
     assert 1.6e3 < stiffness.min() < stiffness.max() < 2.1e3
     assert board_stiffness(planar) == pytest.approx(8 * math.pi * 9e-6 * 25e3 / 3e-3)
     assert sheet_stiffness(planar) == pytest.approx(91 * 17.6715 + 36 * 100, rel=1e-4)
+
+
+def test_a_pillar_shears_as_a_beam_of_the_same_rubber():
+    """k = S G / h from the energy of uniform shear, G/2 (u/h)^2 over the volume."""
+    radius, height, modulus, u = 2e-3, 8e-3, 30e3, 1e-4
+    energy = 0.5 * modulus * (u / height) ** 2 * math.pi * radius**2 * height
+    assert pillar_stiffness(radius, height, modulus) == pytest.approx(2 * energy / u**2)
 
 
 @given(v=st.floats(0.05, 1.0), n=st.integers(1, 7), m=st.integers(1, 7))

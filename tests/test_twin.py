@@ -49,10 +49,14 @@ def test_two_presses_add_up(planar):
 def test_a_drag_moves_board_and_sheet_by_their_stiffnesses(planar):
     drag = Contact(position=(0.06, 0.08), force=(0.3, -0.2, 0.0))
     magnets, board = Twin(planar, seed=None).magnet_motion([drag])
-    np.testing.assert_allclose(board, [0.3 / board_stiffness(planar), -0.2 / board_stiffness(planar), 0])
+    np.testing.assert_allclose(
+        board, [0.3 / board_stiffness(planar), -0.2 / board_stiffness(planar), 0]
+    )
     by_name = dict(zip([m.name for m in planar.magnets], magnets, strict=True))
     np.testing.assert_array_equal(by_name["M1"], 0)
-    np.testing.assert_allclose((by_name["M2"] - board)[:2], np.array([0.3, -0.2]) / sheet_stiffness(planar))
+    np.testing.assert_allclose(
+        (by_name["M2"] - board)[:2], np.array([0.3, -0.2]) / sheet_stiffness(planar)
+    )
 
 
 def test_a_mirrored_press_on_a_mirrored_skin_gives_mirrored_fields(planar):
@@ -111,7 +115,10 @@ def test_the_shown_sheet_sinks_under_the_finger(planar):
 @pytest.mark.parametrize(
     ("contact", "message"),
     [
-        (press(-0.01, 0.05), r"position must lie on the skin, \(0..120.0, 0..160.0\) mm; got \(-10"),
+        (
+            press(-0.01, 0.05),
+            r"position must lie on the skin, \(0..120.0, 0..160.0\) mm; got \(-10",
+        ),
         (press(0.05, 0.2), "position must lie on the skin"),
         (press(0.05, 0.05, -0.1), "force must be finite and press"),
         (press(0.05, 0.05, float("nan")), "force must be finite and press"),

@@ -87,9 +87,7 @@ def field_extent(design: SkinDesign, site: HallSite) -> FieldExtent:
     x, y = np.meshgrid(steps, steps, indexing="ij")
     points = np.stack([x, y, np.full_like(x, chip_offset(design, site))], axis=-1)
     seen = sector.field(magnet, points) @ hall.rotation(site)
-    return FieldExtent(
-        rest=seen[4, 4], largest=np.abs(seen).max(axis=(0, 1)), stroke=stroke
-    )
+    return FieldExtent(rest=seen[4, 4], largest=np.abs(seen).max(axis=(0, 1)), stroke=stroke)
 
 
 def _stroke(design: SkinDesign, magnet: Magnet) -> float:

@@ -25,7 +25,7 @@ def test_e1_in_plane_poisson_ratio():
     now = size(cell)
     measured = -((more.length - less.length) / now.length) / ((more.width - less.width) / now.width)
     assert poisson_ratios(cell).nu_12 == pytest.approx(measured, rel=1e-6)
-    assert -math.cos(cell.fold_angle) ** 2 != pytest.approx(measured, rel=0.1)
+    assert -(math.cos(cell.fold_angle) ** 2) != pytest.approx(measured, rel=0.1)
 
 
 def centripetal_film_field(x: float, z: float, k: float, thickness: float, m_0: float) -> float:

@@ -7,7 +7,7 @@ drag; each touch is judged by what the estimator said while it was held.
 import math
 import os
 import threading
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
@@ -39,29 +39,6 @@ _OFF_VERTEX: Final = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ScriptedTouch:
-    """One touch of the hand."""
-
-    start: float
-    """s, on the twin's clock."""
-    contact: Contact
-    """Where and how hard while it is held."""
-
-    @property
-    def held(self) -> tuple[float, float]:
-        """s: between rising and falling."""
-        return self.start + _RAMP, self.start + _RAMP + _HOLD
-
-    def at(self, time: float) -> tuple[Contact, ...]:
-        """The contact at a time; empty before and after."""
-        begin, end = self.held
-        strength = min((time - self.start) / _RAMP, 1.0, (end + _RAMP - time) / _RAMP)
-        if strength <= 0:
-            return ()
-        return (Contact(position=self.contact.position, force=strength * self.contact.force),)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Touch:
     """One side of a judged touch, in the units people read."""
 
@@ -77,7 +54,7 @@ class Touch:
         (x, y), force = contact.position * 1e3, contact.force
         return cls(
             **{
-                name: round(float(value), 4)
+                name: round(float(value), 4) + 0.0  # no negative zero
                 for name, value in zip(
                     ("x_mm", "y_mm", "fx_N", "fy_N", "fz_N"), (x, y, *force), strict=True
                 )
@@ -128,33 +105,34 @@ class DemoResult:
         }
 
 
-def scripted_hand(design: SkinDesign, seconds: float, seed: int) -> tuple[ScriptedTouch, ...]:
+def scripted_hand(design: SkinDesign, seconds: float, seed: int) -> tuple[Contact, ...]:
     """As many touches as fit into so many seconds, spread over the whole skin.
 
-    Every other touch drags as well; the first presses the middle of the skin straight.
+    Every other touch drags as well; the first presses straight.
 
     Raises
     ------
     ArgumentError
         If not even one touch fits.
     """
-    count = int((seconds - _FIRST) / _PERIOD)
+    count = math.floor((seconds - _FIRST) / _PERIOD)
     if count < 1:
         raise ArgumentError(f"seconds must be at least {_FIRST + _PERIOD:g}; got {seconds:g}")
     rng = np.random.default_rng(seed)
     places = loaded_positions(design).reshape(-1, 2)
     extent = size(design.cell)
-    order = np.concatenate([rng.permutation(len(places)) for _ in range(-(-count // len(places)))])
+    rounds = [rng.permutation(places) for _ in range(-(-count // len(places)))]
     touches = []
-    for k, cell in enumerate(order[:count]):
+    for k, place in enumerate(np.concatenate(rounds)[:count]):
         off = rng.uniform(-_OFF_VERTEX, _OFF_VERTEX, 2) * (extent.length, extent.width)
         press, drag, way = rng.uniform(0.3, 1.0), rng.uniform(0.1, 0.4), rng.uniform(0, math.tau)
         drag *= k % 2
-        contact = Contact(
-            position=places[cell] + off,
-            force=(drag * math.cos(way), drag * math.sin(way), -press),
+        touches.append(
+            Contact(
+                position=place + off,
+                force=(drag * math.cos(way), drag * math.sin(way), -press),
+            )
         )
-        touches.append(ScriptedTouch(start=_FIRST + k * _PERIOD, contact=contact))
     return tuple(touches)
 
 
@@ -209,13 +187,13 @@ def run_demo(
         loop = stack.enter_context(Loop(source, estimator, sinks=sinks))
         on_start(show.url if show is not None else None)
         try:
-            for estimate in loop:
+            for number, estimate in enumerate(loop):
                 hand.note(estimate)
-                if show is not None:
-                    show.counters = loop.counters if hand.step % 25 == 0 else show.counters
-                    if show.zero_asked.is_set():
-                        show.zero_asked.clear()
-                        estimator.zero(show.latest)
+                if show is not None and number % 25 == 0:
+                    show.latency = loop.counters.latency_median
+                if show is not None and show.zero_asked.is_set():
+                    show.zero_asked.clear()
+                    estimator.zero(tuple(show.latest))
                 if seconds is not None and estimate.time >= seconds:
                     break
                 source.touch(hand.contacts(estimate.time + 1 / rate))
@@ -224,66 +202,72 @@ def run_demo(
                 raise
         counters = loop.counters
     touches = hand.judge(design)
-    errors = [(t.position_error_mm, t.force_error_percent) for t in touches if t.estimated]
-    means = np.mean(errors, axis=0).round(3).tolist() if errors else [None, None]
     return DemoResult(
         touches=touches,
         summary=Summary(
             touches=len(touches),
             found=sum(touch.found for touch in touches),
-            mean_position_error_mm=means[0],
-            mean_force_error_percent=means[1],
+            mean_position_error_mm=_mean([touch.position_error_mm for touch in touches]),
+            mean_force_error_percent=_mean([touch.force_error_percent for touch in touches]),
             rate_hz=round(counters.rate, 2),
             latency_us_median=round(counters.latency_median * 1e6, 1),
         ),
     )
 
 
+def _mean(errors: Sequence[float | None]) -> float | None:
+    """Mean of the errors that there are."""
+    known = [error for error in errors if error is not None]
+    return round(float(np.mean(known)), 3) if known else None
+
+
 class _Hand:
     """The scripted hand, the mouse beside it, and what was estimated meanwhile."""
 
-    def __init__(self, script: Sequence[ScriptedTouch], *, repeat: bool) -> None:
+    def __init__(self, script: Sequence[Contact], *, repeat: bool) -> None:
         self.mouse: Contact | None = None
-        self.step = 0
         self._script = script
-        self._length = script[-1].start + _PERIOD if repeat else math.inf
+        self._repeat = repeat
         self._held: dict[int, list[Estimate]] = {}
         self._spoilt: set[int] = set()
 
     def contacts(self, time: float) -> tuple[Contact, ...]:
         """What touches the skin at a time; the mouse pushes the hand aside."""
+        number, since = self._turn(time)
         mouse = self.mouse
         if mouse is not None:
-            index, _ = self._place(time)
-            self._spoilt.add(index)
+            self._spoilt.add(number)
             return (mouse,)
-        index, moment = self._place(time)
-        local = moment - self._script[0].start
-        k = int(local // _PERIOD)
-        return self._script[k].at(moment) if 0 <= k < len(self._script) else ()
+        touch = self._touch(number)
+        strength = min(since / _RAMP, 1.0, (_HOLD + 2 * _RAMP - since) / _RAMP)
+        if touch is None or strength <= 0:
+            return ()
+        return (Contact(position=touch.position, force=strength * touch.force),)
 
     def note(self, estimate: Estimate) -> None:
         """Keep an estimate that was made while a touch was held."""
-        self.step += 1
-        index, moment = self._place(estimate.time)
-        if 0 <= index % len(self._script) and index >= 0:
-            begin, end = self._script[index % len(self._script)].held
-            if begin < moment < end:
-                self._held.setdefault(index, []).append(estimate)
+        number, since = self._turn(estimate.time)
+        if self._touch(number) is not None and _RAMP < since < _RAMP + _HOLD:
+            self._held.setdefault(number, []).append(estimate)
 
     def judge(self, design: SkinDesign) -> tuple[JudgedTouch, ...]:
-        """Every finished touch that the mouse left alone."""
+        """Every touch of the hand that the mouse left alone."""
         return tuple(
-            _judge(self._script[index % len(self._script)].contact, held, design)
-            for index, held in sorted(self._held.items())
-            if index not in self._spoilt
+            _judge(touch, held, design)
+            for number, held in sorted(self._held.items())
+            if number not in self._spoilt and (touch := self._touch(number)) is not None
         )
 
-    def _place(self, time: float) -> tuple[int, float]:
-        """Running number of the touch at a time, and the time on the script's clock."""
-        turn, moment = divmod(time, self._length) if math.isfinite(self._length) else (0, time)
-        k = math.floor((moment - self._script[0].start) / _PERIOD)
-        return int(turn) * len(self._script) + min(k, len(self._script) - 1), moment
+    def _turn(self, time: float) -> tuple[int, float]:
+        """Running number of the touch whose turn it is, and the time since its start, s."""
+        number = math.floor((time - _FIRST) / _PERIOD)
+        return number, time - _FIRST - number * _PERIOD
+
+    def _touch(self, number: int) -> Contact | None:
+        """The scripted touch of a running number."""
+        if number < 0 or (number >= len(self._script) and not self._repeat):
+            return None
+        return self._script[number % len(self._script)]
 
 
 def _judge(true: Contact, held: Sequence[Estimate], design: SkinDesign) -> JudgedTouch:
@@ -317,8 +301,8 @@ class _Page(Sink):
 
     def __init__(self, design: SkinDesign, twin: Twin, hand: _Hand, port: int) -> None:
         self.zero_asked = threading.Event()
-        self.latest: list[Reading] = []
-        self.counters = None
+        self.latest: deque[Reading] = deque(maxlen=20)
+        self.latency = math.nan
         self._twin, self._hand = twin, hand
         self._view = View(
             _shape(design),
@@ -335,7 +319,7 @@ class _Page(Sink):
 
     def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
         """Show a reading, its estimate and the true touch."""
-        self.latest = [*self.latest[-19:], reading]
+        self.latest.append(reading)
         if estimate is None:
             return
         truth = self._hand.contacts(reading.time)
@@ -344,7 +328,7 @@ class _Page(Sink):
             estimate,
             truth=truth,
             vertices=self._twin.sheet_vertices(truth),
-            latency=math.nan if self.counters is None else self.counters.latency_median,
+            latency=self.latency,
         )
 
     def close(self) -> None:
@@ -367,4 +351,8 @@ def _shape(design: SkinDesign) -> SkinShape:
         magnet_radius=design.magnets[0].radius,
         magnet_height=design.magnets[0].height,
         board=-design.columns.height,
+        extent=(
+            float(design.cells[0] * size(design.cell).length),
+            float(design.cells[1] * size(design.cell).width),
+        ),
     )

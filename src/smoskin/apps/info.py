@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, SupportsFloat
 
 import numpy as np
 
@@ -79,7 +79,13 @@ def describe(design: SkinDesign) -> DataSheet:
     given = []
     for path, name, value in design_values(design):
         known = design.provenance.get(path)
-        why = "" if known is None else f"{known.origin}: {known.reason}" if known.reason else known.origin
+        why = (
+            ""
+            if known is None
+            else f"{known.origin}: {known.reason}"
+            if known.reason
+            else known.origin
+        )
         given.append(Row(part=path.rpartition(".")[0] or "skin", name=name, value=value, why=why))
     return DataSheet(
         name=design.name,
@@ -97,10 +103,14 @@ def _derived(design: SkinDesign) -> list[Row]:
             return Row(part=part, name=name, value=value, why=why)
         return Row(part=part, name=name, value=float(f"{value:.6g}"), why=why)
 
-    def written(part: str, name: str, suffix: str, value: float, why: str) -> Row:
+    def written(part: str, name: str, suffix: str, value: SupportsFloat, why: str) -> Row:
         return row(part, f"{name}_{suffix}", float(units.from_si(float(value), suffix)), why)
 
-    extent, nu, dihedral = size(design.cell), poisson_ratios(design.cell), dihedral_angles(design.cell)
+    extent, nu, dihedral = (
+        size(design.cell),
+        poisson_ratios(design.cell),
+        dihedral_angles(design.cell),
+    )
     n, m = design.cells
     stiffness = stiffness_map(design, design.coefficients)
     setting = design.hall_setting
@@ -118,7 +128,9 @@ def _derived(design: SkinDesign) -> list[Row]:
         written("skin", "press_stiffness_least", "N_per_mm", stiffness.min(), "S22-S25"),
         written("skin", "press_stiffness_most", "N_per_mm", stiffness.max(), "S22-S25"),
         written("skin", "press_at_rated_force", "mm", RATED_PRESS / stiffness.min(), "S27"),
-        written("skin", "sheet_stiffness", "N_per_mm", sheet_stiffness(design), "columns and frame"),
+        written(
+            "skin", "sheet_stiffness", "N_per_mm", sheet_stiffness(design), "columns and frame"
+        ),
         written("skin", "board_stiffness", "N_per_mm", board_stiffness(design), "S26"),
     ]
     full_scale = hall.full_scale(setting)

@@ -189,8 +189,7 @@ class HallSite:
             )
         if not 0x08 <= self.address <= 0x77:
             raise DesignError(
-                f"{owner}.address must be a 7-bit I2C address in 0x08..0x77; "
-                f"got {self.address:#x}"
+                f"{owner}.address must be a 7-bit I2C address in 0x08..0x77; got {self.address:#x}"
             )
 
 

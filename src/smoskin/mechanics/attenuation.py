@@ -45,7 +45,9 @@ class Profiles(NamedTuple):
     """(M, M + 1): likewise for the rows; 0 unless the fold follows the width."""
 
 
-def cell_change(cell: MiuraCell, press: float, kinematics: Kinematics = "first_order") -> CellChange:
+def cell_change(
+    cell: MiuraCell, press: float, kinematics: Kinematics = "first_order"
+) -> CellChange:
     """How much the pressed cell grows in the plane when its top vertex moves by `press`.
 
     Parameters
@@ -213,7 +215,9 @@ def _zigzag_shift(
     extent = size(cell)
     if kinematics == "first_order":
         # dphi = dl / (2 b cos phi) = dw cot(phi) / w, both from S1.
-        rate = 1 / (2 * b * np.cos(phi)) if size_name == "length" else 1 / extent.width / np.tan(phi)
+        rate = (
+            1 / (2 * b * np.cos(phi)) if size_name == "length" else 1 / extent.width / np.tan(phi)
+        )
         return np.asarray(-b * np.sin(phi) * rate * growth)
     if size_name == "length":
         folded = fold_angle(cell, length=extent.length + growth)

@@ -169,12 +169,12 @@ def normal_force(press: ArrayLike, stiffness: ArrayLike, gain: ArrayLike) -> Flo
     -----
     Source: SI Eq. (S27): F_z = (1 + |F_p|/v_f) v_s K_z U_z.
     """
-    return np.asarray(gain) * np.asarray(stiffness) * np.asarray(press)
+    return np.asarray(np.asarray(gain) * stiffness * press)
 
 
 def press_depth(force: ArrayLike, stiffness: ArrayLike, gain: ArrayLike) -> Floats:
     """U_z under a normal force, m: the inverse of `normal_force`."""
-    return np.asarray(force) / (np.asarray(gain) * np.asarray(stiffness))
+    return np.asarray(force / (np.asarray(gain) * stiffness))
 
 
 def _squared_motion(parts: Profiles) -> Floats:

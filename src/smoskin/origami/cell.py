@@ -100,14 +100,13 @@ def fold_angle(
     Source: inverse of SI Eq. (S1); cos(phi) = a cos(alpha) / sqrt(a^2 - h^2).
     """
     a, b, alpha = cell.panel_a, cell.panel_b, cell.sector_angle
-    given = [(n, v) for n, v in (("length", length), ("width", width), ("height", height))
-             if v is not None]  # fmt: skip
+    extents = (("length", length), ("width", width), ("height", height))
+    given = [(name, floats(name, value)) for name, value in extents if value is not None]
     if len(given) != 1:
         raise ArgumentError(
             f"exactly one of length, width and height must be given; got {len(given)}"
         )
-    name, raw = given[0]
-    value = floats(name, raw)
+    name, value = given[0]
     least, most = {
         "length": (0.0, 2 * b * np.sin(alpha)),
         "width": (2 * a * np.cos(alpha), 2 * a),

@@ -18,6 +18,7 @@ from smoskin.errors import ArgumentError
 from smoskin.magnetics import hall
 from smoskin.magnetics.inversion import FieldInverse, rest_cross_talk
 from smoskin.mechanics.attenuation import magnet_displacements, profiles
+from smoskin.mechanics.contact import vertex_shares
 from smoskin.mechanics.stiffness import (
     folding_correction_map,
     normal_force,
@@ -79,7 +80,9 @@ def divisions(unit_press: Floats) -> Divisions:
     Source: SI Eq. (S12) and Figure S5: the mean of two neighbours' ratios divides them.
     """
     lines, cells = [], []
-    for turn, along in zip(_AXIS_TURNS, (unit_press[:, 0, :, 0], unit_press[0, :, :, 1]), strict=True):
+    for turn, along in zip(
+        _AXIS_TURNS, (unit_press[:, 0, :, 0], unit_press[0, :, :, 1]), strict=True
+    ):
         direction = np.arctan2(along[:, 0], along[:, 1])
         for quarter in np.arange(-np.pi, np.pi - 0.1, np.pi / 2):
             members = np.flatnonzero((direction > quarter) & (direction < quarter + np.pi / 2))
@@ -105,7 +108,7 @@ def decide(rule: Divisions, displacements: Floats) -> Ints:
     Source: SI Eq. (S12): the signs name a zone (Table S1), the ratios a cell in it.
     """
     direction = np.arctan2(displacements[..., 0, :], displacements[..., 1, :])
-    return rule.cells.take(rule.lines.searchsorted(direction + _AXIS_TURNS))
+    return np.asarray(rule.cells.take(rule.lines.searchsorted(direction + _AXIS_TURNS)))
 
 
 class Solution(NamedTuple):
@@ -195,6 +198,7 @@ class ClosedFormEstimator(Estimator):
         self._cell_strides = np.array([design.cells[1], 1])
         self._places = loaded_positions(design)
         self._covariance = self._covariances()
+        self._force_spread = self._force_spreads()
 
     @property
     def drift(self) -> Floats:
@@ -275,15 +279,14 @@ class ClosedFormEstimator(Estimator):
         """One row of a solution as an estimate."""
         if not solution.found[k]:
             return Estimate(time=time, status=Status.OUT_OF_RANGE)
-        n, m = int(solution.cell[k, 0]), int(solution.cell[k, 1])
+        n, m = solution.cell[k].tolist()
         if n < 0 or m < 0 or not solution.press[k] > 0:
             return Estimate(time=time, status=Status.AMBIGUOUS)
         contact = Contact(position=self._places[n, m], force=solution.force[k])
+        covariance = self._covariance[n, m].copy()
+        covariance[4, 4] += (self._force_spread[n, m] * contact.force[2]) ** 2
         return Estimate(
-            time=time,
-            status=Status.CONTACT,
-            contacts=(contact,),
-            covariance=self._covariance[n, m][None],
+            time=time, status=Status.CONTACT, contacts=(contact,), covariance=covariance[None]
         )
 
     def _covariances(self) -> Floats:
@@ -299,3 +302,15 @@ class ClosedFormEstimator(Estimator):
         spread[..., 2, 2] = spread[..., 3, 3] = self.calibration.board_stiffness**2 * of_board
         spread[..., 4, 4] = self._stiffness**2 * of_motion / (self._unit**2).sum(axis=-1)
         return spread
+
+    def _force_spreads(self) -> Floats:
+        """Relative error of the normal force of a press anywhere in each cell, RMS, (N, M)."""
+        extent = size(self.design.cell)
+        inside = np.linspace(-0.4, 0.4, 5)
+        steps = np.stack(np.meshgrid(inside, inside, indexing="ij"), axis=-1).reshape(-1, 2)
+        places = self._places[..., None, :] + steps * (extent.length, extent.width)
+        presses = vertex_shares(self.design, places) / self._stiffness
+        motion = np.einsum("...nm,nmk->...k", presses, self._unit)
+        per_press = self._unit / (self._unit**2).sum(axis=-1, keepdims=True)
+        force = np.einsum("nmpk,nmk->nmp", motion, per_press) * self._stiffness[..., None]
+        return np.asarray(np.sqrt(np.mean((force - 1) ** 2, axis=-1)))

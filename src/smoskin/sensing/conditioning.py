@@ -2,8 +2,8 @@
 
 A chip reads ``f(T) (B + X) + e``: the field B of its own magnet and X of the others at rest,
 weakened by f as they warm, plus an offset e of electronics and surroundings. The zero is the
-offset found while the skin is untouched; it is followed slowly while the skin stays idle, up to a bound past which the zero is no longer
-believed. Source: SI Text S11 (5 % per 10 degC).
+offset found while the skin is untouched; it is followed slowly while the skin stays idle, up to
+a bound past which the zero is no longer believed. Source: SI Text S11 (5 % per 10 degC).
 """
 
 from collections.abc import Sequence
@@ -89,7 +89,7 @@ class Conditioner:
     @property
     def drift(self) -> Floats:
         """How far the zero has followed since it was set, shape (S, 3), T."""
-        return self._offset - self._zero
+        return np.asarray(self._offset - self._zero)
 
     def reset(self) -> None:
         """Return to the design's zero and forget earlier readings."""
@@ -194,7 +194,7 @@ class Conditioner:
             self._drifted = bool(np.abs(self.drift).max() > self.tracking.drift_bound)
 
     def _set_zero(self, offset: Floats) -> None:
-        self._zero = offset
-        self._offset = offset
+        self._zero: Floats = offset
+        self._offset: Floats = offset
         self._drifted = False
         self._idle_since = None

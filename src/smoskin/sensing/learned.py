@@ -2,7 +2,7 @@
 
 A model is a Gaussian process's mean over an encoding of the zeroed field: a Matern 3/2 part
 with one length per input, and a linear part that takes over beyond the data. Decides what is
-fed to it (`Encoding`), when it may be believed, and what its file holds; hides arrays and file
+said of a touch, when it may be believed, and what its file holds; hides arrays and file
 format. Needs NumPy and SciPy alone; reading and writing files needs `safetensors`. Files carry
 no code. Training lives in `smoskin.sensing.training`.
 """
@@ -21,11 +21,10 @@ from smoskin.arrays import Floats, floats, frozen
 from smoskin.errors import ArgumentError, MissingExtraError, ModelError
 from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
+from smoskin.sensing.encoding import Encoding, Form, History
 
 _FORMAT: Final = 1
 _KEY: Final = "smoskin_model"
-_FAINT: Final = 1e-6
-"""T, added in quadrature so that the logarithm of no field at all stays finite."""
 _BAD: Final = int(ChipFlag.MISSING | ChipFlag.INVALID)
 _FULL: Final = int(ChipFlag.SATURATED | ChipFlag.WRAPPED)
 _TENSORS: Final = (
@@ -54,67 +53,6 @@ class Output(Enum):
     def unit(self) -> str:
         """SI unit."""
         return "m" if self.value < 2 else "N"
-
-
-class Form(Enum):
-    """How a field is laid out for a model; the value is a sentence for people."""
-
-    COMPONENTS = "Every component of the used chips' zeroed field, in T."
-    DIRECTION = (
-        "Components of the used chips' zeroed field over its length across all of them, and the "
-        "logarithm of that length over 1 T: how hard is told apart from where."
-    )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Encoding:
-    """What a model is fed: fields of some chips, now and against their recent past."""
-
-    chips: tuple[int, ...]
-    """Chips used, by their index in the reading."""
-    form: Form = Form.COMPONENTS
-    """Layout of the present field."""
-    time_constants: tuple[float, ...] = ()
-    """s: for each, the field less its trailing exponential mean is fed too (hysteresis)."""
-
-    def __post_init__(self) -> None:
-        if not self.chips or min(self.chips) < 0 or len(set(self.chips)) != len(self.chips):
-            raise ArgumentError(f"chips must be distinct indices from 0; got {self.chips}")
-        if not all(0 < tau < np.inf for tau in self.time_constants):
-            raise ArgumentError(f"time_constants must be positive; got {self.time_constants}")
-
-    @property
-    def columns(self) -> int:
-        """Number of inputs that a model with this encoding has."""
-        present = 3 * len(self.chips)
-        return present * (1 + len(self.time_constants)) + (self.form is Form.DIRECTION)
-
-    def encode(self, time: Floats, field: Floats) -> Floats:
-        """Inputs of consecutive zeroed fields, which see only what came before them.
-
-        Parameters
-        ----------
-        time : Floats, shape (T,)
-            s, increasing.
-        field : Floats, shape (T, S, 3)
-            T, of all chips of the reading.
-
-        Returns
-        -------
-        Floats, shape (T, columns)
-
-        Raises
-        ------
-        ArgumentError
-            If the shapes disagree, or the field has fewer chips than are used.
-        """
-        field = floats("field", field, (len(time), None, 3))
-        if max(self.chips) >= field.shape[1]:
-            raise ArgumentError(
-                f"field must have the chips {self.chips}; got {field.shape[1]} chips"
-            )
-        used = field[:, list(self.chips)].reshape(len(field), -1)
-        return _lay_out(self.form, used, _History(self.time_constants).lags(time, used))
 
 
 class Metric(NamedTuple):
@@ -233,7 +171,7 @@ class LearnedModel:
         distance = cdist(row, self.support)
         kernel = (1.0 + distance) * np.exp(-distance)
         values = kernel @ self.weights + row @ self.slope + self.intercept
-        factor = noise_factor(self.encoding, self.noise, inputs)
+        factor = self.noise[0] + self.noise[1] * self.encoding.faintness(inputs)
         return Prediction(
             values, factor[:, None, None] * self.residual, distance.min(axis=1) / self.reach
         )
@@ -273,13 +211,6 @@ class LearnedModel:
             "split": self.split,
             "metrics": [metric._asdict() for metric in self.metrics],
         }
-
-
-def noise_factor(encoding: Encoding, noise: Floats, inputs: Floats) -> Floats:
-    """Variance of rows of inputs, shape (T,), relative: a faint field says less than a strong one."""
-    if encoding.form is Form.COMPONENTS:
-        return np.full(len(inputs), float(noise[0]))
-    return np.asarray(noise[0] + noise[1] * np.exp(-2.0 * inputs[:, 3 * len(encoding.chips)]))
 
 
 def load_model(path: Path | str) -> LearnedModel:
@@ -360,7 +291,7 @@ class LearnedEstimator(Estimator):
         """Return to the zero given at the start, and forget earlier readings."""
         self._zero = None if self._given is None else self._given[self._chips].reshape(-1)
         self._last_time = -np.inf
-        self._history = _History(self.model.encoding.time_constants)
+        self._history = History(self.model.encoding.time_constants)
 
     def zero(self, readings: Sequence[Reading]) -> None:
         """Take the mean of these readings, made while nothing touches, as the zero.
@@ -377,7 +308,7 @@ class LearnedEstimator(Estimator):
                 f"got {len(readings)} readings"
             )
         self._zero = np.mean(good, axis=0)
-        self._history = _History(self.model.encoding.time_constants)
+        self._history = History(self.model.encoding.time_constants)
 
     def step(self, reading: Reading) -> Estimate:
         """The touch that one reading shows.
@@ -445,7 +376,7 @@ class LearnedEstimator(Estimator):
         lags = self._history.step(reading.time, used)
         if np.sqrt(used @ used) < self.model.touch_field:
             return Status.NO_CONTACT
-        return _lay_out(self.model.encoding.form, used[None], lags[None])[0]
+        return np.asarray(self.model.encoding.lay_out(used[None], lags[None])[0])
 
     def _answers(self, inputs: Floats) -> list[tuple[Floats, Floats, float]]:
         """(x, y, Fx, Fy, Fz), its covariance and the novelty, for each row."""
@@ -468,35 +399,3 @@ class LearnedEstimator(Estimator):
             contacts=(Contact(position=values[:2], force=values[2:]),),
             covariance=spread[None],
         )
-
-
-class _History:
-    """Trailing exponential means of a field, one for each time constant."""
-
-    def __init__(self, time_constants: tuple[float, ...]) -> None:
-        self._time_constants = np.array(time_constants)[:, None]
-        self._means: Floats | None = None
-        self._time = 0.0
-
-    def step(self, time: float, field: Floats) -> Floats:
-        """The field less each mean, shape (L * C,); the first field starts the means."""
-        if self._means is None:
-            self._means = np.tile(field, (len(self._time_constants), 1))
-        weight = -np.expm1(-(time - self._time) / self._time_constants)
-        self._time = time
-        self._means = self._means + weight * (field - self._means)
-        return np.asarray((field - self._means).reshape(-1))
-
-    def lags(self, time: Floats, field: Floats) -> Floats:
-        """The same for consecutive fields, shape (T, L * C)."""
-        if not self._time_constants.size:
-            return np.zeros((len(field), 0))
-        return np.stack([self.step(float(t), row) for t, row in zip(time, field, strict=True)])
-
-
-def _lay_out(form: Form, used: Floats, lags: Floats) -> Floats:
-    """Inputs (T, D) from the used chips' fields (T, C) and their lags (T, L * C)."""
-    if form is Form.COMPONENTS:
-        return np.concatenate([used, lags], axis=1)
-    length = np.sqrt((used**2).sum(axis=1, keepdims=True) + _FAINT**2)
-    return np.concatenate([used / length, np.log(length), lags], axis=1)

@@ -15,19 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dpotri
-from scipy.optimize import minimize
+from scipy.optimize import fmin_l_bfgs_b
 from scipy.spatial.distance import cdist
 
 from smoskin.arrays import Bools, Floats, Ints, floats, frozen
 from smoskin.errors import ArgumentError
-from smoskin.sensing.learned import (
-    Encoding,
-    Form,
-    LearnedModel,
-    Metric,
-    Output,
-    noise_factor,
-)
+from smoskin.sensing.encoding import Encoding, Form
+from smoskin.sensing.learned import LearnedModel, Metric, Output
 
 Progress: TypeAlias = Callable[[str, float], None]
 """Called with what is being done and the share of it that is done, 0 to 1."""
@@ -244,7 +238,7 @@ class _Problem(NamedTuple):
 
     def standard(self, inputs: Floats, targets: Floats) -> tuple[Floats, Floats, Floats]:
         """Standardised inputs and targets, and the faintness of each row."""
-        faintness = noise_factor(self.encoding, np.array([0.0, self.faint]), inputs)
+        faintness = self.faint * self.encoding.faintness(inputs)
         return (inputs - self.centre) / self.spread, (targets - self.mean) / self.size, faintness
 
 
@@ -296,16 +290,15 @@ def _most_probable(
         done += 1
         report("lengths and noise", min(done / iterations, 1.0))
 
-    found = minimize(
-        lambda vector: negative_log_posterior(vector, x, y, faintness, usual),
+    best, _, _ = fmin_l_bfgs_b(
+        negative_log_posterior,
         start,
-        jac=True,
-        method="L-BFGS-B",
+        args=(x, y, faintness, usual),
         bounds=bounds,
+        maxiter=iterations,
         callback=count,
-        options={"maxiter": iterations},
     )
-    return _Parameters.of(found.x)
+    return _Parameters.of(np.asarray(best))
 
 
 def negative_log_posterior(

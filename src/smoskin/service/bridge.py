@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from smoskin.arrays import Bools, Floats, frozen
+from smoskin.arrays import Bools, Floats, Ints, frozen
 from smoskin.errors import RecordingError
 
 EFLESH_SETS: Final = ("spatial_resolution", "normal_force", "shear_force")
@@ -145,16 +145,16 @@ def _read_run(folder: Path) -> ProbeRun:
     )
 
 
-def _pair(time: Floats, other: Floats, path: Path, other_path: Path) -> tuple[Floats, Bools]:
+def _pair(time: Floats, other: Floats, path: Path, other_path: Path) -> tuple[Ints, Bools]:
     """Row of the other file for each time, and whether it is near enough to belong to it."""
     reach = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
     if len(time) == len(other):
-        rows = np.arange(len(time))
+        rows = np.arange(len(time), dtype=np.int64)
     else:
         after = np.clip(np.searchsorted(other, time), 1, max(len(other) - 1, 1))
         after = np.minimum(after, len(other) - 1)
         before = np.maximum(after - 1, 0)
-        rows = np.where(time - other[before] <= other[after] - time, before, after)
+        rows = np.where(time - other[before] <= other[after] - time, before, after).astype(np.int64)
     near = np.abs(other[rows] - time) <= reach
     longer = max(len(time), len(other))
     if near.sum() < (1 - _MOST_UNPAIRED) * longer:
@@ -173,8 +173,8 @@ def _read_table(path: Path) -> Floats:
     except FileNotFoundError as error:
         raise RecordingError(f"{path}: a run must have this file; it is missing") from error
     except UnicodeDecodeError as error:
-        line = bytes(error.object[: error.start]).count(b"\n") + 1
-        raise RecordingError(f"{path}:{line}: not a text file of numbers") from error
+        bad_line = bytes(error.object[: error.start]).count(b"\n") + 1
+        raise RecordingError(f"{path}:{bad_line}: not a text file of numbers") from error
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
     lines = text.split("\n")
@@ -185,7 +185,7 @@ def _read_table(path: Path) -> Floats:
         )
     if not lines:
         raise RecordingError(f"{path}: must hold rows of numbers; it is empty")
-    rows = []
+    rows: list[list[float]] = []
     for number, line in enumerate(lines, start=1):
         try:
             row = [float(cell) for cell in line.split(",")]

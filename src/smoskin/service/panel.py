@@ -223,7 +223,7 @@ def _legend() -> str:
         (f"border:1.5px solid rgb({estimated});height:9px", "95 % ellipse of the place"),
         (
             f"background:linear-gradient(90deg,#96866e,rgb({estimated}))",
-            "creases, moved within the sheet by 0 to 0.2 mm",
+            "creases sunk by 0 to 0.2 mm",
         ),
     )
     rows = (

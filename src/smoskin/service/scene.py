@@ -32,8 +32,8 @@ _CREASE: Final = np.array((150, 138, 116), dtype=float)
 _BOARD: Final = (108, 138, 130)
 _MAGNET: Final = (96, 100, 108)
 _CHIP: Final = (38, 40, 44)
-# m: a crease takes the full colour of a touch where it has moved this far.
-_VIVID_DISPLACEMENT: Final = 0.2e-3
+# m: a crease takes the full colour of a touch where it has sunk this deep.
+_VIVID_DEPTH: Final = 0.2e-3
 _ARROW_PER_NEWTON: Final = 0.05 * _UNITS
 _ARROW_SIDES: Final = 24
 _DISC_RADIUS: Final = 0.45
@@ -234,9 +234,9 @@ class SkinScene:
         moved = np.zeros_like(rest) if vertices is None else np.nan_to_num(vertices - rest)
         self._drawn = rest + exaggeration * moved
         points = (self._drawn * _UNITS).astype(np.float32)
-        # A drag moves the whole sheet; what lights up is how it moves within itself.
-        distance = np.linalg.norm(moved - np.median(moved, axis=0), axis=1)[self._creases]
-        share = np.clip(distance / _VIVID_DISPLACEMENT, 0.0, 1.0)[..., None]
+        # In the plane a press moves the whole sheet; what lights up is the dent.
+        sunk = -moved[self._creases, 2]
+        share = np.clip(sunk / _VIVID_DEPTH, 0.0, 1.0)[..., None]
         self.sheet.vertices = points
         self.sheet.opacity = opacity if opacity < 1.0 else None
         for node, vertex, offset in self._hung:

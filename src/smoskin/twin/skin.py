@@ -15,6 +15,7 @@ from smoskin.errors import ArgumentError
 from smoskin.magnetics import hall, sector
 from smoskin.magnetics.material import temperature_factor
 from smoskin.mechanics.attenuation import column_displacements, magnet_displacements, profiles
+from smoskin.mechanics.contact import vertex_shares
 from smoskin.mechanics.stiffness import (
     board_stiffness,
     folding_correction_map,
@@ -23,9 +24,8 @@ from smoskin.mechanics.stiffness import (
     sheet_stiffness,
     stiffness_map,
 )
-from smoskin.origami.cell import size
 from smoskin.origami.layout import hall_positions, magnet_positions
-from smoskin.origami.sheet import loaded_positions, vertex_positions
+from smoskin.origami.sheet import vertex_positions
 from smoskin.records import Contact, Reading
 
 
@@ -89,7 +89,7 @@ class Twin:
                     f"force must be finite and press, with z <= 0 N; got {contact.force} N"
                 )
             gain = shear_gain(contact.force[:2], self._folding)
-            share = _vertex_shares(self.design, contact.position)
+            share = vertex_shares(self.design, contact.position)
             depth += press_depth(share * contact.normal_force, self._stiffness, gain)
         return depth
 
@@ -140,13 +140,13 @@ class Twin:
         ArgumentError
             If a contact lies off the skin or pulls at it.
         """
-        seen = np.einsum("sij,si->sj", self._rotations, self.field(contacts, temperature=temperature))
+        seen = np.einsum(
+            "sij,si->sj", self._rotations, self.field(contacts, temperature=temperature)
+        )
         degrees = np.full(len(seen), temperature)
         if self._noise is None:
             return Reading(time=time, field=seen, temperature=degrees)
-        sample = hall.measure(
-            seen, self.design.hall_setting, temperature=degrees, rng=self._noise
-        )
+        sample = hall.measure(seen, self.design.hall_setting, temperature=degrees, rng=self._noise)
         return Reading(
             time=time,
             field=hall.tesla(sample.counts, self.design.hall_setting),
@@ -178,21 +178,3 @@ class Twin:
         drag = np.sum([contact.force[:2] for contact in contacts], axis=0) if contacts else 0.0
         vertices[..., :2] += drag / sheet_stiffness(self.design)
         return vertices.reshape(-1, 3)
-
-
-def _vertex_shares(design: SkinDesign, position: Floats) -> Floats:
-    """Shares of a touch that each cell's top vertex takes, shape (N, M), sum 1."""
-    extent = size(design.cell)
-    whole = np.array([design.cells[0] * extent.length, design.cells[1] * extent.width])
-    slack = 1e-6
-    if not np.all((position >= -slack) & (position <= whole + slack)):
-        raise ArgumentError(
-            f"position must lie on the skin, (0..{whole[0] * 1e3:.1f}, 0..{whole[1] * 1e3:.1f}) "
-            f"mm; got ({position[0] * 1e3:.1f}, {position[1] * 1e3:.1f}) mm"
-        )
-    places = loaded_positions(design)
-    in_x = np.interp(position[0], places[:, 0, 0], np.arange(design.cells[0]))
-    in_y = np.interp(position[1], places[0, :, 1], np.arange(design.cells[1]))
-    share_x = np.maximum(1 - np.abs(np.arange(design.cells[0]) - in_x), 0)
-    share_y = np.maximum(1 - np.abs(np.arange(design.cells[1]) - in_y), 0)
-    return np.outer(share_x, share_y)

@@ -1,0 +1,116 @@
+"""How zeroed fields are laid out as the inputs of a learned model.
+
+Decides which chips are used, whether strength is told apart from direction, and how much of the
+past is shown; training and run time share it, so that both see the same numbers. History is
+causal: an input depends on its own field and on earlier ones alone.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+import numpy as np
+
+from smoskin.arrays import Floats, floats
+from smoskin.errors import ArgumentError
+
+_FAINT: Final = 1e-6
+"""T, added in quadrature so that the logarithm of no field at all stays finite."""
+
+
+class Form(Enum):
+    """How a field is laid out for a model; the value is a sentence for people."""
+
+    COMPONENTS = "Every component of the used chips' zeroed field, in T."
+    DIRECTION = (
+        "Components of the used chips' zeroed field over its length across all of them, and the "
+        "logarithm of that length over 1 T: how hard is told apart from where."
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Encoding:
+    """What a model is fed: fields of some chips, now and against their recent past."""
+
+    chips: tuple[int, ...]
+    """Chips used, by their index in the reading."""
+    form: Form = Form.COMPONENTS
+    """Layout of the present field."""
+    time_constants: tuple[float, ...] = ()
+    """s: for each, the field less its trailing exponential mean is fed too (hysteresis)."""
+
+    def __post_init__(self) -> None:
+        if not self.chips or min(self.chips) < 0 or len(set(self.chips)) != len(self.chips):
+            raise ArgumentError(f"chips must be distinct indices from 0; got {self.chips}")
+        if not all(0 < tau < np.inf for tau in self.time_constants):
+            raise ArgumentError(f"time_constants must be positive; got {self.time_constants}")
+
+    @property
+    def columns(self) -> int:
+        """Number of inputs that a model with this encoding has."""
+        present = 3 * len(self.chips)
+        return present * (1 + len(self.time_constants)) + (self.form is Form.DIRECTION)
+
+    def encode(self, time: Floats, field: Floats) -> Floats:
+        """Inputs of consecutive zeroed fields, which see only what came before them.
+
+        Parameters
+        ----------
+        time : Floats, shape (T,)
+            s, increasing.
+        field : Floats, shape (T, S, 3)
+            T, of all chips of the reading.
+
+        Returns
+        -------
+        Floats, shape (T, columns)
+
+        Raises
+        ------
+        ArgumentError
+            If the shapes disagree, or the field has fewer chips than are used.
+        """
+        field = floats("field", field, (len(time), None, 3))
+        if max(self.chips) >= field.shape[1]:
+            raise ArgumentError(
+                f"field must have the chips {self.chips}; got {field.shape[1]} chips"
+            )
+        used = field[:, list(self.chips)].reshape(len(field), -1)
+        return self.lay_out(used, History(self.time_constants).lags(time, used))
+
+    def lay_out(self, used: Floats, lags: Floats) -> Floats:
+        """Inputs (T, D) from the used chips' fields (T, C) and their lags (T, L * C)."""
+        if self.form is Form.COMPONENTS:
+            return np.concatenate([used, lags], axis=1)
+        length = np.sqrt((used**2).sum(axis=1, keepdims=True) + _FAINT**2)
+        return np.concatenate([used / length, np.log(length), lags], axis=1)
+
+    def faintness(self, inputs: Floats) -> Floats:
+        """One over the squared length of each row's field, shape (T,), T^-2; 0 where not told."""
+        if self.form is Form.COMPONENTS:
+            return np.zeros(len(inputs))
+        return np.asarray(np.exp(-2.0 * inputs[:, 3 * len(self.chips)]))
+
+
+class History:
+    """Trailing exponential means of a field, one for each time constant."""
+
+    def __init__(self, time_constants: tuple[float, ...]) -> None:
+        self._time_constants = np.array(time_constants)[:, None]
+        self._means: Floats | None = None
+        self._time = 0.0
+
+    def step(self, time: float, field: Floats) -> Floats:
+        """The field less each mean, shape (L * C,); the first field starts the means."""
+        if self._means is None:
+            self._means = np.tile(field, (len(self._time_constants), 1))
+        weight = -np.expm1(-(time - self._time) / self._time_constants)
+        self._time = time
+        self._means = self._means + weight * (field - self._means)
+        return np.asarray((field - self._means).reshape(-1))
+
+    def lags(self, time: Floats, field: Floats) -> Floats:
+        """The same for consecutive fields, shape (T, L * C)."""
+        if not self._time_constants.size:
+            return np.zeros((len(field), 0))
+        return np.stack([self.step(float(t), row) for t, row in zip(time, field, strict=True)])

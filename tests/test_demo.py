@@ -1,0 +1,106 @@
+"""The demonstration, headless and in a real browser."""
+
+import json
+import re
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from chromium import open_page
+from smoskin.apps.demo import run_demo, scripted_hand
+from smoskin.errors import ArgumentError
+from smoskin.records import Contact
+from smoskin.service.recording import open_recording
+
+PICTURE = Path(__file__).parents[1] / "docs" / "demo.png"
+
+
+def test_the_hand_touches_all_over_the_skin(planar):
+    touches = scripted_hand(planar, 60.0, seed=0)
+    assert len(touches) == 74
+    cells = {tuple((t.position // (0.02, 0.16 / 6)).astype(int)) for t in touches}
+    assert len(cells) == 36
+    assert {bool(np.any(t.force[:2])) for t in touches} == {True, False}
+
+
+def test_headless_finds_every_touch_and_says_how_well(planar, tmp_path):
+    starts = []
+    result = run_demo(
+        planar, seconds=5.0, page=False, record=tmp_path / "demo.mcap", on_start=starts.append
+    )
+    assert starts == [None]
+    plain = json.loads(json.dumps(result.as_json()))
+    assert set(plain) == {"touches", "summary"}
+    assert set(plain["summary"]) == {
+        "touches", "found", "mean_position_error_mm", "mean_force_error_percent",
+        "rate_hz", "latency_us_median",
+    }  # fmt: skip
+    assert plain["summary"]["touches"] == plain["summary"]["found"] == 5
+    assert plain["summary"]["mean_position_error_mm"] < 8.0
+    assert plain["summary"]["mean_force_error_percent"] < 8.0
+    recording = open_recording(tmp_path / "demo.mcap")
+    assert recording.reading_count == recording.estimate_count > 100
+
+
+def test_a_skin_that_is_not_as_believed_misses_touches(planar):
+    """The judge can fail: another polarity turns every sign round."""
+    from dataclasses import replace
+
+    import smoskin.apps.demo as demo
+
+    swapped = replace(
+        planar, magnets=(planar.magnets[0], *(replace(m, polarity=-1) for m in planar.magnets[1:]))
+    )
+
+    class SwappedTwin(demo.Twin):
+        def __init__(self, design, **options):
+            super().__init__(swapped, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(demo, "Twin", SwappedTwin)
+        result = run_demo(planar, seconds=2.0, page=False)
+    assert result.summary.found < result.summary.touches == 2
+
+
+def test_too_short_a_demonstration_is_refused(planar):
+    with pytest.raises(ArgumentError, match=r"seconds must be at least 1; got 0\.5"):
+        run_demo(planar, seconds=0.5, page=False)
+
+
+@pytest.mark.browser
+@pytest.mark.slow
+def test_the_page_shows_the_press_where_it_is_and_how_hard(planar, monkeypatch, tmp_path):
+    """The whole chain: hand, twin, chips, estimator, page; its picture is the README's."""
+    import smoskin.apps.demo as demo
+
+    press = Contact(position=(0.073, 0.0905), force=(0.25, -0.1, -0.8))
+    monkeypatch.setattr(demo, "scripted_hand", lambda *_: (press,))
+    monkeypatch.setattr(demo, "_HOLD", 60.0)
+    monkeypatch.setattr(demo, "_PERIOD", 70.0)
+    started, urls = threading.Event(), []
+
+    def on_start(url):
+        urls.append(url)
+        started.set()
+
+    work = threading.Thread(
+        target=run_demo, args=(planar,), kwargs={"seconds": 45.0, "on_start": on_start}
+    )
+    work.start()
+    try:
+        assert started.wait(30.0)
+        with open_page(urls[0]) as opened:
+            opened.dismiss_notices()
+            opened.wait_until(lambda: opened.text("status") == "Touched")
+            said = opened.text("touch")
+            x, y, force = map(float, re.findall(r"-?\d+\.\d+", said))
+            assert (x, y) == pytest.approx((70.0, 93.3), abs=0.1), said
+            assert force == pytest.approx(0.8, abs=0.05), said
+            opened.page.wait_for_timeout(4000)
+            opened.page.screenshot(path=str(tmp_path / "demo.png"))
+    finally:
+        work.join(90.0)
+    assert not work.is_alive()
+    assert (tmp_path / "demo.png").stat().st_size > 50_000
