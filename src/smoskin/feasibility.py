@@ -148,8 +148,8 @@ def _check_fields(design: SkinDesign) -> None:
         for axis, name in enumerate("xyz"):
             if largest[axis] > limit[axis]:
                 raise DesignError(
-                    f"hall site {site.name!r}: |B_{name}| reaches {largest[axis] * 1e3:.1f} mT over "
-                    f"the rated stroke and must stay within {limit[axis] * 1e3:.1f} mT "
+                    f"hall site {site.name!r}: |B_{name}| reaches {largest[axis] * 1e3:.1f} mT "
+                    f"over the rated stroke and must stay within {limit[axis] * 1e3:.1f} mT "
                     f"({MARGIN:.0%} of the range at this hall_setting); {_remedy(design, site)}"
                 )
 

@@ -34,7 +34,7 @@ _MEMORY: Final = 3.0
 within each of the two normal-force runs, never on the other run."""
 _PLACE_GRID: Final = 1e-4
 """m: positions that round to the same point are one place."""
-_QUICK: Final = Effort(rows=800, evidence_rows=250, iterations=15)
+_QUICK: Final = Effort(rows=2400, evidence_rows=250, iterations=15)
 _MOST_SUBSETS: Final = 60
 
 

@@ -52,7 +52,8 @@ def amplitude(remanence: float, wave_number: float, thickness: float) -> float:
 
     Notes
     -----
-    Source: SI Eq. (S4), erratum E2: the printed K lacks mu_0. Valid for a plate that is wide against 1/k.
+    Source: SI Eq. (S4), erratum E2: the printed K lacks mu_0.
+    Valid for a plate that is wide against 1/k.
 
     Examples
     --------

@@ -114,11 +114,11 @@ class FieldInverse:
     def _refine(self, fields: Floats, start: Floats) -> tuple[Floats, Bools]:
         """Newton steps on the magnets' own field, and whether they settled within the stroke."""
         moved: Floats = np.nan_to_num(np.clip(start, -self._stroke, self._stroke))
-        step = moved
+        step: Floats = moved
         for _ in range(_STEPS):
             at, slope = charge_field_and_gradient(self._places, self._charges, self._rest + moved)
-            step = np.linalg.solve(slope, (fields - at)[..., None])[..., 0]
-            moved = moved + step
+            step = np.asarray(np.linalg.solve(slope, (fields - at)[..., None])[..., 0], np.float64)
+            moved += step
         settled = (np.abs(moved) <= self._stroke) & (np.abs(step) <= _SETTLED)
         return moved, np.asarray(settled.all(axis=(-2, -1)))
 

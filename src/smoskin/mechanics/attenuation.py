@@ -210,7 +210,7 @@ def _edges(shift: Floats, growth: Floats) -> Floats:
 def _zigzag_shift(
     cell: MiuraCell, growth: Floats, size_name: Literal["length", "width"], kinematics: Kinematics
 ) -> Floats:
-    """b [cos(phi + dphi) - cos(phi)] of cells whose length or width grows by `growth`."""
+    """Shift b [cos(phi + dphi) - cos(phi)] of cells whose length or width grows by `growth`."""
     phi, b = cell.fold_angle, cell.panel_b
     extent = size(cell)
     if kinematics == "first_order":

@@ -169,12 +169,14 @@ def normal_force(press: ArrayLike, stiffness: ArrayLike, gain: ArrayLike) -> Flo
     -----
     Source: SI Eq. (S27): F_z = (1 + |F_p|/v_f) v_s K_z U_z.
     """
-    return np.asarray(np.asarray(gain) * stiffness * press)
+    force: Floats = np.multiply(np.multiply(gain, stiffness), press)
+    return force
 
 
 def press_depth(force: ArrayLike, stiffness: ArrayLike, gain: ArrayLike) -> Floats:
     """U_z under a normal force, m: the inverse of `normal_force`."""
-    return np.asarray(force / (np.asarray(gain) * stiffness))
+    depth: Floats = np.divide(force, np.multiply(gain, stiffness))
+    return depth
 
 
 def _squared_motion(parts: Profiles) -> Floats:

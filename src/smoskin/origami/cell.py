@@ -177,17 +177,17 @@ def fold_angle_of_dihedral(
     Source: SI Eqs. (S13)-(S15), solved for phi.
     """
     alpha = cell.sector_angle
-    if (at_a is None) == (at_b is None):
-        raise ArgumentError("exactly one of at_a and at_b must be given")
-    if at_a is not None:
+    if at_a is not None and at_b is None:
         return np.asarray(np.arcsin(np.sin(alpha) * np.sin(floats("at_a", at_a) / 2)))
-    half = np.sin(floats("at_b", at_b) / 2)
-    sine_1 = half / np.sqrt(np.cos(alpha) ** 2 + np.sin(alpha) ** 2 * half**2)
-    return np.asarray(np.arcsin(np.sin(alpha) * sine_1))
+    if at_b is not None and at_a is None:
+        half = np.sin(floats("at_b", at_b) / 2)
+        sine_1 = half / np.sqrt(np.cos(alpha) ** 2 + np.sin(alpha) ** 2 * half**2)
+        return np.asarray(np.arcsin(np.sin(alpha) * sine_1))
+    raise ArgumentError("exactly one of at_a and at_b must be given")
 
 
 def dihedral_rates(cell: MiuraCell, fold_angle: ArrayLike | None = None) -> DihedralAngles:
-    """d phi_1 / dh and d phi_2 / dh at a fold angle, rad/m.
+    """Rates d phi_1 / dh and d phi_2 / dh at a fold angle, rad/m.
 
     Notes
     -----

@@ -82,8 +82,11 @@ class Conditioner:
         self._rotations = np.stack([hall.rotation(site) for site in design.halls])
         self._rest = rest_field
         setting = design.hall_setting
+        self._limit = 1.01 * float(hall.full_scale(setting).max())  # no chip says more than this
         self._jump = hall.full_scale(setting) if hall.wraps(setting) else None
         self._cross_talk = cross_talk
+        self._zero: Floats = np.zeros_like(rest_field)
+        self._offset: Floats = self._zero
         self.reset()
 
     @property
@@ -163,8 +166,9 @@ class Conditioner:
                 return Status.SATURATED
             if flags & _OLD:
                 return Status.STALE
-        if not np.isfinite(reading.field).all():
-            return Status.CHIP_MISSING
+        largest = np.abs(reading.field).max()
+        if not largest <= self._limit:
+            return Status.SATURATED if largest < np.inf else Status.CHIP_MISSING
         if self._jump is not None and self._last_raw is not None:
             jumped = np.abs(reading.field - self._last_raw) > self._jump
             if jumped.any():
@@ -194,7 +198,7 @@ class Conditioner:
             self._drifted = bool(np.abs(self.drift).max() > self.tracking.drift_bound)
 
     def _set_zero(self, offset: Floats) -> None:
-        self._zero: Floats = offset
-        self._offset: Floats = offset
+        self._zero = offset
+        self._offset = offset
         self._drifted = False
         self._idle_since = None

@@ -107,9 +107,9 @@ class Effort:
 
     rows: int = 4000
     """Most examples that a model remembers; the rest are left out at random."""
-    evidence_rows: int = 700
+    evidence_rows: int = 500
     """Examples that lengths and noise are found from."""
-    iterations: int = 40
+    iterations: int = 30
     """Steps of that search."""
 
     def __post_init__(self) -> None:

@@ -147,7 +147,8 @@ def _read_run(folder: Path) -> ProbeRun:
 
 def _pair(time: Floats, other: Floats, path: Path, other_path: Path) -> tuple[Ints, Bools]:
     """Row of the other file for each time, and whether it is near enough to belong to it."""
-    reach = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
+    # Half an interval: a row whose partner is missing must not borrow its neighbour's.
+    reach = 0.5 * float(np.median(np.diff(time))) if len(time) > 1 else np.inf
     if len(time) == len(other):
         rows = np.arange(len(time), dtype=np.int64)
     else:
