@@ -58,7 +58,8 @@ def test_info_shows_values_provenance_and_what_follows():
 
 def test_record_then_replay_gives_the_same_estimates(tmp_path):
     file = tmp_path / "idle.mcap"
-    live = smoskin("run", "twin://planar?speed=max", "--seconds", "1", "--record", str(file), "--json")
+    source = "twin://planar?speed=max"
+    live = smoskin("run", source, "--seconds", "1", "--record", str(file), "--json")
     assert live.returncode == 0, live.stderr
     replayed = smoskin("run", f"replay:{file}?speed=max", "--json")
     assert replayed.stdout == live.stdout

@@ -1,4 +1,4 @@
-"""Training: the search's gradient, what a Gaussian process obeys, and how honest its figures are."""
+"""Training: the search's gradient, what a Gaussian process obeys, and honesty of figures."""
 
 from dataclasses import replace
 

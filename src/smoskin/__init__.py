@@ -16,6 +16,7 @@ from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator, Source
 from smoskin.sensing.calibration import Calibration
 from smoskin.sensing.closed_form import ClosedFormEstimator
+from smoskin.sensing.learned import LearnedEstimator, load_model
 from smoskin.service.loop import Loop, Sink, run
 from smoskin.service.recording import Recorder, open_recording
 from smoskin.service.source import open_source
@@ -30,6 +31,7 @@ __all__ = [
     "Contact",
     "Estimate",
     "Estimator",
+    "LearnedEstimator",
     "Loop",
     "Reading",
     "Recorder",
@@ -40,6 +42,7 @@ __all__ = [
     "Status",
     "Twin",
     "load_design",
+    "load_model",
     "open_recording",
     "open_source",
     "run",

@@ -6,6 +6,8 @@ on standard error, without a traceback.
 
 import json
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -156,9 +158,37 @@ def recordings(
     """Train on real recordings and judge on places and runs that training never saw."""
     from smoskin.apps.recordings import bench_recordings
 
-    result = bench_recordings(directory, chips=chips, seed=seed)
+    with _progress() as progress:
+        result = bench_recordings(directory, chips=chips, seed=seed, progress=progress)
+    for note in result.notes:
+        typer.echo(note, err=True)
     if as_json:
         typer.echo(json.dumps(result.as_json()))
+    else:
+        _show(result.table())
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str, float], None]]:
+    """A bar on standard error; called with what is being done and the share that is done."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(),
+               TimeRemainingColumn())  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+
+        def report(what: str, share: float) -> None:
+            bar.update(task, description=what, completed=share)
+
+        yield report
 
 
 def _show(table: "Table") -> None:

@@ -71,16 +71,21 @@ class Benchmark:
         return {"results": [asdict(score) for score in self.scores], "notes": list(self.notes)}
 
     def table(self) -> "Table":
-        """A table for people."""
+        """A table for people: a row a test, a column a model."""
         from rich.table import Table
 
-        table = Table(title="Recordings: judged on what was never trained on")
-        for name in ("set", "test", "split", "chips", "model", "metric"):
-            table.add_column(name, justify="right" if name == "chips" else "left")
-        table.add_column("value", justify="right")
+        models = list(dict.fromkeys(score.model for score in self.scores))
+        table = Table(title="Recordings: judged on what was never trained on", show_lines=True)
+        for name in ("set", "test", "split"):
+            table.add_column(name, overflow="fold")
+        for name in ("chips", *models):
+            table.add_column(name, justify="right", no_wrap=True)
+        rows: dict[tuple[str, str, str, int], dict[str, str]] = {}
         for score in self.scores:
-            *words, value, unit = asdict(score).values()
-            table.add_row(*map(str, words), f"{value:.3f} {unit}")
+            row = rows.setdefault((score.set, score.test, score.split, score.chips), {})
+            row[score.model] = f"{score.value:.3f} {score.unit}"
+        for (*words, chips), values in rows.items():
+            table.add_row(*words, str(chips), *(values.get(model, "") for model in models))
         return table
 
 

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from smoskin.arrays import Floats, floats, frozen
 from smoskin.errors import ArgumentError, MissingExtraError, ModelError
@@ -168,6 +167,9 @@ class LearnedModel:
         """
         inputs = floats("inputs", inputs, (None, len(self.centre)))
         row = (inputs - self.centre) / self.scale
+        # Here, so that whoever only imports the package does not wait for it.
+        from scipy.spatial.distance import cdist
+
         distance = cdist(row, self.support)
         kernel = (1.0 + distance) * np.exp(-distance)
         values = kernel @ self.weights + row @ self.slope + self.intercept
