@@ -20,8 +20,6 @@ from smoskin.design.skin import Magnet
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.sector import VACUUM_PERMEABILITY, field
 
-_SKEW_SIGNS: Final = np.array([-1.0, 1.0])
-"""Of Bx^2 - By^2 in p and q of S5."""
 _RAYS: Final = 12
 """Polar angles at which the usable range is searched."""
 _STEPS: Final = 200
@@ -136,21 +134,19 @@ def ideal_inverse(field: ArrayLike) -> tuple[Floats, Floats, Floats]:
     >>> float(round(x, 9)), float(round(y, 9))
     (0.25, -0.5)
     """
-    phases, strength = _phases_and_strength(floats("field", field, (3,)))
-    return phases[..., 0], phases[..., 1], strength
+    seen = floats("field", field, (3,))
+    bz = seen[..., 2]
+    return _invert(seen[..., 0], seen[..., 1], np.where(bz == 0.0, np.nan, bz))
 
 
-def _phases_and_strength(field: Floats) -> tuple[Floats, Floats]:
-    """S5 with both phases side by side, (..., 2) and (...)."""
-    axial = field[..., 2:]
-    axial = np.where(axial == 0.0, np.nan, axial)
-    square = field * field
-    skew = square[..., :1] - square[..., 1:2]
-    reach = square[..., 2:] + skew * _SKEW_SIGNS  # 2 Bz p and 2 Bz q
-    twice = 2.0 * axial
-    phases = np.arctan2(-twice * field[..., :2], reach)
-    strength = np.hypot(reach[..., 1] / twice[..., 0], field[..., 1])
-    return phases, strength
+def _invert(bx: Floats, by: Floats, bz: Floats) -> tuple[Floats, Floats, Floats]:
+    """S5 of three components; Bz is not zero."""
+    square = bz * bz
+    skew = bx * bx - by * by
+    q = square + skew  # 2 Bz q; with the other sign 2 Bz p
+    twice = -2.0 * bz
+    strength = np.hypot(q / twice, by)
+    return np.arctan2(twice * bx, square - skew), np.arctan2(twice * by, q), strength
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -209,8 +205,8 @@ def displacement(correction: LinearCorrection, field: ArrayLike) -> Floats:
     Returns
     -------
     Floats, shape (..., 3)
-        How far the magnet stands from where it rests opposite the chip, m; NaN where the
-        corrected Bz = 0.
+        How far the magnet stands from where it rests opposite the chip, m; not finite where
+        the corrected Bz = 0.
 
     Raises
     ------
@@ -222,12 +218,16 @@ def displacement(correction: LinearCorrection, field: ArrayLike) -> Floats:
     Source: SI Eqs. (S5), (S6). Valid for displacements within the `usable_range`.
     """
     corrected = correction.k_c * floats("field", field, (3,)) + correction.c_c
-    phases, strength = _phases_and_strength(corrected)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        phase_x, phase_y, strength = _invert(
+            corrected[..., 0], corrected[..., 1], corrected[..., 2]
+        )
+        depth = np.log(strength / correction.amplitude)
+    wave_number, side = correction.wave_number, correction.side
     result = np.empty_like(corrected)
-    wave_number = correction.wave_number
-    result[..., :2] = phases / -wave_number[..., None]
-    depth = np.log(strength / correction.amplitude) / wave_number
-    result[..., 2] = correction.side * (depth + correction.gap)
+    result[..., 0] = -phase_x / wave_number
+    result[..., 1] = -phase_y / wave_number
+    result[..., 2] = side * (depth / wave_number + correction.gap)
     return result
 
 

@@ -103,9 +103,9 @@ class FieldInverse:
         """
         # A chip moves against its magnet as the magnet moves against the chip, reversed.
         moved = -displacement(self._correction, fields)
-        squared = np.einsum("tsk,tsk->ts", moved, moved)
-        usable = (squared <= self._usable_squared).all(axis=-1)
-        if usable.all():
+        within = np.einsum("tsk,tsk->ts", moved, moved) <= self._usable_squared
+        usable = within.all(axis=-1)
+        if all(usable.tolist()):
             return Displacements(moved, usable)
         found = usable.copy()
         moved[~usable], found[~usable] = self._refine(fields[~usable], moved[~usable])
