@@ -33,10 +33,7 @@ class Entry:
 
 def entries() -> list[Entry]:
     """All functions, classes and methods with a `Source:` line, in the order of the equations."""
-    tests = {
-        path: set(re.findall(r"\w+", path.read_text(encoding="utf-8")))
-        for path in sorted((ROOT / "tests").rglob("test_*.py"))
-    }
+    tests = {path: _imported(path) for path in sorted((ROOT / "tests").rglob("test_*.py"))}
     found = []
     for path in sorted((ROOT / "src").rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
@@ -50,11 +47,22 @@ def entries() -> list[Entry]:
                         r"(?<!Eq)(?<!Eqs)[.:;] ", " ".join(match[1].split()).rstrip(".")
                     )[0]
                     using = tuple(
-                        str(test.relative_to(ROOT)) for test, words in tests.items()
-                        if node.name in words
+                        str(test.relative_to(ROOT)) for test, names in tests.items()
+                        if {(module, node.name), ("smoskin", node.name)} & names
                     )  # fmt: skip
                     found.append(Entry(source, module, node.name, using))
     return sorted(found, key=lambda entry: (_number(entry.source), entry.module, entry.name))
+
+
+def _imported(path: Path) -> set[tuple[str, str]]:
+    """Module and name of everything that a test imports by name."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    return {
+        (node.module, alias.name)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.module is not None
+        for alias in node.names
+    }
 
 
 def page() -> str:

@@ -84,7 +84,7 @@ def edited(planar: SkinDesign, old: str, new: str) -> str:
         ('mount = "base"', 'mount = "lid"', "mount must be one of sheet, base; got 'lid'"),
         ('magnet = "M1"', 'magnet = "M9"', "magnet must be one of M1, M2, M3; got 'M9'"),
         ("address = 12", "address = 13", "hall addresses must have different names"),
-        ("gain_selection = 7", "gain_selection = 8", "gain_selection must lie in 0..7; got 8"),
+        ("gain_selection = 3", "gain_selection = 8", "gain_selection must lie in 0..7; got 8"),
         ("oversampling = 1", 'oversampling = "1"', "hall_setting: a value is of the wrong kind"),
         ("cells = [\n    6,\n    6,\n]", "cells = 6", "cells must be two whole numbers"),
         ('name = "planar"', "name = planar", "not a TOML document"),

@@ -96,7 +96,7 @@ def frame_shift(count: int, attenuation: float) -> Floats:
     Examples
     --------
     >>> frame_shift(4, 0.5)[0]
-    array([0.   , 0.75 , 1.125, 1.3125])
+    array([0.    , 0.75  , 1.125 , 1.3125])
     """
     n = np.arange(count)
     steps = n[None, :] - n[:, None]
