@@ -4,15 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
+from skins import with_magnets
 from smoskin.errors import ArgumentError, ModelError
-from smoskin.mechanics.attenuation import magnet_displacements, profiles
+from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
+from smoskin.origami.layout import chip_offset
 from smoskin.origami.sheet import loaded_positions
 from smoskin.records import Contact, Reading, Status
 from smoskin.sensing.calibration import Calibration
-from smoskin.sensing.closed_form import ClosedFormEstimator, decide, divisions, signal_matrix
+from smoskin.sensing.closed_form import ClosedFormEstimator
+from smoskin.sensing.confidence import ambiguities
+from smoskin.sensing.location import unit_press
 from smoskin.twin.skin import Twin
 
 SHEARS = [(0.0, 0.0), (0.5, 0.0), (0.0, -0.5), (-0.35, 0.35)]
@@ -107,24 +109,80 @@ def test_batch_and_step_give_the_same_numbers(planar):
             np.testing.assert_allclose(one.force, other.force, rtol=1e-9, atol=1e-12)
 
 
-def unit_press(design):
-    parts = profiles(design.cell, design.cells, design.coefficients.attenuation, -1.0)
-    return np.stack([magnet_displacements(parts, c) for c in ((4, 2), (2, 4))], axis=2)
+def measured_table(twin):
+    """What one press on each cell moves the magnets by, per unit of its depth, (N, M, G, 2)."""
+    design = twin.design
+    moved = []
+    for contact in touches(design, 0.5, (0.0, 0.0)):
+        depth = twin.press_depths([contact]).max()
+        moved.append(twin.magnet_motion([contact])[0][1:, :2] / depth)
+    return np.reshape(moved, (*design.cells, -1, 2))
 
 
-@given(factor=st.floats(1e-9, 1e3))
-def test_location_ignores_a_common_factor(planar, factor):
-    unit = unit_press(planar)
-    cells = decide(divisions(unit), factor * unit)
-    np.testing.assert_array_equal(cells, np.stack(np.indices((6, 6)), axis=-1))
+def test_a_measured_table_finds_the_cells_of_a_skin_far_from_its_design(planar):
+    rng = np.random.default_rng(4)
+    right = {"theory": [], "table": []}
+    for seed in range(4):
+        v_a = tuple(rng.uniform(0.35, 0.6, 2).tolist())
+        coefficients = replace(planar.coefficients, attenuation=v_a)
+        skin = scattered(replace(planar, coefficients=coefficients), rng)
+        table = measured_table(Twin(skin, seed=None))
+        for name, given in (("theory", None), ("table", table)):
+            twin = Twin(skin, seed=seed)
+            estimator = ClosedFormEstimator(planar, table=given)
+            estimator.zero([twin.read(time=-1.0 + 0.01 * k) for k in range(20)])
+            contacts = touches(planar, 0.3, (0.0, 0.0))
+            right[name] += [
+                located(e, c)
+                for e, c in zip(estimates(twin, estimator, contacts), contacts, strict=True)
+            ]
+    assert np.mean(right["table"]) == 1.0
+    assert np.mean(right["theory"]) < 0.9
 
 
-def test_signs_that_no_cell_gives_name_no_cell(planar):
-    unit = unit_press(planar)
-    # A load right of magnet 2 (x = 4 cells) yet left of magnet 3 (x = 2 cells) cannot be.
-    impossible = np.array([[-1.0, 1.0], [1.0, 1.0]])
-    assert signal_matrix(impossible).tolist() == [[1, -1], [-1, -1]]
-    assert decide(divisions(unit), impossible)[0] == -1
+@pytest.mark.parametrize("corners", [[(4, 2), (2, 4), (1, 5)], [(4, 2), (2, 4), (1, 1), (5, 5)]])
+@pytest.mark.parametrize("shear", SHEARS[:2])
+def test_more_magnets_find_every_cell(planar, corners, shear):
+    design = with_magnets(planar, corners)
+    assert ambiguities(design) == ()
+    contacts = touches(design, 0.5, shear)
+    for contact, estimate in zip(
+        contacts,
+        estimates(Twin(design, seed=0), ClosedFormEstimator(design), contacts),
+        strict=True,
+    ):
+        assert located(estimate, contact)
+        assert estimate.contacts[0].normal_force == pytest.approx(0.5, rel=0.03)
+
+
+def test_one_magnet_finds_by_a_table_what_its_signs_do_not(planar):
+    design = with_magnets(planar, [(2, 4)])
+    contacts = touches(design, 0.5, (0.0, 0.0))
+    readings = [Twin(design, seed=0).read([c], time=k) for k, c in enumerate(contacts)]
+    by_signs = ClosedFormEstimator(design).batch(readings)
+    assert {e.status for e in by_signs} == {Status.AMBIGUOUS}
+    by_table = ClosedFormEstimator(design, table=unit_press(design)).batch(readings)
+    named = {cell for one in ambiguities(design, table=unit_press(design)) for cell in one.pair}
+    for k, (estimate, contact) in enumerate(zip(by_table, contacts, strict=True)):
+        if divmod(k, 6) not in named:
+            assert located(estimate, contact), k
+    assert 0 < len(named) < 36
+
+
+def test_a_table_that_does_not_separate_is_judged_as_a_whole(planar):
+    """Each cell its own direction, as on a real sheet; told apart with every cell's own press."""
+    rng = np.random.default_rng(0)
+    table = unit_press(planar) * rng.uniform(0.7, 1.3, (6, 6, 2, 2))
+    estimator = ClosedFormEstimator(planar, table=table)
+    places, charges = point_charges([planar.magnet(site.magnet) for site in planar.halls])
+    for n, m in np.ndindex(6, 6):
+        chips = np.zeros((3, 3))
+        chips[:, 2] = [chip_offset(planar, site) for site in planar.halls]
+        chips[1:, :2] -= 3e-4 * table[n, m]
+        field = charge_field_and_gradient(places, charges, chips)[0]
+        solution = estimator.solve(field[None])
+        assert solution.cell[0].tolist() == [n, m]
+        assert solution.press[0] == pytest.approx(3e-4, rel=5e-3)
 
 
 def test_covariance_is_the_cells_size_and_the_chips_noise(planar):
@@ -169,3 +227,7 @@ def test_wrong_use_is_named(planar):
         ClosedFormEstimator(no_base)
     with pytest.raises(ArgumentError, match="must come from 3 chips"):
         ClosedFormEstimator(planar).step(Reading(time=0.0, field=np.zeros((5, 3))))
+    with pytest.raises(ArgumentError, match=r"table must have shape \(6, 6, 2, 2\)"):
+        ClosedFormEstimator(planar, table=np.zeros((6, 6, 3, 2)))
+    with pytest.raises(ArgumentError, match=r"not all zero in every cell; got .* in cell \(0, 0\)"):
+        ClosedFormEstimator(planar, table=np.zeros((6, 6, 2, 2)))

@@ -19,7 +19,16 @@ def test_every_physical_value_of_the_shipped_design_says_where_it_comes_from(pla
     assert planar.provenance["magnets.1.remanence"].origin == "printed"
     unsaid = [
         path
-        for part in ("cell", "columns", "frame", "board", "shear_layer", "hall_setting")
+        for part in (
+            "cell",
+            "creases",
+            "panels",
+            "columns",
+            "frame",
+            "board",
+            "shear_layer",
+            "hall_setting",
+        )
         for path in (f"{part}.{name}" for name in getattr(planar, part).__dataclass_fields__)
         if path not in planar.provenance or not planar.provenance[path].reason
     ]

@@ -26,7 +26,7 @@ def test_errata_named_in_the_code_are_on_the_page():
     known = set(re.findall(r"^\| (E\d+) ", (ROOT / "docs" / "errata.md").read_text(), re.M))
     named = set()
     for path in (ROOT / "src").rglob("*.py"):
-        named |= set(re.findall(r"erratum (E\d+)", path.read_text()))
+        named |= set(re.findall(r"errat(?:um|a) (E\d+)", path.read_text()))
     assert named
     assert named <= known
 

@@ -36,3 +36,16 @@ def test_rest_is_rest(planar):
 def test_a_field_of_no_place_is_not_found_and_does_not_raise(planar, field):
     answer = FieldInverse(planar).displacements(np.full((2, 3, 3), field))
     assert not answer.found.any()
+
+
+def test_one_reading_and_many_give_the_same(planar):
+    inverse = FieldInverse(planar)
+    moved = np.random.default_rng(1).uniform(-0.6e-3, 0.6e-3, (300, 3, 3)) * [1, 1, 0.2]
+    fields = exact_fields(planar, moved)
+    together = inverse.displacements(fields)
+    alone = [inverse.displacements(one[None]) for one in fields]
+    np.testing.assert_allclose(
+        np.concatenate([one.moved for one in alone]), together.moved, rtol=1e-9, atol=1e-15
+    )
+    assert together.found.all()
+    assert all(one.found.all() for one in alone)

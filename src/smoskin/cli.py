@@ -132,6 +132,9 @@ def info(design: Design = "planar", as_json: Json = False) -> None:
 def run(
     source: Annotated[str, typer.Argument(help="twin://planar or replay:FILE, with ?options.")],
     design: Annotated[str, typer.Option(help="Of the skin that the source reads.")] = "planar",
+    calibration: Annotated[
+        Path | None, typer.Option(help="Of this skin, as `smoskin calibrate` writes it.")
+    ] = None,
     seconds: Seconds = None,
     record: Record = None,
     as_json: Annotated[
@@ -142,8 +145,78 @@ def run(
     from smoskin.apps.watch import estimate_line, watch
     from smoskin.feasibility import load_design
 
-    for estimate in watch(load_design(design), source, seconds=seconds, record=record):
+    skin = load_design(design)
+    for estimate in watch(skin, source, calibration=calibration, seconds=seconds, record=record):
         typer.echo(estimate_line(estimate, as_json=as_json))
+
+
+@app.command()
+def report(
+    out: Annotated[Path, typer.Option(help="The folder to write to.", file_okay=False)],
+    design: Design = "planar",
+) -> None:
+    """Write the paper's figures, tables and numbers beside what this package computes.
+
+    The folder gets report.html, report.pdf, report.json and every figure as SVG.
+    """
+    from smoskin.apps.report.build import build_report
+    from smoskin.feasibility import load_design
+
+    with _progress() as progress:
+        written = build_report(load_design(design), out, progress=progress)
+    typer.echo(written.summary)
+    typer.echo(str(written.page))
+
+
+@app.command()
+def calibrate(
+    table: Annotated[Path, typer.Argument(help="CSV of touches measured on a bench.")],
+    out: Annotated[Path, typer.Option(help="The calibration file (TOML) to write.")],
+    design: Annotated[str, typer.Option(help="Of the skin that was measured.")] = "planar",
+    date: Annotated[str | None, typer.Option(help="Of the measurement, ISO; today.")] = None,
+    separate: Annotated[
+        bool, typer.Option("--separate", help="Fit the attenuation in X and Y apart.")
+    ] = False,
+    plot: Annotated[Path | None, typer.Option(help="Draw the residuals to this file.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Fit a skin's calibration to touches measured on a bench, with uncertainties.
+
+    A coefficient that the touches cannot determine is refused by name.
+    """
+    import datetime
+
+    from smoskin.apps import calibrate as bench_work
+    from smoskin.feasibility import load_design
+
+    result = bench_work.calibrate(
+        load_design(design),
+        table,
+        out,
+        date=date or datetime.date.today().isoformat(),
+        attenuation="separate" if separate else "equal",
+    )
+    if plot is not None:
+        bench_work.residual_figure(result.fit).savefig(plot)
+    if as_json:
+        typer.echo(json.dumps(result.as_json()))
+        return
+    for one in result.tables():
+        _show(one)
+
+
+@app.command()
+def virtual_bench(
+    out: Annotated[Path, typer.Argument(help="The CSV of touches to write.")],
+    design: Annotated[str, typer.Option(help="That the virtual skin scatters about.")] = "planar",
+    seed: Annotated[int, typer.Option(min=0, help="Of the skin and of the bench's noise.")] = 0,
+) -> None:
+    """Measure a virtual skin as a person would measure a real one for calibration."""
+    from smoskin.apps.calibrate import write_virtual_bench
+    from smoskin.feasibility import load_design
+
+    write_virtual_bench(load_design(design), out, seed=seed)
+    typer.echo(f"Now: smoskin calibrate {out} --out calibration.toml", err=True)
 
 
 @bench.command()

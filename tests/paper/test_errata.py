@@ -5,10 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from smoskin.design.skin import MiuraCell
+from smoskin.design.materials import FILMS
+from smoskin.design.skin import Creases, Magnet, MiuraCell
+from smoskin.magnetics.centripetal import amplitude, ideal_field
+from smoskin.magnetics.sector import field
 from smoskin.mechanics.attenuation import cell_change
-from smoskin.mechanics.stiffness import shear_gain
+from smoskin.mechanics.creases import crease_stiffness
+from smoskin.mechanics.stiffness import cell_layers, relative_stiffness_map, shear_gain
 from smoskin.origami.cell import fold_angle, poisson_ratios, size
+from smoskin.origami.sheet import build_sheet
 
 MU_0 = 4e-7 * math.pi
 
@@ -97,3 +102,123 @@ def test_e7_a_signal_must_name_one_zone():
 def test_e9_the_lower_correction_is_the_stronger():
     shear = [0.3, 0.0]
     assert shear_gain(shear, (0.6, 1.0)) > shear_gain(shear, (0.9, 1.0))
+
+
+def test_e11_s3_points_away_from_the_centre():
+    magnet = Magnet(
+        name="M", mount="sheet", corner=(0, 0), radius=5e-3, height=2e-3, remanence=8e5, polarity=1
+    )
+    towards_centre = field(magnet, [0.0, 0.0, -5e-3])[2]
+    printed = ideal_field([0.0, 0.0, -4e-3], amplitude(8e5, 250.0, 2e-3), 250.0)[2]
+    corrected = ideal_field([0.0, 0.0, -4e-3], amplitude(-8e5, 250.0, 2e-3), 250.0)[2]
+    assert np.sign(printed) != np.sign(towards_centre) == np.sign(corrected)
+
+
+def crease_sum(design, vertex_wise: bool) -> tuple[float, float]:
+    """Sum of k L / 2 over a-creases and b-creases, k = 1: of one top vertex, or of a period."""
+    sheet, (n, m) = build_sheet(design.cell, design.cells), design.cells
+    top = sheet.loaded[n // 2, m // 2]
+    # The period: the top vertex's own creases and those of the bottom vertex beside it.
+    vertices = [top] if vertex_wise else [top, top + 1 + 2 * m + 1]
+    chosen = np.isin(sheet.creases, vertices).any(axis=1)
+    ends = sheet.vertices[sheet.creases[chosen]]
+    half_length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2
+    along = sheet.along_a[chosen]
+    return float(half_length[along].sum()), float(half_length[~along].sum())
+
+
+def test_e12_energy_of_the_creases_at_a_top_vertex(planar):
+    a, b = planar.cell.panel_a, planar.cell.panel_b
+    assert crease_sum(planar, vertex_wise=True) == pytest.approx((a, b), rel=1e-12)
+    assert crease_sum(planar, vertex_wise=True) != pytest.approx((2 * a, 2 * b), rel=0.1)
+    assert crease_sum(planar, vertex_wise=False) == pytest.approx((2 * a, 2 * b), rel=1e-12)
+
+
+def test_e13_crease_stiffness_follows_the_gap(planar):
+    film, turn = Creases(thickness=50e-6, gap=1e-3, material="polyimide"), 0.1
+    # Energy of a film of unit width bent evenly by `turn` over the gap, layer by layer.
+    z = ((np.arange(10000) + 0.5) / 10000 - 0.5) * film.thickness
+    modulus = FILMS[film.material].young_modulus
+    energy = np.mean(modulus * (z * turn / film.gap) ** 2 / 2) * film.thickness * film.gap
+    assert crease_stiffness(film) == pytest.approx(2 * energy / turn**2, rel=1e-6)
+    printed = modulus * film.thickness**3 / 12 / planar.cell.panel_a
+    assert printed < 0.1 * crease_stiffness(film)
+
+
+def test_e14_creases_that_end_on_the_rim(planar):
+    n, m = planar.cells
+    along = build_sheet(planar.cell, planar.cells).along_a
+    assert (along.sum(), (~along).sum()) == (
+        2 * n * m + 2 * (n - 1) * m,
+        2 * n * m + 2 * n * (m - 1),
+    )
+    assert along.sum() == (~along).sum() == 132
+    assert 2 * n * m + 2 * (n - 1) * (m - 1) == 122
+
+
+#: Columns: two reference directions of unequal length, not at right angles.
+SKEW = np.array([[1.0, 0.6], [0.0, 1.4]])
+
+
+def test_e15_curvatures_in_skew_coordinates():
+    curvatures = (0.7, -0.3)
+    metric, form = SKEW.T @ SKEW, SKEW.T @ np.diag(curvatures) @ SKEW
+    mixed = np.linalg.solve(metric, form)
+    right = curvatures[0] ** 2 + curvatures[1] ** 2
+    assert np.trace(mixed @ mixed) == pytest.approx(right, rel=1e-12)
+    assert np.sum(form * form) != pytest.approx(right, rel=0.1)
+
+
+def test_e16_stretches_in_skew_coordinates():
+    stretches = np.array([1.2, 0.9])
+    third = 1 / stretches.prod()  # an incompressible sheet
+    right = float((stretches**2).sum() + third**2)
+    orthonormal = np.diag(stretches**2)
+    assert np.trace(orthonormal) + 1 / np.linalg.det(orthonormal) == pytest.approx(right, rel=1e-12)
+    metric, skewed = SKEW.T @ SKEW, SKEW.T @ orthonormal @ SKEW
+    corrected = np.trace(np.linalg.solve(metric, skewed))
+    corrected += np.linalg.det(metric) / np.linalg.det(skewed)
+    assert corrected == pytest.approx(right, rel=1e-12)
+    assert np.trace(skewed) + 1 / np.linalg.det(skewed) != pytest.approx(right, rel=0.1)
+
+
+def best_radius(side: float, tau: float) -> float:
+    """Radius that S30 gives a square sheet pulled 1 % long on a cylinder that it may widen."""
+    radius = side * np.linspace(0.5, 20, 20000)
+    squares = np.stack([np.full_like(radius, 1.01**2), (1 + 0.2 * side / radius) ** 2])
+    stretching = squares.sum(axis=0) + 1 / squares.prod(axis=0) - 3
+    energy = side**2 * (tau * stretching + (1 / radius - 1 / side) ** 2)
+    return float(radius[np.argmin(energy)] / side)
+
+
+def test_e17_tau_carries_one_over_length_squared():
+    shape = best_radius(0.1, 300.0)
+    assert 0.6 < shape < 19
+    assert best_radius(0.2, 300.0 / 4) == pytest.approx(shape, rel=1e-3)
+    assert best_radius(0.2, 300.0) != pytest.approx(shape, rel=0.05)
+
+
+def test_e18_one_fold_angle_folds_fully(planar):
+    """Bending energy l w / R^2 of cells on a cylinder: no least value for one phi, one for many."""
+
+    def energy(phi) -> float:
+        extent = size(planar.cell, phi)
+        return float(np.mean(extent.length * extent.width))
+
+    folds = np.linspace(0.02, 0.999 * planar.cell.sector_angle, 200)
+    assert np.all(np.diff([energy(phi) for phi in folds]) > 0)
+
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        change = rng.uniform(-0.1, 0.1, 36)
+        field_of_phi = planar.cell.fold_angle + change - change.mean()
+        assert energy(field_of_phi) > energy(planar.cell.fold_angle)
+
+
+def test_e26_the_sheet_is_symmetric_across_x_alone(planar):
+    for v in (1.0, 0.7, 0.4, 0.2):
+        stiffness = relative_stiffness_map(planar.cell, planar.cells, (v, v))
+        np.testing.assert_allclose(stiffness, stiffness[::-1], rtol=1e-12)
+        assert 1.13 < stiffness[0, -1] / stiffness[0, 0] < 1.16
+    outer = stiffness[cell_layers(planar.cells) == 0].mean()
+    assert stiffness[0, 0] < stiffness[2, 2] < outer

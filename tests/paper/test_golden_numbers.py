@@ -1,11 +1,18 @@
 """Numbers printed in the paper's Supporting Information, or derived from it twice over."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from smoskin.apps.report.dividing import attempts, attenuation_needed
+from smoskin.apps.report.golden import COLUMN, CREASE, rigid_stiffness
+from smoskin.design.skin import MiuraCell
 from smoskin.mechanics.attenuation import magnet_displacements, profiles
 from smoskin.mechanics.stiffness import relative_stiffness_map
-from smoskin.sensing.closed_form import signal_matrix
+from smoskin.origami.cell import dihedral_angles, fold_angle, poisson_ratios, size
+from smoskin.origami.sheet import build_sheet
+from smoskin.sensing.location import signal_matrix
 
 
 def unit_press(planar):
@@ -56,7 +63,64 @@ def test_the_printed_row_5_would_be_row_2_again():
 
 
 def test_dividing_line_151_is_not_reproduced(planar):
-    """Unresolved: the SI divides cells (1,1) and (2,1) at 1.51, this model at 1.3248."""
+    """Unresolved (U1): the SI divides cells (1,1) and (2,1) at 1.51, this model at 1.3248."""
     second, third = unit_press(planar)
-    ratio = second[:2, 0, 0] / third[:2, 0, 0]
-    assert ratio.mean() == pytest.approx(1.3248, abs=5e-5)
+    ratio = second[:3, 0, 0] / third[:3, 0, 0]
+    assert ratio[:2].mean() == pytest.approx(1.3248, abs=5e-5)
+    tried = attempts(planar)
+    assert tried[0].line == pytest.approx(ratio[:2].mean(), rel=1e-12)
+    found = [attempt.line for attempt in tried if attempt.gives_it]
+    assert found == pytest.approx([np.abs(ratio[1:]).mean()], rel=1e-12)
+    assert found == pytest.approx([(1 + planar.coefficients.attenuation[0]) ** 2], rel=1e-6)
+
+
+def test_attenuation_that_the_dividing_line_needs_contradicts_the_displacements(planar):
+    v = attenuation_needed(planar)
+    line = (1 + 2 * v + 2 * v**2 + (1 + 2 * v + 2 * v**2 + 2 * v**3) / (1 + 2 * v)) / 2
+    assert line == pytest.approx(1.51, rel=1e-9)
+    assert (0.5 + v) / (0.5 + v + v**2 + v**3) != pytest.approx(0.6721 / 0.7313, rel=0.05)
+
+
+def test_labels_of_the_magnets_stand_swapped(planar):
+    """Unresolved (U2): as printed, both ratios of row 1 would lie below the line at 1.51."""
+    second, third = unit_press(planar)
+    assert second[0, 0, 0] / third[0, 0, 0] == pytest.approx(0.7313 / 0.6721, rel=1e-4)
+    assert second[0, 0, 1] / third[0, 0, 1] == pytest.approx(0.8709 / 0.9476, rel=1e-4)
+    assert np.all(third[:2, 0, 0] / second[:2, 0, 0] < 1)
+
+
+def test_inferred_cell_is_the_one_of_the_printed_numbers(planar):
+    """U3: two sizes, four displacements; five unknowns, so that one equation is left to check."""
+    v = planar.coefficients.attenuation[0]
+    near, far = 0.5 + v, 0.5 + v + v**2 + v**3  # 1.5 and 3.5 cells away, of dl or dw
+    assert near / far == pytest.approx(0.6721 / 0.7313, rel=1e-4)
+    assert near / far == pytest.approx(0.8709 / 0.9476, rel=1e-4)
+    extent, nu = size(planar.cell), poisson_ratios(planar.cell)
+    assert [6 * extent.length, 6 * extent.width] == pytest.approx([0.120, 0.160], rel=1e-5)
+    assert extent.length / extent.height * nu.nu_13 * near == pytest.approx(0.6721, abs=5e-5)
+    assert extent.width / extent.height * nu.nu_23 * near == pytest.approx(0.8709, abs=5e-5)
+
+
+@pytest.mark.parametrize(("count", "expected"), [(3, 18.808e3), (6, 184.41e3)])
+def test_rigid_sheet_against_bar_and_hinge(count, expected):
+    """Another program's sheet with nearly rigid panels, free to slide: 0.1 % for what they give."""
+    cell = MiuraCell(
+        panel_a=0.01, panel_b=0.01, sector_angle=np.radians(60), fold_angle=np.radians(45)
+    )
+    step = 1e-7
+
+    def columns_and_dihedrals(height: float):
+        phi = fold_angle(cell, height=height)
+        folded = replace(cell, fold_angle=float(phi))
+        sheet = build_sheet(folded, (count, count))
+        place = sheet.vertices[sheet.columns.ravel(), :2]
+        along_a = sheet.along_a
+        angles = dihedral_angles(folded)
+        return place - place.mean(axis=0), np.where(along_a, angles.at_a, angles.at_b)
+
+    height = float(size(cell).height)
+    less, more = (columns_and_dihedrals(height + sign * step) for sign in (-1, 1))
+    motion, turn = ((b - a) / (2 * step) for a, b in zip(less, more, strict=True))
+    stiffness = COLUMN * (motion**2).sum() + CREASE * 0.01 * (turn**2).sum()
+    assert stiffness == pytest.approx(expected, rel=5e-5)
+    assert rigid_stiffness(count) == pytest.approx(stiffness, rel=1e-6)

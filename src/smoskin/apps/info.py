@@ -18,6 +18,7 @@ from smoskin.mechanics.stiffness import (
     stiffness_map,
 )
 from smoskin.origami.cell import dihedral_angles, poisson_ratios, size
+from smoskin.sensing.confidence import ambiguities
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -133,6 +134,8 @@ def _derived(design: SkinDesign) -> list[Row]:
         ),
         written("skin", "board_stiffness", "N_per_mm", board_stiffness(design), "S26"),
     ]
+    for number, one in enumerate(ambiguities(design), 1):
+        rows.append(row("skin", f"ambiguity {number}", str(one), "S12, at 0.5 N and 1 % error"))
     full_scale = hall.full_scale(setting)
     rate = 1 / hall.conversion_time(setting)
     rows += [

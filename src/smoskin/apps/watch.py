@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.records import Estimate
+from smoskin.sensing.calibration import read_calibration
 from smoskin.sensing.closed_form import ClosedFormEstimator
 from smoskin.service.loop import Loop
 from smoskin.service.recording import Recorder
@@ -17,6 +18,7 @@ def watch(
     design: SkinDesign,
     url: str,
     *,
+    calibration: str | os.PathLike[str] | None = None,
     seconds: float | None = None,
     record: str | os.PathLike[str] | None = None,
 ) -> Iterator[Estimate]:
@@ -28,6 +30,8 @@ def watch(
         Of the skin that the source reads.
     url : str
         As `smoskin.open_source` takes it.
+    calibration : path, optional
+        Of this skin; as designed by default.
     seconds : float, optional
         Stop this long after the first reading, on the readings' clock.
     record : path, optional
@@ -37,9 +41,12 @@ def watch(
     ------
     ArgumentError
         If the source has another number of chips than the design.
+    ModelError
+        If the calibration cannot be read or belongs to another design.
     SourceError
         If the source cannot be opened or falls silent.
     """
+    known = None if calibration is None else read_calibration(calibration, design)
     source = open_source(url)
     if source.chips != len(design.halls):
         source.close()
@@ -48,7 +55,7 @@ def watch(
             f"got {source.chips} from {url!r}"
         )
     sinks = [] if record is None else [Recorder(record, design)]
-    with Loop(source, ClosedFormEstimator(design), sinks=sinks) as loop:
+    with Loop(source, ClosedFormEstimator(design, known), sinks=sinks) as loop:
         first: float | None = None
         for estimate in loop:
             yield estimate

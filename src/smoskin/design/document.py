@@ -21,11 +21,13 @@ from smoskin.design.skin import (
     Board,
     Coefficients,
     Columns,
+    Creases,
     Frame,
     HallSetting,
     HallSite,
     Magnet,
     MiuraCell,
+    Panels,
     Provenance,
     ShearLayer,
     SkinDesign,
@@ -35,6 +37,8 @@ from smoskin.errors import DesignError, MissingExtraError
 _SECTIONS: Final = MappingProxyType(
     {
         "cell": MiuraCell,
+        "creases": Creases,
+        "panels": Panels,
         "columns": Columns,
         "frame": Frame,
         "board": Board,

@@ -26,6 +26,8 @@ class Film:
 
     young_modulus: float
     """Pa."""
+    poisson_ratio: float
+    """Transverse over axial strain, sign reversed."""
     source: str
     """Where the value is printed."""
 
@@ -51,9 +53,15 @@ the Ecoflex 00-30 value is lowered to the middle of what small-strain tests repo
 
 FILMS: Final[Mapping[str, Film]] = MappingProxyType(
     {
-        "acrylic": Film(young_modulus=3.2e9, source="cast PMMA sheet, typical data sheet value"),
+        "acrylic": Film(
+            young_modulus=3.2e9,
+            poisson_ratio=0.37,
+            source="cast PMMA sheet, typical data sheet values",
+        ),
         "polyimide": Film(
-            young_modulus=2.5e9, source="DuPont Kapton HN summary of properties, 23 degC"
+            young_modulus=2.5e9,
+            poisson_ratio=0.34,
+            source="DuPont Kapton HN summary of properties, 23 degC",
         ),
     }
 )

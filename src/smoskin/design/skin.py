@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from types import MappingProxyType
 from typing import Any, Final, Literal
 
-from smoskin.design.materials import ELASTOMERS
+from smoskin.design.materials import ELASTOMERS, FILMS
 from smoskin.errors import DesignError
 
 Origin = Literal["printed", "inferred", "assumed"]
@@ -70,6 +70,36 @@ class MiuraCell:
                 f"cell.fold_angle must lie in (0, alpha) = (0, {self.sector_angle:.4g}) rad; "
                 f"got {self.fold_angle:.4g}: such a cell cannot fold"
             )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Creases:
+    """The bare film between two panels, about which they fold."""
+
+    thickness: float
+    """m, of the film."""
+    gap: float
+    """m: width of film left free between the panels' edges."""
+    material: str
+    """A name in `smoskin.design.materials.FILMS`."""
+
+    def __post_init__(self) -> None:
+        _positive("creases", thickness=self.thickness, gap=self.gap)
+        _choice("creases", "material", self.material, tuple(FILMS))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Panels:
+    """The stiff plates on both faces of the film, taken as one plate."""
+
+    thickness: float
+    """m, both plates together."""
+    material: str
+    """A name in `smoskin.design.materials.FILMS`."""
+
+    def __post_init__(self) -> None:
+        _positive("panels", thickness=self.thickness)
+        _choice("panels", "material", self.material, tuple(FILMS))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -262,6 +292,8 @@ class SkinDesign:
     cells: tuple[int, int]
     """(N, M): cells along x and y."""
     cell: MiuraCell
+    creases: Creases
+    panels: Panels
     columns: Columns
     frame: Frame
     board: Board

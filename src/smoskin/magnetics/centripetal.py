@@ -8,9 +8,9 @@ is counted from the face that the chip looks at, negative towards the chip: -z i
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,19 @@ from smoskin.design.skin import Magnet
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.sector import VACUUM_PERMEABILITY, field
 
+_N = TypeVar("_N", float, Floats)
+
+
+class _Functions(NamedTuple):
+    """What an equation needs beside arithmetic, for arrays or for plain numbers."""
+
+    arctan2: Callable[..., Any]
+    hypot: Callable[..., Any]
+    log: Callable[..., Any]
+
+
+_OF_ARRAYS: Final = _Functions(np.arctan2, np.hypot, np.log)
+_OF_NUMBERS: Final = _Functions(math.atan2, math.hypot, math.log)
 _RAYS: Final = 12
 """Polar angles at which the usable range is searched."""
 _STEPS: Final = 200
@@ -136,17 +149,17 @@ def ideal_inverse(field: ArrayLike) -> tuple[Floats, Floats, Floats]:
     """
     seen = floats("field", field, (3,))
     bz = seen[..., 2]
-    return _invert(seen[..., 0], seen[..., 1], np.where(bz == 0.0, np.nan, bz))
+    return _invert(seen[..., 0], seen[..., 1], np.where(bz == 0.0, np.nan, bz), _OF_ARRAYS)
 
 
-def _invert(bx: Floats, by: Floats, bz: Floats) -> tuple[Floats, Floats, Floats]:
-    """S5 of three components; Bz is not zero."""
+def _invert(bx: _N, by: _N, bz: _N, of: _Functions) -> tuple[_N, _N, _N]:
+    """S5 of three components, arrays or plain numbers; Bz is not zero."""
     square = bz * bz
     skew = bx * bx - by * by
     q = square + skew  # 2 Bz q; with the other sign 2 Bz p
     twice = -2.0 * bz
-    strength = np.hypot(q / twice, by)
-    return np.arctan2(twice * bx, square - skew), np.arctan2(twice * by, q), strength
+    strength = of.hypot(q / twice, by)
+    return of.arctan2(twice * bx, square - skew), of.arctan2(twice * by, q), strength
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -217,18 +230,65 @@ def displacement(correction: LinearCorrection, field: ArrayLike) -> Floats:
     -----
     Source: SI Eqs. (S5), (S6). Valid for displacements within the `usable_range`.
     """
-    corrected = correction.k_c * floats("field", field, (3,)) + correction.c_c
+    seen = floats("field", field, (3,))
+    result = np.empty_like(seen)
     with np.errstate(divide="ignore", invalid="ignore"):
-        phase_x, phase_y, strength = _invert(
-            corrected[..., 0], corrected[..., 1], corrected[..., 2]
+        moved = _displace(
+            seen[..., 0], seen[..., 1], seen[..., 2], _numbers(correction), _OF_ARRAYS
         )
-        depth = np.log(strength / correction.amplitude)
-    wave_number, side = correction.wave_number, correction.side
-    result = np.empty_like(corrected)
-    result[..., 0] = -phase_x / wave_number
-    result[..., 1] = -phase_y / wave_number
-    result[..., 2] = side * (depth / wave_number + correction.gap)
+    result[..., 0], result[..., 1], result[..., 2] = moved
     return result
+
+
+def displacements_of_one(
+    corrections: Sequence[tuple[float, ...]], field: Floats
+) -> list[tuple[float, float, float]] | None:
+    """The same for one reading of S chips, in plain numbers, which are faster for so few.
+
+    Parameters
+    ----------
+    corrections : sequence of tuple of float
+        As `plain_corrections` gives them.
+    field : Floats, shape (S, 3)
+        T.
+
+    Returns
+    -------
+    list of tuple of float, or None
+        m; None where a corrected Bz is zero.
+    """
+    try:
+        return [
+            _displace(bx, by, bz, numbers, _OF_NUMBERS)
+            for (bx, by, bz), numbers in zip(field.tolist(), corrections, strict=True)
+        ]
+    except (ArithmeticError, ValueError):
+        return None
+
+
+def plain_corrections(correction: LinearCorrection) -> tuple[tuple[float, ...], ...]:
+    """Stacked corrections as plain numbers, a tuple for each of the S magnets."""
+    return tuple(zip(*(one.tolist() for one in _numbers(correction)), strict=True))
+
+
+def _numbers(correction: LinearCorrection) -> tuple[Floats, ...]:
+    """All numbers of a correction, one after the other."""
+    return (
+        *np.moveaxis(correction.k_c, -1, 0),
+        *np.moveaxis(correction.c_c, -1, 0),
+        correction.wave_number,
+        correction.amplitude,
+        correction.gap,
+        correction.side,
+    )
+
+
+def _displace(bx: _N, by: _N, bz: _N, numbers: tuple[_N, ...], of: _Functions) -> tuple[_N, _N, _N]:
+    """S6, then S5, of arrays or plain numbers."""
+    k_x, k_y, k_z, c_x, c_y, c_z, wave_number, amplitude, gap, side = numbers
+    phase_x, phase_y, strength = _invert(k_x * bx + c_x, k_y * by + c_y, k_z * bz + c_z, of)
+    depth = of.log(strength / amplitude) / wave_number
+    return -phase_x / wave_number, -phase_y / wave_number, side * (depth + gap)
 
 
 def fit_correction(magnet: Magnet, gap: float, stroke: float) -> LinearCorrection:

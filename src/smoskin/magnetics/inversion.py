@@ -14,7 +14,9 @@ from smoskin.design.skin import HallSite, Magnet, SkinDesign
 from smoskin.magnetics.centripetal import (
     LinearCorrection,
     displacement,
+    displacements_of_one,
     fit_correction,
+    plain_corrections,
     stack_corrections,
     usable_range,
 )
@@ -28,6 +30,7 @@ _FITTED = 0.5e-3
 """m: largest displacement that the ideal field is corrected for."""
 _SETTLED = 2e-6
 """m: a last Newton step longer than this has not converged."""
+_FOUND = np.ones(1, dtype=np.bool_)
 
 
 class Displacements(NamedTuple):
@@ -76,18 +79,13 @@ class FieldInverse:
                 fitted[_kind(magnet, site)] = one, usable_range(magnet, site.gap, one, tolerance)
         mine = [fitted[_kind(m, site)] for m, site in zip(magnets, design.halls, strict=True)]
         self._correction = stack_corrections([one for one, _ in mine])
+        self._plain_corrections = plain_corrections(self._correction)
         self._usable_squared = np.array([radius for _, radius in mine]) ** 2
 
     @property
     def rest_field(self) -> Floats:
         """Field of each chip's own magnet at rest, in the skin's frame, shape (S, 3), T."""
         return charge_field_and_gradient(self._places, self._charges, self._rest)[0]
-
-    @property
-    def rest_slope(self) -> Floats:
-        """dB_x/dx of each chip's own magnet at rest, shape (S,), T/m."""
-        slope = charge_field_and_gradient(self._places, self._charges, self._rest)[1]
-        return np.abs(slope[:, 0, 0])
 
     def displacements(self, fields: Floats) -> Displacements:
         """Motion of each chip against its magnet.
@@ -101,15 +99,25 @@ class FieldInverse:
         -------
         Displacements
         """
+        if len(fields) == 1 and (alone := self._usable_alone(fields[0])) is not None:
+            return Displacements(alone, _FOUND)
         # A chip moves against its magnet as the magnet moves against the chip, reversed.
         moved = -displacement(self._correction, fields)
         within = np.einsum("tsk,tsk->ts", moved, moved) <= self._usable_squared
         usable = within.all(axis=-1)
-        if all(usable.tolist()):
-            return Displacements(moved, usable)
         found = usable.copy()
         moved[~usable], found[~usable] = self._refine(fields[~usable], moved[~usable])
         return Displacements(moved, found)
+
+    def _usable_alone(self, fields: Floats) -> Floats | None:
+        """Motion of the chips for one reading whose magnets are all within their usable range."""
+        displaced = displacements_of_one(self._plain_corrections, fields)
+        if displaced is None:
+            return None
+        for (x, y, z), limit in zip(displaced, self._usable_squared.tolist(), strict=True):
+            if not x * x + y * y + z * z <= limit:
+                return None
+        return -np.array([displaced])
 
     def _refine(self, fields: Floats, start: Floats) -> tuple[Floats, Bools]:
         """Newton steps on the magnets' own field, and whether they settled within the stroke."""

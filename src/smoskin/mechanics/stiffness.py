@@ -1,12 +1,13 @@
 """Stiffness of the skin under a press and under a drag, and the law from press depth to force.
 
 The columns carry the skin: the energy of their in-plane motion under a press is what resists it
-(S21-S24); crease and panel energies are smaller by orders of magnitude and are left out here.
-A drag moves the board on its pillars (S26) and the sheet on its columns, and stiffens the
-response to a press (S27).
+(S21-S24). The force law follows the SI in leaving the creases' and the panels' energies out;
+`smoskin.mechanics.terms` sets all three side by side (S25). A drag moves the board on its
+pillars (S26) and the sheet on its columns, and stiffens the response to a press (S27).
 """
 
 import math
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +15,12 @@ from numpy.typing import ArrayLike
 from smoskin.arrays import Floats, Ints
 from smoskin.design.materials import ELASTOMERS
 from smoskin.design.skin import Coefficients, MiuraCell, SkinDesign
-from smoskin.mechanics.attenuation import Profiles, profiles
+from smoskin.mechanics.attenuation import FoldFrom, Profiles, profiles
+from smoskin.mechanics.separable import motion_product
+
+Grip = Literal["sticks", "slips"]
+"""Whether what presses holds the loaded vertex in the plane (as the SI assumes), or lets the
+sheet slide until its columns are as little strained as can be."""
 
 
 def pillar_stiffness(radius: float, height: float, shear_modulus: float) -> float:
@@ -63,7 +69,12 @@ def sheet_stiffness(design: SkinDesign) -> float:
 
 
 def relative_stiffness_map(
-    cell: MiuraCell, cells: tuple[int, int], attenuation: tuple[float, float]
+    cell: MiuraCell,
+    cells: tuple[int, int],
+    attenuation: tuple[float, float],
+    *,
+    fold_from: FoldFrom = "length",
+    grip: Grip = "sticks",
 ) -> Floats:
     """K_B / k_bc of a press on each cell's loaded vertex, shape (N, M).
 
@@ -74,6 +85,10 @@ def relative_stiffness_map(
         (N, M).
     attenuation : tuple of float
         (v_aX, v_aY).
+    fold_from : {"length", "width", "mean"}
+        Which of a cell's two sizes gives its fold.
+    grip : {"sticks", "slips"}
+        Whether the loaded vertex moves in z only, as the SI assumes.
 
     Notes
     -----
@@ -87,7 +102,13 @@ def relative_stiffness_map(
     >>> [round(float(stiffness[k, k]), 1) for k in range(3)]
     [255.5, 223.3, 214.4]
     """
-    return _squared_motion(profiles(cell, cells, attenuation, press=-1.0))
+    parts = profiles(cell, cells, attenuation, press=-1.0, fold_from=fold_from)
+    squared = motion_product(parts, parts)
+    if grip == "slips":
+        # Sliding as a whole takes the mean out of the columns' motion.
+        mean_x, mean_y = _motion_sum(parts)
+        squared -= (mean_x**2 + mean_y**2) / (parts.x.shape[1] * parts.y.shape[1])
+    return squared
 
 
 def stiffness_map(design: SkinDesign, coefficients: Coefficients) -> Floats:
@@ -179,14 +200,9 @@ def press_depth(force: ArrayLike, stiffness: ArrayLike, gain: ArrayLike) -> Floa
     return depth
 
 
-def _squared_motion(parts: Profiles) -> Floats:
-    """Sum over all columns of |u|^2 for each loaded cell, in O(N M), shape (N, M)."""
+def _motion_sum(parts: Profiles) -> tuple[Floats, Floats]:
+    """Sum over all columns of u_x, shape (N, 1), and of u_y, shape (N, M), for each loaded cell."""
     wide, tall = parts.x.shape[1], parts.y.shape[1]
-    even = np.arange(wide) % 2 == 0
-    y_sum, z_sum = parts.y.sum(axis=1), parts.zigzag_x.sum(axis=1)
-    of_column = tall * ((parts.x**2).sum(axis=1) + (parts.zigzag_x**2).sum(axis=1))
-    of_row = wide * (parts.y**2).sum(axis=1)
-    # The rows' zigzag acts at even i alone and meets both other parts of y there.
-    z_rows = (parts.zigzag_y**2 + 2 * parts.y * parts.zigzag_y).sum(axis=1) * even.sum()
-    both = 2 * np.outer(z_sum, y_sum + parts.zigzag_y.sum(axis=1))
-    return np.asarray(of_column[:, None] + (of_row + z_rows)[None, :] + both)
+    of_row = wide * parts.y.sum(axis=1) + (wide + 1) // 2 * parts.zigzag_y.sum(axis=1)
+    x = tall * parts.x.sum(axis=1)[:, None]
+    return x, np.asarray(tall * parts.zigzag_x.sum(axis=1)[:, None] + of_row[None, :])

@@ -8,16 +8,15 @@ place is known to no better than the cell's size, which the covariance says.
 """
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from smoskin.arrays import Bools, Floats, Ints
+from smoskin.arrays import Bools, Floats, Ints, floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.magnetics import hall
 from smoskin.magnetics.inversion import FieldInverse, rest_cross_talk
-from smoskin.mechanics.attenuation import magnet_displacements, profiles
 from smoskin.mechanics.contact import vertex_shares
 from smoskin.mechanics.stiffness import (
     folding_correction_map,
@@ -31,84 +30,8 @@ from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.calibration import Calibration
 from smoskin.sensing.conditioning import Conditioner, ZeroTracking
-
-_AXIS_TURNS: Final = np.array([0.0, 2 * np.pi])
-"""Added to the directions of x and y, so that one sorted list of lines serves both."""
-
-
-def signal_matrix(displacements: Floats) -> Ints:
-    """Signs by which the zones are told apart: +1 where the load lies at larger x or y.
-
-    Parameters
-    ----------
-    displacements : Floats, shape (..., 2, 2)
-        Of the two magnets on the sheet, in x and y, m, caused by the press alone.
-
-    Notes
-    -----
-    Source: SI Table S1, erratum E7 (row Z.5 is - + + -). A press spreads its cell, so that
-    magnets move away from the load: the sign is the opposite of the displacement's.
-    """
-    return np.where(np.asarray(displacements) > 0, -1, 1)
-
-
-class Divisions(NamedTuple):
-    """How the two magnets' displacements along x and y name a column and a row of cells.
-
-    The signs of the two displacements and their ratio are together one direction,
-    ``arctan2(first, second)``. Lines on its circle divide the columns, and where the signs
-    belong to no column, a sector is nobody's. A second circle divides the rows.
-    """
-
-    lines: Floats
-    """(K,), rad, ascending: of x in (-pi, pi], of y one turn further."""
-    cells: Ints
-    """(K + 1,): the column (or row) between the lines; -1 where there is none."""
-
-
-def divisions(unit_press: Floats) -> Divisions:
-    """Dividing lines halfway between the ratios that neighbouring columns, and rows, give.
-
-    Parameters
-    ----------
-    unit_press : Floats, shape (N, M, 2, 2)
-        Displacements of the first and second magnet, in x and y, for a press on each cell. Along
-        x they depend on the column alone, along y on the row.
-
-    Notes
-    -----
-    Source: SI Eq. (S12) and Figure S5: the mean of two neighbours' ratios divides them.
-    """
-    lines, cells = [], []
-    for turn, along in zip(
-        _AXIS_TURNS, (unit_press[:, 0, :, 0], unit_press[0, :, :, 1]), strict=True
-    ):
-        direction = np.arctan2(along[:, 0], along[:, 1])
-        for quarter in np.arange(-np.pi, np.pi - 0.1, np.pi / 2):
-            members = np.flatnonzero((direction > quarter) & (direction < quarter + np.pi / 2))
-            members = members[np.argsort(direction[members])]
-            ratio, side = along[members, 0] / along[members, 1], np.sign(along[members, 1])
-            between = np.arctan2(side[1:] * (ratio[1:] + ratio[:-1]) / 2, side[1:])
-            lines += [quarter + turn, *(between + turn)]
-            cells += members.tolist() if len(members) else [-1]
-    return Divisions(np.array(lines), np.array([-1, *cells]))
-
-
-def decide(rule: Divisions, displacements: Floats) -> Ints:
-    """Cell (n, m) that displacements belong to, shape (..., 2); -1 where no cell gives them.
-
-    Parameters
-    ----------
-    rule : Divisions
-    displacements : Floats, shape (..., 2, 2)
-        Of the first and second magnet, in x and y; a common factor does not matter.
-
-    Notes
-    -----
-    Source: SI Eq. (S12): the signs name a zone (Table S1), the ratios a cell in it.
-    """
-    direction = np.arctan2(displacements[..., 0, :], displacements[..., 1, :])
-    return np.asarray(rule.cells.take(rule.lines.searchsorted(direction + _AXIS_TURNS)))
+from smoskin.sensing.confidence import confidence, faces, readout_noise
+from smoskin.sensing.location import decide, ideal_rule, measured_rule, readout, unit_press
 
 
 class Solution(NamedTuple):
@@ -122,6 +45,8 @@ class Solution(NamedTuple):
     """(T, 3), N."""
     found: Bools
     """(T,): whether every field fitted a displacement within the stroke."""
+    confidence: Floats
+    """(T,): chance that the chips' noise did not decide the cell; 0 where none fits."""
 
 
 class ClosedFormEstimator(Estimator):
@@ -130,16 +55,22 @@ class ClosedFormEstimator(Estimator):
     Parameters
     ----------
     design : SkinDesign
-        With two magnets on the sheet and one on the base, each with its chip.
+        With one magnet on the base and any number on the sheet, each with its chip. Two tell
+        cells apart by the SI's ratios; `smoskin.sensing.confidence.ambiguities` says which not.
     calibration : Calibration, optional
         Of this skin; as designed by default.
+    table : array_like, shape (N, M, G, 2), optional
+        Displacements of the G magnets on the sheet, in the order of their chips, per unit of
+        press on each cell, m/m: measured on this skin, one press a cell. By theory by default.
     tracking : ZeroTracking, optional
         How the zero follows drift while the skin is idle.
+    least_confidence : float
+        A touch located less surely is `AMBIGUOUS`, its contact the likeliest cell.
 
     Raises
     ------
     ArgumentError
-        If the design has another set of magnets.
+        If the design has another set of magnets, or the table another shape.
     ModelError
         If the calibration belongs to another design.
 
@@ -164,7 +95,9 @@ class ClosedFormEstimator(Estimator):
         design: SkinDesign,
         calibration: Calibration | None = None,
         *,
+        table: ArrayLike | None = None,
         tracking: ZeroTracking | None = None,
+        least_confidence: float = 0.5,
     ) -> None:
         calibration = calibration or Calibration.nominal(design)
         calibration.check_fits(design)
@@ -173,31 +106,62 @@ class ClosedFormEstimator(Estimator):
         watched = [design.magnet(site.magnet) for site in design.halls]
         upper = [s for s, magnet in enumerate(watched) if magnet.mount == "sheet"]
         lower = [s for s, magnet in enumerate(watched) if magnet.mount == "base"]
-        if len(upper) != 2 or len(lower) != 1:
+        if not upper or len(lower) != 1:
             raise ArgumentError(
-                "design must have two chips under magnets of the sheet and one over a magnet of "
-                f"the base; got {len(upper)} and {len(lower)}"
+                "design must have chips under magnets of the sheet and one over a magnet of the "
+                f"base; got {len(upper)} and {len(lower)}"
             )
-        self._upper, self._lower = np.array(upper), lower[0]
+        if not 0.0 <= least_confidence <= 1.0:
+            raise ArgumentError(f"least_confidence must lie in [0, 1]; got {least_confidence}")
+        self._magnets = len(upper)
+        self._readout = readout(design, calibration)
         self._inverse = FieldInverse(design)
         self._conditioner = Conditioner(
-            design, self._inverse.rest_field, rest_cross_talk(design), tracking=tracking
+            design,
+            self._inverse.rest_field,
+            rest_cross_talk(design),
+            calibration=calibration,
+            tracking=tracking,
         )
 
         coefficients = calibration.coefficients
-        parts = profiles(design.cell, design.cells, coefficients.attenuation, -1.0)
-        unit = [magnet_displacements(parts, watched[s].corner) for s in upper]
-        self._divisions = divisions(np.stack(unit, axis=2))
-        self._unit = np.concatenate(unit, axis=-1)
+        if table is None:
+            unit = unit_press(design, coefficients)
+            self._rule = ideal_rule(unit)
+        else:
+            unit = _checked(table, (*design.cells, len(upper), 2))
+            self._rule = measured_rule(unit)
+        noise = readout_noise(design, self._readout)
+        self._least_confidence = least_confidence
+        self._unit = unit.reshape(*design.cells, -1)
         self._stiffness = stiffness_map(design, coefficients)
-        # One row a cell: displacements to press depth, then v_s K_z, then v_f in x and y.
+        # One row a cell: v_s K_z, v_f in x and y, certainty and share, then what a displacement
+        # is multiplied by: to press depth, and to its distance from each face of the cell's cone.
+        # Around them rows of nobody's, so that the index -1 of no cell has a row as well.
         per_press = self._unit / (self._unit**2).sum(axis=-1, keepdims=True)
         folding = folding_correction_map(design.cells, coefficients)
-        table = np.concatenate([per_press, self._stiffness[..., None], folding], axis=-1)
-        self._cell_table = table.reshape(-1, 7)
-        self._cell_strides = np.array([design.cells[1], 1])
+        cones = faces(self._rule, unit, noise[:-2, :-2])
+        rows = np.concatenate(
+            [
+                self._stiffness.reshape(-1, 1),
+                folding.reshape(-1, 2),
+                cones.certainty[:, None],
+                cones.share[:, None],
+                per_press.reshape(-1, 2 * len(upper)),
+                cones.normals.reshape(self._stiffness.size, -1),
+            ],
+            axis=1,
+        )
+        padded = np.zeros((design.cells[0] + 1, design.cells[1] + 1, rows.shape[1]))
+        padded[..., 1:3] = 1.0
+        padded[:-1, :-1] = rows.reshape(*design.cells, -1)
+        self._cell_table = padded.reshape(-1, rows.shape[1])
+        self._cell_strides = np.array([design.cells[1] + 1, 1])
         self._places = loaded_positions(design)
-        self._covariance = self._covariances()
+        self._covariance = self._covariances(noise)
+        # Of a touch in one of several cells: the place and the press are unknown.
+        self._drag_alone = np.full((5, 5), np.nan)
+        self._drag_alone[2:4, 2:4] = self._covariance[0, 0, 2:4, 2:4]
         self._force_spread = self._force_spreads()
 
     @property
@@ -261,19 +225,20 @@ class ClosedFormEstimator(Estimator):
             T, of the magnets alone, at reference temperature, in the skin's frame.
         """
         moved, found = self._inverse.displacements(field)
-        shear = self.calibration.board_stiffness * moved[:, self._lower, :2]
-        # Chips are at rest in their own frame; a magnet's motion is the reverse of theirs.
-        pressed = -moved.take(self._upper, axis=1)[..., :2]
-        pressed -= (shear / self.calibration.sheet_stiffness)[:, None, :]
-        cell = decide(self._divisions, pressed)
-        # Where no cell was found the row is some cell's, and the cell says so.
-        of_cell = self._cell_table.take(cell @ self._cell_strides, axis=0, mode="clip")
-        press = np.einsum("tk,tk->t", pressed.reshape(-1, 4), of_cell[:, :4])
+        wide = 2 * self._magnets
+        parted = moved.reshape(len(field), -1) @ self._readout
+        flat, shear = parted[:, :wide], parted[:, wide:]
+        cell = decide(self._rule, flat.reshape(-1, self._magnets, 2))
+        of_cell = self._cell_table.take(cell @ self._cell_strides, axis=0)
+        rows = of_cell[:, 5:].reshape(len(field), -1, wide)
+        products = (rows @ flat[:, :, None])[..., 0]
         force = np.empty((len(field), 3))
         force[:, :2] = shear
-        gain = shear_gain(shear, of_cell[:, 5:])
-        force[:, 2] = -normal_force(press, of_cell[:, 4], gain)
-        return Solution(cell, press, force, found)
+        gain = shear_gain(shear, of_cell[:, 1:3])
+        press = products[:, 0]
+        force[:, 2] = -normal_force(press, of_cell[:, 0], gain)
+        sure = confidence(products[:, 1:], of_cell[:, 3], of_cell[:, 4])
+        return Solution(cell, press, force, found, sure)
 
     def _estimate(self, time: float, solution: Solution, k: int) -> Estimate:
         """One row of a solution as an estimate."""
@@ -283,24 +248,30 @@ class ClosedFormEstimator(Estimator):
         if n < 0 or m < 0 or not solution.press[k] > 0:
             return Estimate(time=time, status=Status.AMBIGUOUS)
         contact = Contact(position=self._places[n, m], force=solution.force[k])
+        if solution.confidence[k] < self._least_confidence:
+            return Estimate(
+                time=time,
+                status=Status.AMBIGUOUS,
+                contacts=(contact,),
+                covariance=self._drag_alone[None],
+            )
         covariance = self._covariance[n, m].copy()
         covariance[4, 4] += (self._force_spread[n, m] * contact.force[2]) ** 2
         return Estimate(
             time=time, status=Status.CONTACT, contacts=(contact,), covariance=covariance[None]
         )
 
-    def _covariances(self) -> Floats:
+    def _covariances(self, noise: Floats) -> Floats:
         """Of (x, y, Fx, Fy, Fz) for each cell: a uniform place in it, the chips' noise in force."""
-        noise = hall.noise(self.design.hall_setting)[0]
-        slope = self._inverse.rest_slope
-        of_motion = (noise / slope[self._upper].mean()) ** 2
-        of_board = (noise / slope[self._lower]) ** 2
         extent = size(self.design.cell)
+        wide = 2 * self._magnets
+        per_press = self._unit / (self._unit**2).sum(axis=-1, keepdims=True)
+        of_press = np.einsum("nmk,kl,nml->nm", per_press, noise[:wide, :wide], per_press)
         spread = np.zeros((*self.design.cells, 5, 5))
         spread[..., 0, 0] = extent.length**2 / 12
         spread[..., 1, 1] = extent.width**2 / 12
-        spread[..., 2, 2] = spread[..., 3, 3] = self.calibration.board_stiffness**2 * of_board
-        spread[..., 4, 4] = self._stiffness**2 * of_motion / (self._unit**2).sum(axis=-1)
+        spread[..., 2:4, 2:4] = noise[wide:, wide:]
+        spread[..., 4, 4] = self._stiffness**2 * of_press
         return spread
 
     def _force_spreads(self) -> Floats:
@@ -314,3 +285,17 @@ class ClosedFormEstimator(Estimator):
         per_press = self._unit / (self._unit**2).sum(axis=-1, keepdims=True)
         force = np.einsum("nmpk,nmk->nmp", motion, per_press) * self._stiffness[..., None]
         return np.asarray(np.sqrt(np.mean((force - 1) ** 2, axis=-1)))
+
+
+def _checked(table: ArrayLike, shape: tuple[int, ...]) -> Floats:
+    """A table of that shape, finite and with some motion in every cell."""
+    values = floats("table", table)
+    if values.shape != shape:
+        raise ArgumentError(f"table must have shape {shape}, (N, M, G, 2); got {values.shape}")
+    for n, m in np.ndindex(shape[:2]):
+        if not (np.isfinite(values[n, m]).all() and values[n, m].any()):
+            raise ArgumentError(
+                "table must be finite and not all zero in every cell; "
+                f"got {values[n, m].tolist()} in cell ({n}, {m})"
+            )
+    return values

@@ -1,7 +1,8 @@
 """From what chips read to their magnets' field alone: zero, temperature, and what to distrust.
 
 A chip reads ``f(T) (B + X) + e``: the field B of its own magnet and X of the others at rest,
-weakened by f as they warm, plus an offset e of electronics and surroundings. The zero is the
+weakened by f as they warm, plus an offset e of electronics and surroundings. A calibration turns
+what a chip says, as it is mounted, and scales it to the magnet as designed (S6). The zero is the
 offset found while the skin is untouched; it is followed slowly while the skin stays idle, up to
 a bound past which the zero is no longer believed. Source: SI Text S11 (5 % per 10 degC).
 """
@@ -20,6 +21,7 @@ from smoskin.errors import ArgumentError
 from smoskin.magnetics import hall
 from smoskin.magnetics.material import REFERENCE_TEMPERATURE, temperature_factor
 from smoskin.records import ChipFlag, Reading, Status
+from smoskin.sensing.calibration import Calibration
 
 _BAD = int(ChipFlag.MISSING | ChipFlag.INVALID)
 _FULL = int(ChipFlag.SATURATED | ChipFlag.WRAPPED)
@@ -69,6 +71,8 @@ class Conditioner:
         T: of each untouched chip's own magnet, in the skin's frame.
     cross_talk : Floats, shape (S, 3)
         T: of all other magnets there at rest, likewise.
+    calibration : Calibration, optional
+        Of how the chips are turned and their magnets' strength; as designed by default.
     tracking : ZeroTracking, optional
         How the zero follows drift.
     """
@@ -79,15 +83,23 @@ class Conditioner:
         rest_field: Floats,
         cross_talk: Floats,
         *,
+        calibration: Calibration | None = None,
         tracking: ZeroTracking | None = None,
     ) -> None:
+        # Here, so that whoever only imports the package does not wait for it.
+        from scipy.spatial.transform import Rotation
+
         self.tracking = tracking or ZeroTracking()
-        self._rotations = np.stack([hall.rotation(site) for site in design.halls])
+        calibration = calibration or Calibration.nominal(design)
+        mounts = np.stack([hall.rotation(site) for site in design.halls])
+        turns = Rotation.from_rotvec(calibration.chip_rotation).as_matrix()
+        # Turn and factor in one; what is added to the field leaves with the cross-talk.
+        self._to_field = np.array(calibration.field_factor)[:, None, None] * turns @ mounts
         self._rest = rest_field
         setting = design.hall_setting
         self._limit = 1.01 * float(hall.full_scale(setting).max())  # no chip says more than this
         self._jump = hall.full_scale(setting) if hall.wraps(setting) else None
-        self._cross_talk = cross_talk
+        self._cross_talk = cross_talk - np.array(calibration.field_offset)
         self._zero: Floats = np.zeros_like(rest_field)
         self._offset: Floats = self._zero
         self.reset()
@@ -183,8 +195,8 @@ class Conditioner:
         return None
 
     def _in_skin(self, field: Floats) -> Floats:
-        """Chip axes turned into the skin's."""
-        return np.asarray((self._rotations @ field[:, :, None])[:, :, 0])
+        """A chip's words as the designed magnet's field in the skin's axes."""
+        return np.asarray((self._to_field @ field[:, :, None])[:, :, 0])
 
     def _factors(self, temperature: Floats) -> Floats:
         """f(T) of each chip's magnet, (S, 1); a report that cannot be is the last good one."""

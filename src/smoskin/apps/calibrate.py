@@ -1,0 +1,257 @@
+"""From a bench's table to a calibration file, and what to tell the person who made it."""
+
+import math
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from smoskin import units
+from smoskin.arrays import Floats
+from smoskin.design.skin import Coefficients, SkinDesign
+from smoskin.errors import MissingExtraError
+from smoskin.measurement import read_touches, write_touches
+from smoskin.sensing.calibration import Calibration, Uncertainty, format_calibration
+from smoskin.sensing.fitting import Attenuation, Fit, fit_calibration
+from smoskin.twin.bench import MadeSkin, calibration_loads, made_skin, measure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.table import Table
+
+_LEVEL: Final = 0.9
+"""Confidence of the intervals shown."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """One number of a calibration, in the unit of its file."""
+
+    name: str
+    value: float
+    nominal: float
+    """As designed."""
+    standard_uncertainty: float
+    """NaN where it was not measured and the value is nominal."""
+    half_width: float
+    """Of the interval of 90 % confidence."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ResidualPlot:
+    """What a plot of the residuals shows."""
+
+    force: Floats
+    """(T,), N: press force of each touch."""
+    force_residual: Floats
+    """(T,), of that force, relative; NaN for the untouched skin."""
+    depth_residual: Floats
+    """(T,), of the depth, relative; NaN likewise."""
+    field_residual: Floats
+    """(T, S, 3), T; NaN where a chip was not read."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationReport:
+    """A finished calibration in words and numbers."""
+
+    fit: Fit
+    lines: tuple[Line, ...]
+
+    def as_json(self) -> dict[str, object]:
+        """Plain values for machines; what was not measured is null."""
+        evidence = self.fit.calibration.evidence
+        assert evidence is not None, "a fit rests on something"
+        force, depth, field = self.fit.noise
+        return {
+            "design_hash": self.fit.calibration.design_hash,
+            "date": evidence.date,
+            "data_sha256": evidence.data_sha256,
+            "touches": evidence.touches,
+            "noise_force": force,
+            "noise_depth": depth,
+            "noise_field_uT": _or_none(_in_unit(field, "uT")),
+            "numbers": [
+                {
+                    "name": line.name,
+                    "value": line.value,
+                    "nominal": line.nominal,
+                    "standard_uncertainty": _or_none(line.standard_uncertainty),
+                    "half_width_90_percent": _or_none(line.half_width),
+                }
+                for line in self.lines
+            ],
+            "residuals": [
+                {"group": one.group, "values": one.values, f"rms_{one.unit}":
+                 _or_none(_in_unit(one.rms, one.unit))}
+                for one in evidence.residuals
+            ],
+        }  # fmt: skip
+
+    def tables(self) -> "list[Table]":
+        """The numbers and the residuals, for people."""
+        from rich.table import Table
+
+        numbers = Table(title="Calibration (+- at 90 % confidence)")
+        for name in ("number", "value", "+-", "as designed"):
+            numbers.add_column(name, justify="left" if name == "number" else "right")
+        for line in self.lines:
+            known = math.isfinite(line.half_width)
+            width = f"{line.half_width:.2g}" if known else "not measured"
+            numbers.add_row(line.name, f"{line.value:.5g}", width, f"{line.nominal:.5g}")
+        residuals = Table(title="What the model leaves")
+        for name in ("measured", "values", "rms", "unit"):
+            residuals.add_column(name, justify="left" if name == "measured" else "right")
+        evidence = self.fit.calibration.evidence
+        assert evidence is not None, "a fit rests on something"
+        for one in evidence.residuals:
+            rms = _in_unit(one.rms, one.unit)
+            residuals.add_row(one.group, str(one.values), f"{rms:.3g}", one.unit)
+        return [numbers, residuals]
+
+
+def calibrate(
+    design: SkinDesign,
+    table: str | os.PathLike[str],
+    output: str | os.PathLike[str],
+    *,
+    date: str,
+    attenuation: Attenuation = "equal",
+) -> CalibrationReport:
+    """Fit a skin's calibration to a bench's table and write it.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    table : path
+        CSV, as `smoskin.measurement.read_touches` describes it.
+    output : path
+        The TOML file to write.
+    date : str
+        ISO date of the measurement.
+    attenuation : {"equal", "separate"}
+        Whether v_a is one number or one each in X and Y.
+
+    Raises
+    ------
+    RecordingError
+        If the table cannot be read.
+    ArgumentError, ModelError
+        As `fit_calibration`.
+    """
+    touches, digest = read_touches(table)
+    fit = fit_calibration(design, touches, date=date, data_sha256=digest, attenuation=attenuation)
+    Path(output).write_text(format_calibration(fit.calibration), encoding="utf-8")
+    return report(design, fit)
+
+
+def write_virtual_bench(
+    design: SkinDesign, output: str | os.PathLike[str], *, seed: int
+) -> MadeSkin:
+    """Write the table that a bench would make of a virtual skin that differs from its design."""
+    rng = np.random.default_rng(seed)
+    skin = made_skin(design, rng)
+    write_touches(output, measure(skin, calibration_loads(design), rng))
+    return skin
+
+
+def report(design: SkinDesign, fit: Fit) -> CalibrationReport:
+    """The numbers of a fit beside the design's, with their intervals."""
+    evidence = fit.calibration.evidence
+    assert evidence is not None, "a fit rests on something"
+    factor = evidence.coverage_factor(_LEVEL)
+    nominal = Calibration.nominal(design)
+    lines = []
+    for (name, suffix, value), (_, _, designed), (_, _, deviation) in zip(
+        _numbers(design, fit.calibration.coefficients, fit.calibration),
+        _numbers(design, nominal.coefficients, nominal),
+        _numbers(design, evidence.uncertainty, evidence.uncertainty),
+        strict=True,
+    ):
+        lines.append(
+            Line(
+                name=f"{name}_{suffix}" if suffix else name,
+                value=_in_unit(value, suffix),
+                nominal=_in_unit(designed, suffix),
+                standard_uncertainty=_in_unit(deviation, suffix),
+                half_width=factor * _in_unit(deviation, suffix),
+            )
+        )
+    return CalibrationReport(fit=fit, lines=tuple(lines))
+
+
+def residual_plot(fit: Fit) -> ResidualPlot:
+    """The residuals as a plot needs them."""
+    touches = fit.touches
+    press = np.where(touches.touched, -touches.force[:, 2], np.nan)
+    depth = np.where(touches.touched & (touches.depth > 0), touches.depth, np.nan)
+    return ResidualPlot(
+        force=-touches.force[:, 2],
+        force_residual=-fit.residual[:, 2] / np.where(press > 0, press, np.nan),
+        depth_residual=fit.residual[:, 3] / depth,
+        field_residual=fit.residual[:, 4:].reshape(touches.field.shape),
+    )
+
+
+def residual_figure(fit: Fit) -> "Figure":
+    """Three panels: relative residuals of force and depth over force, fields over time.
+
+    Raises
+    ------
+    MissingExtraError
+        If matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingExtraError("plotting residuals", "report") from error
+    shown = residual_plot(fit)
+    figure = Figure(figsize=(9, 8), layout="constrained")
+    force, depth, field = figure.subplots(3, 1)
+    for axes, values, name, level in (
+        (force, shown.force_residual, "force", fit.noise[0]),
+        (depth, shown.depth_residual, "depth", fit.noise[1]),
+    ):
+        axes.plot(shown.force, 100 * values, ".", markersize=4)
+        axes.axhspan(-100 * level, 100 * level, alpha=0.15)
+        axes.set_xlabel("press force (N)")
+        axes.set_ylabel(f"{name}: measured less model (%)")
+    for s in range(shown.field_residual.shape[1]):
+        size = np.sqrt(np.mean(shown.field_residual[:, s] ** 2, axis=-1))
+        field.plot(size / 1e-6, ".", markersize=4, label=f"chip {s + 1}")
+    field.set_xlabel("touch")
+    field.set_ylabel("field: rms residual (uT)")
+    if shown.field_residual.shape[1]:
+        field.legend()
+    return figure
+
+
+def _numbers(
+    design: SkinDesign, model: Coefficients | Uncertainty, skin: Calibration | Uncertainty
+) -> Iterator[tuple[str, str, float]]:
+    """Name, unit suffix and value of every number of a calibration or of its uncertainty."""
+    for axis, value in zip("xy", model.attenuation, strict=True):
+        yield f"attenuation_{axis}", "", value
+    yield "stiffness_variation", "", model.stiffness_variation
+    for axis, layers in (("x", model.folding_correction_x), ("y", model.folding_correction_y)):
+        for layer, value in enumerate(layers, start=1):
+            yield f"layer {layer} folding_correction_{axis}", "N", value
+    yield "board_stiffness", "N_per_mm", skin.board_stiffness
+    yield "sheet_stiffness", "N_per_mm", skin.sheet_stiffness
+    for s, site in enumerate(design.halls):
+        yield f"{site.name} field_factor", "", skin.field_factor[s]
+        for axis, value in zip("xyz", skin.chip_rotation[s], strict=True):
+            yield f"{site.name} rotation_{axis}", "deg", value
+        for axis, value in zip("xyz", skin.field_offset[s], strict=True):
+            yield f"{site.name} field_offset_{axis}", "uT", value
+
+
+def _in_unit(value: float, suffix: str) -> float:
+    return value / float(units.SI_PER_SUFFIX[suffix]) if suffix else value
+
+
+def _or_none(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,169 @@
+"""Writes the report: rows as JSON, figures as SVG, and both as a web page and a PDF.
+
+A later part of the package joins by adding its rows to `all_rows` and its figures to `_plates`.
+"""
+
+import json
+import os
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from smoskin.apps.report.errata import errata_rows
+from smoskin.apps.report.golden import golden_rows
+from smoskin.apps.report.maps import poisson_map, sheet_magnets, stiffness_maps
+from smoskin.apps.report.page import html_page, summary
+from smoskin.apps.report.paper import (
+    calibration_rows,
+    location_rows,
+    material_rows,
+    poisson_rows,
+    sheet_rows,
+    stiffness_rows,
+    touch_rows,
+    zone_rows,
+)
+from smoskin.apps.report.rows import Row
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError, MissingExtraError
+from smoskin.sensing.location import unit_press, zones
+
+if TYPE_CHECKING:
+    from smoskin.apps.report.style import Plate
+
+Progress = Callable[[str, float], None]
+"""Called with what is being done and the share of the whole that is done."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """What was written, and what it says."""
+
+    rows: tuple[Row, ...]
+    data: Path
+    """report.json."""
+    page: Path
+    """report.html."""
+    document: Path
+    """report.pdf."""
+    pages: int
+    """Of the PDF."""
+    figures: tuple[Path, ...]
+    """SVG files."""
+
+    @property
+    def summary(self) -> str:
+        """How many rows have which verdict, as a sentence."""
+        return summary(self.rows)
+
+    def as_json(self) -> dict[str, object]:
+        """Plain values for machines: what report.json holds."""
+        return {"rows": [asdict(row) for row in self.rows]}
+
+
+def build_report(
+    design: SkinDesign, out: str | os.PathLike[str], *, progress: Progress | None = None
+) -> Report:
+    """Compute every row and figure of the paper and write them to a folder.
+
+    Files of an earlier report there are replaced; the same design gives the same bytes.
+
+    Parameters
+    ----------
+    design : SkinDesign
+        With the paper's 6 x 6 cells and two magnets on the sheet.
+    out : path
+        The folder; made if missing.
+    progress : callable, optional
+        Called with what is being done and the share of the whole that is done.
+
+    Raises
+    ------
+    ArgumentError
+        If the design has another layout, or the folder cannot be written.
+    MissingExtraError
+        If Matplotlib is not installed.
+    """
+    if find_spec("matplotlib") is None:
+        raise MissingExtraError("the report", "report")
+    from smoskin.apps.report.document import write_document
+
+    report = progress or (lambda what, share: None)
+    sheet_magnets(design)
+    folder = _writable(Path(out))
+    report("rows", 0.0)
+    rows = all_rows(design)
+    report("figures", 0.2)
+    plates = _plates(design)
+    title = f"{design.name} ({design.content_hash[:12]})"
+    figures = []
+    for k, plate in enumerate(plates):
+        report(plate.title, 0.3 + 0.4 * k / len(plates))
+        figures.append(plate.write(folder))
+    report("document", 0.7)
+    document = folder / "report.pdf"
+    pages = write_document(document, f"smoskin report: {title}", rows, plates)
+    report("page", 0.95)
+    shown = [
+        (path, plate.title, plate.caption) for path, plate in zip(figures, plates, strict=True)
+    ]
+    page = folder / "report.html"
+    page.write_text(html_page(title, rows, shown), encoding="utf-8")
+    result = Report(
+        rows=tuple(rows),
+        data=folder / "report.json",
+        page=page,
+        document=document,
+        pages=pages,
+        figures=tuple(figures),
+    )
+    result.data.write_text(
+        json.dumps(result.as_json(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+    )
+    report("done", 1.0)
+    return result
+
+
+def all_rows(design: SkinDesign) -> list[Row]:
+    """Every row, in the order of the paper; errata last."""
+    return [
+        *poisson_rows(poisson_map(design)),
+        *location_rows(design),
+        *zone_rows(zones(unit_press(design))),
+        *sheet_rows(design),
+        *stiffness_rows(stiffness_maps(design)),
+        *calibration_rows(design),
+        *material_rows(),
+        *touch_rows(design),
+        *golden_rows(design),
+        *errata_rows(design),
+    ]
+
+
+def _plates(design: SkinDesign) -> "list[Plate]":
+    """Every figure, in the order of the paper."""
+    from smoskin.apps.report.figures import poisson_plate, stiffness_plate, zone_plate
+    from smoskin.apps.report.sheet_figure import crease_plate
+
+    return [
+        poisson_plate(poisson_map(design)),
+        zone_plate(zones(unit_press(design))),
+        crease_plate(design.cell, design.cells),
+        stiffness_plate(stiffness_maps(design)),
+    ]
+
+
+def _writable(folder: Path) -> Path:
+    """The folder, made if missing and shown to take a file."""
+    probe = folder / "report.json"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with probe.open("a", encoding="utf-8"):
+            pass
+    except OSError as error:
+        raise ArgumentError(
+            f"out must be a folder that can be written; got {str(folder)!r}: {error.strerror}"
+        ) from error
+    return folder

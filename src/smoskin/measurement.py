@@ -1,0 +1,202 @@
+"""What a person measures on a bench to calibrate a skin: a table of touches, and its CSV file.
+
+Decides the columns and their units; hides the conversion and the checks. A row is one touch on
+a cell's top vertex, held still: the force by the gauge, how far the stage pushed, and what the
+chips read, if they were read. A row without a cell is the untouched skin.
+"""
+
+import csv
+import hashlib
+import io
+import os
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from smoskin import units
+from smoskin.arrays import Bools, Floats, Ints, frozen
+from smoskin.errors import ArgumentError, RecordingError
+
+_CELL: Final = ("cell_n", "cell_m")
+_FORCE: Final = ("force_x_N", "force_y_N", "force_z_N")
+_DEPTH: Final = "displacement_z_mm"
+_WARMTH: Final = "temperature_degC"
+_REFERENCE: Final = 25.0
+"""degC of a table without temperatures."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TouchTable:
+    """Touches with known force and depth; T rows, S chips.
+
+    Raises
+    ------
+    ArgumentError
+        If shapes disagree, a force or depth is not finite, a row pulls at the skin or an
+        untouched row has a force.
+    """
+
+    cell: Ints
+    """(T, 2): (n, m) from 0; -1 where nothing touches."""
+    force: Floats
+    """(T, 3), N, that the toucher exerts on the skin; pressing is negative z."""
+    depth: Floats
+    """(T,), m: how far the stage pushed the vertex down."""
+    field: Floats
+    """(T, S, 3), T, in each chip's own axes; NaN where a chip was not read."""
+    temperature: Floats
+    """(T,), degC."""
+
+    def __init__(
+        self,
+        *,
+        cell: ArrayLike,
+        force: ArrayLike,
+        depth: ArrayLike,
+        field: ArrayLike,
+        temperature: ArrayLike,
+    ) -> None:
+        cells = np.array(cell, dtype=np.int64)
+        if cells.ndim != 2 or cells.shape[1] != 2:
+            raise ArgumentError(f"cell must have shape (T, 2); got {cells.shape}")
+        cells.setflags(write=False)
+        rows = len(cells)
+        object.__setattr__(self, "cell", cells)
+        object.__setattr__(self, "force", frozen("force", force, (rows, 3)))
+        object.__setattr__(self, "depth", frozen("depth", depth, (rows,)))
+        object.__setattr__(self, "field", frozen("field", field, (rows, None, 3)))
+        object.__setattr__(self, "temperature", frozen("temperature", temperature, (rows,)))
+        for name, bad, rule in (
+            ("force", ~np.isfinite(self.force).all(axis=1), "be finite"),
+            ("depth", ~np.isfinite(self.depth), "be finite"),
+            ("temperature", ~np.isfinite(self.temperature), "be finite"),
+            ("force", self.force[:, 2] > 0, "press: z must not be positive"),
+            ("depth", self.depth < 0, "press: a pushed vertex has a displacement z below zero"),
+            ("force", ~self.touched & self.force.any(axis=1), "be zero where no cell is touched"),
+        ):
+            if bad.any():
+                row = int(np.argmax(bad))
+                raise ArgumentError(
+                    f"{name} must {rule}; got {getattr(self, name)[row]} in row {row + 1}"
+                )
+
+    @property
+    def touched(self) -> Bools:
+        """(T,): whether anything touches the skin."""
+        return np.asarray((self.cell >= 0).all(axis=1))
+
+    def rows(self, chosen: Bools | Ints) -> "TouchTable":
+        """The table of these rows alone."""
+        return TouchTable(
+            cell=self.cell[chosen],
+            force=self.force[chosen],
+            depth=self.depth[chosen],
+            field=self.field[chosen],
+            temperature=self.temperature[chosen],
+        )
+
+
+def write_touches(path: str | os.PathLike[str], table: TouchTable) -> None:
+    """Write a table as CSV; `read_touches` reads the same numbers back."""
+    chips = table.field.shape[1]
+    with Path(path).open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow([*_CELL, *_FORCE, _DEPTH, _WARMTH, *_chip_columns(chips)])
+        for k, touched in enumerate(table.touched):
+            cell = [str(int(index) + 1) if touched else "" for index in table.cell[k]]
+            force = [_written(value, "N") for value in table.force[k]]
+            field = [_written(value, "uT") for value in table.field[k].ravel()]
+            writer.writerow(
+                [*cell, *force, _written(0.0 - table.depth[k], "mm"),
+                 _written(table.temperature[k], "degC"), *field]
+            )  # fmt: skip
+
+
+def read_touches(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
+    """The table of a CSV file, and the file's SHA-256.
+
+    The columns `cell_n`, `cell_m` (from 1; empty for the untouched skin), `force_x_N`,
+    `force_y_N`, `force_z_N` and `displacement_z_mm` (both below zero for a press) must be there;
+    `temperature_degC` and, for each chip from 1, `chip1_Bx_uT`, `chip1_By_uT`, `chip1_Bz_uT`
+    may be.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read, a column is missing or unknown, or a value is no number;
+        the message names the row and the column.
+    """
+    where = os.fspath(path)
+    try:
+        raw = Path(path).read_bytes()
+        lines = list(csv.reader(io.StringIO(raw.decode("utf-8-sig"))))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise RecordingError(f"{where}: must be a readable CSV file ({error})") from error
+    if len(lines) < 2:
+        raise RecordingError(f"{where}: must hold a header and at least one row")
+    header = [name.strip() for name in lines[0]]
+    chips = sum(name.startswith("chip") for name in header) // 3
+    known = [*_CELL, *_FORCE, _DEPTH, _WARMTH, *_chip_columns(chips)]
+    for name in header:
+        if name not in known or header.count(name) > 1:
+            raise RecordingError(f"{where}: column {name!r} is unknown or occurs twice; "
+                                 f"valid: {', '.join(known)}")  # fmt: skip
+    for name in known:
+        if name not in header and name != _WARMTH:
+            raise RecordingError(f"{where}: column {name!r} is missing")
+
+    columns: dict[str, list[float]] = {name: [] for name in header}
+    for number, line in enumerate(lines[1:], start=2):
+        if len(line) != len(header):
+            raise RecordingError(
+                f"{where}: line {number} must have {len(header)} values; got {len(line)}"
+            )
+        for name, text in zip(header, line, strict=True):
+            columns[name].append(_read(f"{where}: line {number}", name, text.strip()))
+    rows = len(lines) - 1
+    field = np.full((rows, chips, 3), np.nan)
+    for column, name in enumerate(_chip_columns(chips)):
+        field[:, column // 3, column % 3] = columns[name]
+    cell = np.nan_to_num(np.array([columns[name] for name in _CELL]).T)
+    try:
+        table = TouchTable(
+            cell=cell.astype(np.int64) - 1,
+            force=np.array([columns[name] for name in _FORCE]).T,
+            depth=0.0 - np.array(columns[_DEPTH]),
+            field=field,
+            temperature=columns.get(_WARMTH, np.full(rows, _REFERENCE)),
+        )
+    except ArgumentError as error:
+        raise RecordingError(f"{where}: {error}") from error
+    return table, hashlib.sha256(raw).hexdigest()
+
+
+def _chip_columns(chips: int) -> list[str]:
+    return [f"chip{s}_B{axis}_uT" for s in range(1, chips + 1) for axis in "xyz"]
+
+
+def _written(value: float, suffix: str) -> str:
+    """A number in the suffix's unit; empty where there is none."""
+    return str(units.from_si(float(value), suffix)) if np.isfinite(value) else ""
+
+
+def _read(where: str, name: str, text: str) -> float:
+    """One value in SI; NaN for an empty cell, reading or temperature."""
+    if not text and (name in _CELL or name.startswith("chip")):
+        return np.nan
+    try:
+        number = Decimal(text)
+    except InvalidOperation as error:
+        raise RecordingError(f"{where}, column {name}: must be a number; got {text!r}") from error
+    if name in _CELL:
+        if number < 1 or number != int(number):
+            raise RecordingError(
+                f"{where}, column {name}: must be a whole number from 1; got {text!r}"
+            )
+        return float(number)
+    suffix = next(s for s in sorted(units.SI_PER_SUFFIX, key=len) if name.endswith(f"_{s}"))
+    return units.to_si(number, suffix)

@@ -1,0 +1,251 @@
+"""A virtual bench: touches of known load on a skin that differs from its design.
+
+Decides how a made skin differs from the designed one, which touches a person would measure in an
+hour, and how noisy gauge, stage and chips are. The table that comes out is what a real bench
+writes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from smoskin.arrays import Floats, frozen
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError
+from smoskin.magnetics import hall
+from smoskin.magnetics.material import temperature_factor
+from smoskin.measurement import TouchTable
+from smoskin.mechanics.stiffness import cell_layers, sheet_stiffness
+from smoskin.origami.sheet import loaded_positions
+from smoskin.records import Contact, Reading
+from smoskin.twin.skin import Twin
+
+GAUGE_NOISE: Final = 0.02
+"""Of force and of depth, relative: the project's assumption of a hand-held gauge and stage."""
+_FORCE_STEP: Final = 1e-3
+"""N, of the gauge's display."""
+_DEPTH_STEP: Final = 1e-6
+"""m, of the stage's."""
+_STRAIGHT_FORCES: Final = (0.2, 0.4, 0.6, 0.8, 1.0)
+_STRAIGHT_REPEATS: Final = 4
+_SLANTED_FORCES: Final = (0.3, 0.5)
+_SLANTED_REPEATS: Final = 6
+_OTHER_FORCE: Final = 0.5
+_OTHER_REPEATS: Final = 2
+_UNTOUCHED: Final = 20
+_WARMING: Final = (24.0, 27.0)
+"""degC, from the first to the last touch."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Load:
+    """What the bench applies; no cell leaves the skin untouched."""
+
+    cell: tuple[int, int] | None
+    """(n, m), from 0."""
+    force: tuple[float, float, float]
+    """N, on the skin."""
+
+
+class MadeSkin:
+    """A skin as it came out of the workshop.
+
+    Parameters
+    ----------
+    design : SkinDesign
+        With the coefficients, stiffnesses and magnets that it really has.
+    chip_rotation : array_like, shape (S, 3)
+        Rotation vectors, rad, in the skin's axes: by them a chip's words must be turned to be
+        those of a chip mounted as designed.
+    chip_offset : array_like, shape (S, 3)
+        T, in each chip's axes: what it adds to any field.
+    """
+
+    def __init__(self, design: SkinDesign, *, chip_rotation: object, chip_offset: object) -> None:
+        from scipy.spatial.transform import Rotation
+
+        chips = len(design.halls)
+        self.design = design
+        self.chip_rotation = frozen("chip_rotation", chip_rotation, (chips, 3))  # type: ignore[arg-type]
+        self.chip_offset = frozen("chip_offset", chip_offset, (chips, 3))  # type: ignore[arg-type]
+        mounts = np.stack([hall.rotation(site) for site in design.halls])
+        self._to_skin = Rotation.from_rotvec(self.chip_rotation.copy()).as_matrix() @ mounts
+        self._twin = Twin(design, seed=None)
+
+    def field(self, contacts: Sequence[Contact] = ()) -> Floats:
+        """At the chips, in their own axes, at reference temperature, shape (S, 3), T."""
+        return np.asarray(np.einsum("sij,si->sj", self._to_skin, self._twin.field(contacts)))
+
+    def depth(self, load: Load) -> float:
+        """How far the load pushes its cell's vertex down, m."""
+        if load.cell is None:
+            return 0.0
+        return float(self._twin.press_depths([self.contact(load)])[load.cell])
+
+    def contact(self, load: Load) -> Contact:
+        """The load as a touch on the cell's top vertex.
+
+        Raises
+        ------
+        ArgumentError
+            If the load names no cell of the skin.
+        """
+        columns, rows = self.design.cells
+        if load.cell is None or not (0 <= load.cell[0] < columns and 0 <= load.cell[1] < rows):
+            raise ArgumentError(
+                f"load.cell must lie in (0..{columns - 1}, 0..{rows - 1}); got {load.cell}"
+            )
+        return Contact(position=loaded_positions(self.design)[load.cell], force=load.force)
+
+    def read(
+        self,
+        contacts: Sequence[Contact],
+        rng: np.random.Generator,
+        *,
+        time: float = 0.0,
+        temperature: float = 25.0,
+    ) -> Reading:
+        """What the chips read, noise and limits included."""
+        return self.sample(self.field(contacts), rng, time=time, temperature=temperature)
+
+    def sample(
+        self, field: Floats, rng: np.random.Generator, *, time: float, temperature: float
+    ) -> Reading:
+        """One conversion of every chip in a field at reference temperature."""
+        seen = field * temperature_factor(temperature) + self.chip_offset
+        setting = self.design.hall_setting
+        sample = hall.measure(seen, setting, temperature=np.full(len(seen), temperature), rng=rng)
+        return Reading(
+            time=time,
+            field=hall.tesla(sample.counts, setting),
+            temperature=hall.degrees(sample.temperature_counts),
+            flags=sample.flags,
+        )
+
+
+def made_skin(design: SkinDesign, rng: np.random.Generator) -> MadeSkin:
+    """A skin as a workshop might make it from the design.
+
+    v_a (X and Y alike) is anywhere in 0.15..0.5, v_s in 0.7..1.4; v_f are off by up to 20 %,
+    K_sf and the sheet's stiffness by 10 %, remanences by 3 %; chips are turned by up to 2
+    degrees and add up to 50 uT an axis.
+    """
+    chips = len(design.halls)
+    given = design.coefficients
+    v_a = float(rng.uniform(0.15, 0.5))
+    coefficients = replace(
+        given,
+        attenuation=(v_a, v_a),
+        stiffness_variation=float(rng.uniform(0.7, 1.4)),
+        folding_correction_x=tuple(v * rng.uniform(0.8, 1.2) for v in given.folding_correction_x),
+        folding_correction_y=tuple(v * rng.uniform(0.8, 1.2) for v in given.folding_correction_y),
+    )
+    magnets = tuple(
+        replace(m, remanence=m.remanence * rng.uniform(0.97, 1.03)) for m in design.magnets
+    )
+    pillars = replace(
+        design.shear_layer, radius=design.shear_layer.radius * float(np.sqrt(rng.uniform(0.9, 1.1)))
+    )
+    # The sheet's stiffness is linear in the frame's; columns give the rest.
+    columns = sheet_stiffness(replace(design, frame=replace(design.frame, stiffness=1e-9)))
+    whole = sheet_stiffness(design)
+    held = (whole * rng.uniform(0.9, 1.1) - columns) / (whole - columns)
+    frame = replace(design.frame, stiffness=design.frame.stiffness * float(held))
+    direction = rng.normal(size=(chips, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    return MadeSkin(
+        replace(
+            design,
+            coefficients=coefficients,
+            magnets=magnets,
+            shear_layer=pillars,
+            frame=frame,
+        ),
+        chip_rotation=direction * np.radians(rng.uniform(0.0, 2.0, (chips, 1))),
+        chip_offset=rng.uniform(-50e-6, 50e-6, (chips, 3)),
+    )
+
+
+def calibration_loads(design: SkinDesign) -> tuple[Load, ...]:
+    """What a person applies in about an hour to calibrate a skin.
+
+    First 20 readings of the untouched skin. Then, on one cell of each layer along the diagonal,
+    (1,1), (2,2), (3,3) as in the SI: straight presses of 0.2 to 1 N, four times each, and loads
+    slanted by 45 degrees to +-X and +-Y with 0.3 and 0.5 N both ways, six times each. Last, two
+    presses of 0.5 N on every other cell next to a magnet. The reference design takes 220 touches.
+
+    Notes
+    -----
+    Source: SI Text S5, "Calibration Process"; repeats, forces and the cells next to the magnets
+    are this project's.
+    """
+    columns, rows = design.cells
+    named = len(design.coefficients.folding_correction_x)
+    layers = cell_layers(design.cells)
+    diagonal = [(k, k) for k in range(min(columns, rows)) if k < named and layers[k, k] == k]
+    loads = [Load(cell=None, force=(0.0, 0.0, 0.0))] * _UNTOUCHED
+    for cell in diagonal:
+        for force in _STRAIGHT_FORCES:
+            loads += [Load(cell=cell, force=(0.0, 0.0, -force))] * _STRAIGHT_REPEATS
+        for force in _SLANTED_FORCES:
+            for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+                slanted = Load(cell=cell, force=(x * force, y * force, -force))
+                loads += [slanted] * _SLANTED_REPEATS
+    near = sorted(
+        {
+            (p + n, q + m)
+            for p, q in (magnet.corner for magnet in design.magnets if magnet.mount == "sheet")
+            for n in (-1, 0)
+            for m in (-1, 0)
+            if 0 <= p + n < columns and 0 <= q + m < rows
+        }
+    )
+    for cell in near:
+        if cell not in diagonal:
+            loads += [Load(cell=cell, force=(0.0, 0.0, -_OTHER_FORCE))] * _OTHER_REPEATS
+    return tuple(loads)
+
+
+def measure(
+    skin: MadeSkin,
+    loads: Sequence[Load],
+    rng: np.random.Generator,
+    *,
+    gauge_noise: float = GAUGE_NOISE,
+) -> TouchTable:
+    """The table that a bench writes: noisy gauge, noisy stage, noisy chips, slowly warming.
+
+    Parameters
+    ----------
+    skin : MadeSkin
+    loads : sequence of Load
+    rng : numpy.random.Generator
+        Of all noise.
+    gauge_noise : float
+        Standard deviation of force and depth, relative to their size.
+    """
+    if not gauge_noise >= 0:
+        raise ArgumentError(f"gauge_noise must be >= 0; got {gauge_noise}")
+    exact: dict[Load, tuple[Floats, float]] = {}
+    for load in loads:
+        if load not in exact:
+            contacts = [] if load.cell is None else [skin.contact(load)]
+            exact[load] = skin.field(contacts), skin.depth(load)
+    force = np.array([load.force for load in loads])
+    depth = np.array([exact[load][1] for load in loads])
+    force = force * (1 + gauge_noise * rng.normal(size=force.shape))
+    depth = depth * (1 + gauge_noise * rng.normal(size=depth.shape))
+    warmth = np.linspace(*_WARMING, len(loads))
+    readings = [
+        skin.sample(exact[load][0], rng, time=0.0, temperature=float(degrees))
+        for load, degrees in zip(loads, warmth, strict=True)
+    ]
+    return TouchTable(
+        cell=[(-1, -1) if load.cell is None else load.cell for load in loads],
+        force=np.round(force / _FORCE_STEP) * _FORCE_STEP,
+        depth=np.round(depth / _DEPTH_STEP) * _DEPTH_STEP,
+        field=[reading.field for reading in readings],
+        temperature=[reading.temperature.mean() for reading in readings],
+    )
