@@ -184,7 +184,7 @@ def calibrate(
 
     A coefficient that the touches cannot determine is refused by name.
     """
-    import datetime
+    import datetime as dt
 
     from smoskin.apps import calibrate as bench_work
     from smoskin.feasibility import load_design
@@ -193,7 +193,7 @@ def calibrate(
         load_design(design),
         table,
         out,
-        date=date or datetime.date.today().isoformat(),
+        date=date or dt.date.today().isoformat(),
         attenuation="separate" if separate else "equal",
     )
     if plot is not None:

@@ -248,13 +248,14 @@ def _panels(design: SkinDesign) -> tuple[str, str]:
     terms = stiffness_terms(design, design.coefficients.attenuation, panel_energy="bending")
     columns = terms.columns
     creases, panels = terms.creases / columns, terms.panels / columns
+    v = design.coefficients.attenuation[0]
     return (
-        f"K_C / K_B = {creases.min():.2f} to {creases.max():.2f}; K_p / K_B = {panels.min():.0f} to "
-        f"{panels.max():.0f} by panel bending alone at v_a = {design.coefficients.attenuation[0]:.4f}",
+        f"K_C / K_B = {creases.min():.2f} to {creases.max():.2f}; K_p / K_B = {panels.min():.0f} "
+        f"to {panels.max():.0f} by panel bending alone at v_a = {v:.4f}",
         "K_p was derived from the misfit of neighbouring fold states, for plates of "
         f"{design.panels.thickness * 1e3:g} mm {design.panels.material}: it is zero for a rigid "
-        "sheet (v_a = 1) and falls with the cube of the thickness, below a tenth of K_B under about "
-        "0.15 mm. A whole sheet of such plates would not attenuate as S10 says with v_a = 0.23, so "
-        "v_a stands for compliance that the reduced model does not have. As in the SI, the force "
-        "law keeps K_B alone, and v_s takes up the rest",
+        "sheet (v_a = 1) and falls with the cube of the thickness, below a tenth of K_B under "
+        "about 0.15 mm. A whole sheet of such plates would not attenuate as S10 says with "
+        "v_a = 0.23, so v_a stands for compliance that the reduced model does not have. As in the "
+        "SI, the force law keeps K_B alone, and v_s takes up the rest",
     )
