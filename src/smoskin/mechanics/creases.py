@@ -56,9 +56,9 @@ def crease_product(
 
     Notes
     -----
-    Source: SI Eqs. (S16) and (S19), errata E12 and E14: each cell has two a- and two b-creases
-    of its own and shares as many with each neighbour, 2NM + 2(N - 1)M and 2NM + 2N(M - 1) in
-    all. As printed, the four of a cell store ``2 k (a dphi_1^2 + b dphi_2^2)``, twice too much, and the
+    Source: SI Eqs. (S16) and (S19), errata E12 and E14: each cell has two a- and two b-creases of
+    its own and shares as many with each neighbour, 2NM + 2(N - 1)M and 2NM + 2N(M - 1) in all. As
+    printed, the four of a cell store ``2 k (a dphi_1^2 + b dphi_2^2)``, twice too much, and the
     sum over bottom creases runs over the first (N - 1)(M - 1) cells alone.
     """
     if count == "printed":
