@@ -68,6 +68,34 @@ def test_record_then_replay_gives_the_same_estimates(tmp_path):
     assert "idle.mcap" in refused("run", "twin://planar", "--record", str(file))
 
 
+def test_a_bench_calibrates_a_skin_and_the_skin_runs_with_it(tmp_path):
+    table, file = tmp_path / "touches.csv", tmp_path / "skin.toml"
+    assert smoskin("virtual-bench", str(table), "--seed", "2").returncode == 0
+    done = smoskin("calibrate", str(table), "--out", str(file), "--date", "2026-01-31", "--json")
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)
+    assert answer["date"] == "2026-01-31"
+    names = {one["name"] for one in answer["numbers"]}
+    assert {"attenuation_x", "stiffness_variation", "board_stiffness_N_per_mm"} <= names
+    source = "twin://planar?speed=max"
+    ran = smoskin("run", source, "--calibration", str(file), "--seconds", "0.2", "--json")
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout
+    file.write_text(file.read_text().replace("stiffness_variation", "stifness_variation", 1))
+    message = refused("run", source, "--calibration", str(file))
+    assert "stifness_variation" in message
+    table.write_text(table.read_text().splitlines()[0] + "\n")
+    assert "touches.csv" in refused("calibrate", str(table), "--out", str(file))
+
+
+def test_report_writes_its_files_and_says_how_many_rows_hold(tmp_path):
+    done = smoskin("report", "--out", str(tmp_path / "report"))
+    assert done.returncode == 0, done.stderr
+    assert "reproduced" in done.stdout
+    rows = json.loads((tmp_path / "report" / "report.json").read_text())["rows"]
+    assert {row["verdict"] for row in rows} == {"reproduced", "corrected", "unresolved"}
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -69,7 +69,6 @@ def test_too_short_a_demonstration_is_refused(planar):
 
 
 @pytest.mark.browser
-@pytest.mark.slow
 def test_the_page_shows_the_press_where_it_is_and_how_hard(planar, monkeypatch, tmp_path):
     """The whole chain: hand, twin, chips, estimator, page; its picture is the README's."""
     import smoskin.apps.demo as demo
