@@ -14,8 +14,8 @@ import pytest
 from smoskin.design.document import read_design
 from smoskin.errors import ArgumentError, SmoskinError, SourceError
 from smoskin.records import ChipFlag, Estimate, Reading, Status
-from smoskin.roles import Estimator, Source
-from smoskin.service.loop import Latest, Loop, Sink, run
+from smoskin.roles import Estimator, Sink, Source
+from smoskin.service.loop import Latest, Loop, run
 from smoskin.service.recording import Recorder, open_recording
 
 CHIPS = 3

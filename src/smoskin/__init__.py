@@ -13,11 +13,11 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import SmoskinError
 from smoskin.feasibility import load_design
 from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
-from smoskin.roles import Estimator, Source
+from smoskin.roles import Estimator, Sink, Source
 from smoskin.sensing.calibration import Calibration
 from smoskin.sensing.closed_form import ClosedFormEstimator
 from smoskin.sensing.learned import LearnedEstimator, load_model
-from smoskin.service.loop import Loop, Sink, run
+from smoskin.service.loop import Loop, run
 from smoskin.service.recording import Recorder, open_recording
 from smoskin.service.source import open_source
 from smoskin.twin.skin import Twin

@@ -1,4 +1,4 @@
-"""Who passes the records on: sources give readings, estimators turn them into estimates.
+"""Who passes the records on: sources give readings, estimators make estimates, sinks take both.
 
 Every concrete source and estimator of the package is one of these, and the contract suites
 in `tests/contracts` hold each of them to the sentences written here.
@@ -12,11 +12,30 @@ from typing import Self
 from smoskin.records import Estimate, Reading
 
 
-class Source(ABC):
-    """Readings, one after the other; a context manager.
+class Resource(ABC):
+    """Something held open; a context manager that closes it at the end."""
 
-    Iterating yields readings until the source ends. `close` may be called any number of
-    times, from any thread; afterwards `read` returns None.
+    @abstractmethod
+    def close(self) -> None:
+        """Release whatever is held; any number of times."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+class Source(Resource):
+    """Readings, one after the other.
+
+    Iterating yields readings until the source ends. `close` may be called from any thread;
+    afterwards `read` returns None.
     """
 
     @property
@@ -34,24 +53,9 @@ class Source(ABC):
             If no reading comes within `timeout` seconds.
         """
 
-    @abstractmethod
-    def close(self) -> None:
-        """Release whatever the source holds."""
-
     def __iter__(self) -> Iterator[Reading]:
         while (reading := self.read()) is not None:
             yield reading
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 class Estimator(ABC):
@@ -72,3 +76,16 @@ class Estimator(ABC):
     @abstractmethod
     def reset(self) -> None:
         """Forget everything remembered between readings, the zero included."""
+
+
+class Sink(Resource):
+    """Takes readings with their estimates, from one thread at a time."""
+
+    @abstractmethod
+    def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
+        """Take a reading and what was made of it, if anything."""
+
+    @property
+    def dropped(self) -> int:
+        """How many readings the sink has passed over."""
+        return 0

@@ -21,8 +21,9 @@ from smoskin.origami.cell import size
 from smoskin.origami.layout import hall_positions, magnet_positions
 from smoskin.origami.sheet import build_sheet, loaded_positions
 from smoskin.records import Contact, Estimate, Reading, Status
+from smoskin.roles import Sink
 from smoskin.sensing.closed_form import ClosedFormEstimator
-from smoskin.service.loop import Loop, Sink
+from smoskin.service.loop import Loop
 from smoskin.service.recording import Recorder
 from smoskin.service.scene import SkinShape
 from smoskin.service.source import TwinSource

@@ -7,53 +7,21 @@ value only; every other sink gets every one.
 
 import threading
 import time
-from abc import ABC, abstractmethod
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from types import MappingProxyType, TracebackType
-from typing import Final, Self, final
+from types import MappingProxyType
+from typing import Final, final
 
 import numpy as np
 
 from smoskin.errors import ArgumentError, SmoskinError
 from smoskin.records import Estimate, Reading, Status
-from smoskin.roles import Estimator, Source
+from smoskin.roles import Estimator, Resource, Sink, Source
 
 #: Rate and latency are those of this many last readings.
 _WINDOW: Final = 1000
-
-
-class Sink(ABC):
-    """Takes readings with their estimates; a context manager.
-
-    Called from one thread at a time. `close` may be called any number of times.
-    """
-
-    @abstractmethod
-    def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
-        """Take a reading and what was made of it, if anything."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Finish what was begun and release whatever the sink holds."""
-
-    @property
-    def dropped(self) -> int:
-        """How many readings the sink has passed over."""
-        return 0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 @final
@@ -160,7 +128,7 @@ class Counters:
 
 
 @final
-class Loop:
+class Loop(Resource):
     """Runs a source through an estimator into sinks; iterate for the estimates.
 
     The loop owns what it is given: when it ends, in whatever way, source and sinks are closed.
@@ -265,17 +233,6 @@ class Loop:
             self._statuses[status] += 1
             self._arrivals.append(arrival)
             self._latencies.append(latency)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def run(

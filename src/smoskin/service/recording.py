@@ -16,9 +16,9 @@ from typing import Any, Final, final
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, MissingExtraError, RecordingError
 from smoskin.records import Estimate, Reading, Status
+from smoskin.roles import Sink
 from smoskin.service import chunks, messages
 from smoskin.service.chunks import Message, Span
-from smoskin.service.loop import Sink
 from smoskin.service.messages import Codec, Description
 
 DESCRIPTION_TOPIC: Final = "/skin/description"

@@ -13,8 +13,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, redirect_stdout
 from dataclasses import dataclass
-from types import TracebackType
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +21,7 @@ from numpy.typing import ArrayLike
 from smoskin.arrays import Floats, floats
 from smoskin.errors import ArgumentError, MissingExtraError, SmoskinError
 from smoskin.records import Contact, Estimate, Reading
+from smoskin.roles import Resource
 from smoskin.service.panel import Panel
 from smoskin.service.scene import SkinScene, SkinShape
 
@@ -47,7 +47,7 @@ class _Moment:
     shown: float
 
 
-class View:
+class View(Resource):
     """A live page for one skin; a context manager.
 
     Parameters
@@ -180,17 +180,6 @@ class View:
         self._raise_failure()
         if self._thread.is_alive():
             raise SmoskinError(f"a callback has not returned within {_CLOSE_DEADLINE} s")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _raise_failure(self) -> None:
         failure, self._failure = self._failure, None
