@@ -147,10 +147,10 @@ def profiles(
     wide_x = np.zeros((columns, 2 * columns + 1))
     wide_x[:, ::2] = x
     wide_x[:, 1::2] = frame_shift(columns, attenuation[0]) * change.dl
-    along, across = {"length": (1.0, 0.0), "width": (0.0, 1.0), "mean": (0.5, 0.5)}[fold_from]
+    along, across = fold_shares(fold_from)
     zigzag_x = np.zeros_like(wide_x)
-    zigzag_x[:, ::2] = along * _shared(_zigzag_shift(cell, growth_x, "length", kinematics))
-    zigzag_y = across * _shared(_zigzag_shift(cell, growth_y, "width", kinematics))
+    zigzag_x[:, ::2] = along * line_means(_zigzag_shift(cell, growth_x, "length", kinematics))
+    zigzag_y = across * line_means(_zigzag_shift(cell, growth_y, "width", kinematics))
     return Profiles(x=wide_x, y=y, zigzag_x=zigzag_x, zigzag_y=zigzag_y)
 
 
@@ -195,6 +195,20 @@ def magnet_displacements(parts: Profiles, corner: tuple[int, int]) -> Floats:
     return np.stack(np.broadcast_arrays(parts.x[:, 2 * p, None], parts.y[None, :, q]), axis=-1)
 
 
+def fold_shares(fold_from: FoldFrom) -> tuple[float, float]:
+    """Weights of the folds that a cell's length and its width would give it."""
+    return {"length": (1.0, 0.0), "width": (0.0, 1.0), "mean": (0.5, 0.5)}[fold_from]
+
+
+def line_means(per_cell: Floats) -> Floats:
+    """Means of neighbouring cells on the lines between them, (..., K) to (..., K + 1).
+
+    A line on the rim has one cell only.
+    """
+    inner = (per_cell[:, :-1] + per_cell[:, 1:]) / 2
+    return np.concatenate([per_cell[:, :1], inner, per_cell[:, -1:]], axis=1)
+
+
 def _powers(count: int, attenuation: float) -> Floats:
     """v^|n - n0| for every pair, (count, count)."""
     n = np.arange(count)
@@ -224,9 +238,3 @@ def _zigzag_shift(
     else:
         folded = fold_angle(cell, width=extent.width + growth)
     return np.asarray(b * (np.cos(folded) - np.cos(phi)))
-
-
-def _shared(per_cell: Floats) -> Floats:
-    """Values of cells as means on the lines between them; a rim line has one cell only."""
-    inner = (per_cell[:, :-1] + per_cell[:, 1:]) / 2
-    return np.concatenate([per_cell[:, :1], inner, per_cell[:, -1:]], axis=1)

@@ -16,6 +16,8 @@ from smoskin.mechanics.attenuation import (
     Kinematics,
     Profiles,
     cell_change,
+    fold_shares,
+    line_means,
     profiles,
 )
 from smoskin.mechanics.creases import (
@@ -24,7 +26,7 @@ from smoskin.mechanics.creases import (
     crease_product,
     crease_stiffness,
 )
-from smoskin.mechanics.separable import Split, fold_shares, line_means, motion_product
+from smoskin.mechanics.separable import Split, motion_product
 from smoskin.mechanics.stiffness import column_stiffness
 from smoskin.origami.cell import dihedral_angles, fold_angle, size
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from smoskin.arrays import Floats
-from smoskin.mechanics.attenuation import FoldFrom, Profiles
+from smoskin.mechanics.attenuation import FoldFrom, Profiles, fold_shares, line_means
 
 
 class Split(NamedTuple):
@@ -52,20 +52,6 @@ def fading_folds(
         n = np.arange(count)
         parts.append(share * np.float64(v) ** np.abs(n[None, :] - n[:, None]))
     return Split(*parts)
-
-
-def fold_shares(fold_from: FoldFrom) -> tuple[float, float]:
-    """Weights of the folds that a cell's length and its width would give it."""
-    return {"length": (1.0, 0.0), "width": (0.0, 1.0), "mean": (0.5, 0.5)}[fold_from]
-
-
-def line_means(per_cell: Floats) -> Floats:
-    """Means of neighbouring cells on the lines between them, (..., K) to (..., K + 1).
-
-    A line on the rim has one cell only.
-    """
-    inner = (per_cell[:, :-1] + per_cell[:, 1:]) / 2
-    return np.concatenate([per_cell[:, :1], inner, per_cell[:, -1:]], axis=1)
 
 
 def inner_product(one: Split, other: Split) -> Floats:
