@@ -17,9 +17,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin import units
 from smoskin.arrays import Bools, Floats, Ints, frozen
 from smoskin.errors import ArgumentError, RecordingError
+from smoskin.units import SI_PER_SUFFIX, from_si, to_si
 
 _CELL: Final = ("cell_n", "cell_m")
 _FORCE: Final = ("force_x_N", "force_y_N", "force_z_N")
@@ -181,7 +181,7 @@ def _chip_columns(chips: int) -> list[str]:
 
 def _written(value: float, suffix: str) -> str:
     """A number in the suffix's unit; empty where there is none."""
-    return str(units.from_si(float(value), suffix)) if np.isfinite(value) else ""
+    return str(from_si(float(value), suffix)) if np.isfinite(value) else ""
 
 
 def _read(where: str, name: str, text: str) -> float:
@@ -198,5 +198,5 @@ def _read(where: str, name: str, text: str) -> float:
                 f"{where}, column {name}: must be a whole number from 1; got {text!r}"
             )
         return float(number)
-    suffix = next(s for s in sorted(units.SI_PER_SUFFIX, key=len) if name.endswith(f"_{s}"))
-    return units.to_si(number, suffix)
+    suffix = next(s for s in sorted(SI_PER_SUFFIX, key=len) if name.endswith(f"_{s}"))
+    return to_si(number, suffix)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from smoskin import units
 from smoskin.arrays import Floats
 from smoskin.design.skin import Coefficients, SkinDesign
 from smoskin.errors import MissingExtraError
@@ -17,6 +16,7 @@ from smoskin.measurement import read_touches, write_touches
 from smoskin.sensing.calibration import Calibration, Uncertainty, format_calibration
 from smoskin.sensing.fitting import Attenuation, Fit, fit_calibration
 from smoskin.twin.bench import MadeSkin, calibration_loads, made_skin, measure
+from smoskin.units import SI_PER_SUFFIX
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -250,7 +250,7 @@ def _numbers(
 
 
 def _in_unit(value: float, suffix: str) -> float:
-    return value / float(units.SI_PER_SUFFIX[suffix]) if suffix else value
+    return value / float(SI_PER_SUFFIX[suffix]) if suffix else value
 
 
 def _or_none(value: float) -> float | None:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, SupportsFloat
 
 import numpy as np
 
-from smoskin import units
 from smoskin.design.document import design_values
 from smoskin.design.skin import SkinDesign
 from smoskin.feasibility import MARGIN, RATED_PRESS, RATED_SHEAR, field_extent
@@ -19,6 +18,7 @@ from smoskin.mechanics.stiffness import (
 )
 from smoskin.origami.cell import dihedral_angles, poisson_ratios, size
 from smoskin.sensing.confidence import ambiguities
+from smoskin.units import from_si
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -105,7 +105,7 @@ def _derived(design: SkinDesign) -> list[Row]:
         return Row(part=part, name=name, value=float(f"{value:.6g}"), why=why)
 
     def written(part: str, name: str, suffix: str, value: SupportsFloat, why: str) -> Row:
-        return row(part, f"{name}_{suffix}", float(units.from_si(float(value), suffix)), why)
+        return row(part, f"{name}_{suffix}", float(from_si(float(value), suffix)), why)
 
     extent, nu, dihedral = (
         size(design.cell),

@@ -16,7 +16,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from smoskin import units
 from smoskin.design.skin import (
     Board,
     Coefficients,
@@ -33,6 +32,7 @@ from smoskin.design.skin import (
     SkinDesign,
 )
 from smoskin.errors import DesignError, MissingExtraError
+from smoskin.units import from_si, to_si
 
 _SECTIONS: Final = MappingProxyType(
     {
@@ -219,9 +219,7 @@ def _value(path: str, value: Any, provenance: dict[str, Provenance]) -> Any:
         number = isinstance(one, Decimal | int) and not isinstance(one, bool)
         if suffix is not None and not number:
             raise DesignError(f"{path} must be a number of {suffix}; got {one!r}")
-        out.append(
-            units.to_si(one, suffix) if suffix else float(one) if type(one) is Decimal else one
-        )
+        out.append(to_si(one, suffix) if suffix else float(one) if type(one) is Decimal else one)
     return tuple(out) if many else out[0]
 
 
@@ -254,9 +252,9 @@ def _written(
     suffix = _SUFFIXES.get(name)
     if suffix is not None:
         value = (
-            [units.from_si(one, suffix) for one in value]
+            [from_si(one, suffix) for one in value]
             if isinstance(value, tuple)
-            else units.from_si(value, suffix)
+            else from_si(value, suffix)
         )
     elif isinstance(value, tuple):
         value = list(value)

@@ -15,10 +15,10 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
-from smoskin import units
 from smoskin.design.skin import Coefficients, SkinDesign
 from smoskin.errors import DesignError, MissingExtraError, ModelError
 from smoskin.mechanics.stiffness import board_stiffness, sheet_stiffness
+from smoskin.units import SI_PER_SUFFIX, from_si, to_si
 
 Triple = tuple[float, float, float]
 _Record = TypeVar("_Record")
@@ -247,7 +247,7 @@ def parse_calibration(text: str) -> Calibration:
         residuals = []
         for one in _tables("evidence.residuals", evidence["residuals"]):
             _refuse("evidence.residuals", one, ["group", "values", "unit", "rms"], [])
-            if one["unit"] not in units.SI_PER_SUFFIX:
+            if one["unit"] not in SI_PER_SUFFIX:
                 raise ModelError(f"evidence.residuals.unit is unknown: {one['unit']!r}")
             rms = _read("evidence.residuals.rms", one["rms"], one["unit"])
             residuals.append(_made(ResidualSummary, {**one, "rms": rms}))
@@ -288,7 +288,7 @@ def _written(value: Any, suffix: str) -> Any:
     """A number or nested tuple of numbers in the suffix's unit."""
     if isinstance(value, tuple):
         return [_written(one, suffix) for one in value]
-    return units.from_si(value, suffix) if suffix and math.isfinite(value) else value
+    return from_si(value, suffix) if suffix and math.isfinite(value) else value
 
 
 def _numbers(path: str, table: Mapping[str, Any]) -> dict[str, Any]:
@@ -304,7 +304,7 @@ def _read(path: str, value: Any, suffix: str) -> Any:
     if isinstance(value, bool) or not isinstance(value, int | Decimal):
         raise ModelError(f"{path} must be a number; got {value!r}")
     if suffix and math.isfinite(value):
-        return units.to_si(value, suffix)
+        return to_si(value, suffix)
     return float(value)
 
 
