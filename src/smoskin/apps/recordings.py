@@ -67,8 +67,8 @@ class Benchmark:
     """Sets and tests left out, and which chips were chosen."""
 
     def as_json(self) -> dict[str, object]:
-        """Plain values for machines."""
-        return {"results": [asdict(score) for score in self.scores], "notes": list(self.notes)}
+        """Plain values for machines: ``{"results": [...]}``."""
+        return {"results": [asdict(score) for score in self.scores]}
 
     def table(self) -> "Table":
         """A table for people: a row a test, a column a model."""
