@@ -12,7 +12,7 @@ from smoskin.apps.calibrate import calibrate, report, residual_figure, write_vir
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.measurement import TouchTable
 from smoskin.mechanics.stiffness import board_stiffness, sheet_stiffness
-from smoskin.records import Contact, Status
+from smoskin.records import Contact, Reading, Status
 from smoskin.sensing.calibration import (
     Calibration,
     format_calibration,
@@ -22,6 +22,7 @@ from smoskin.sensing.calibration import (
 from smoskin.sensing.closed_form import ClosedFormEstimator
 from smoskin.sensing.fitting import fit_calibration
 from smoskin.sensing.press_model import PressModel
+from smoskin.service.recording import Recorder, open_recording
 from smoskin.twin.bench import MadeSkin, calibration_loads, made_skin, measure
 
 DATE = "2026-01-31"
@@ -356,3 +357,54 @@ def test_200_skins_are_found_as_well_as_stated(planar):
     assert np.all(ninetieth["v_f"] < 0.08)
     covered = {name: float(np.mean(one)) for name, one in inside.items()}
     assert all(0.85 <= share <= 0.97 for share in covered.values()), covered
+
+
+def test_readings_come_from_a_recording_too(planar, tmp_path):
+    """A table that says when touches were held, and a recording, are the table with readings."""
+    skin = made_skin(planar, np.random.default_rng(3))
+    whole = measure(skin, calibration_loads(planar), np.random.default_rng(4))
+    rows = len(whole.depth)
+    held = np.stack([np.arange(rows) + 0.2, np.arange(rows) + 0.8], axis=1)
+    with Recorder(tmp_path / "bench.mcap", planar) as recorder:
+        for row in range(rows):
+            for step, swing in ((0.0, 1e-3), (0.3, 2e-6), (0.5, 0.0), (0.7, -2e-6)):
+                recorder.write(
+                    Reading(
+                        time=row + step,
+                        field=whole.field[row] + swing,
+                        temperature=np.full(3, whole.temperature[row]),
+                    )
+                )
+    bare = TouchTable(
+        cell=whole.cell, force=whole.force, depth=whole.depth, field=np.zeros((rows, 0, 3)),
+        temperature=np.full(rows, 25.0), held=held,
+    )  # fmt: skip
+    filled = bare.with_readings(open_recording(tmp_path / "bench.mcap").readings())
+    np.testing.assert_allclose(filled.field, whole.field, atol=1e-12)
+    np.testing.assert_allclose(filled.temperature, whole.temperature)
+    late = replace_held(bare, held + 1e6)
+    with pytest.raises(ArgumentError, match=r"when row 1 was held; got none"):
+        late.with_readings(open_recording(tmp_path / "bench.mcap").readings())
+
+    lines = ["cell_n,cell_m,force_x_N,force_y_N,force_z_N,displacement_z_mm,from_s,until_s"]
+    for row in range(rows):
+        cell = ",".join(str(i + 1) for i in whole.cell[row]) if whole.touched[row] else ","
+        force = ",".join(repr(float(value)) for value in whole.force[row])
+        depth = repr(float(-whole.depth[row] * 1e3))
+        lines.append(f"{cell},{force},{depth},{held[row, 0]},{held[row, 1]}")
+    (tmp_path / "bench.csv").write_text("\n".join(lines) + "\n")
+    result = calibrate(
+        planar, tmp_path / "bench.csv", tmp_path / "skin.toml",
+        date="2026-01-31", recording=tmp_path / "bench.mcap",
+    )  # fmt: skip
+    direct = fit_calibration(planar, whole, date="2026-01-31", data_sha256="0" * 64)
+    assert result.fit.calibration.coefficients.attenuation == pytest.approx(
+        direct.calibration.coefficients.attenuation, rel=1e-6
+    )
+
+
+def replace_held(table: TouchTable, held: np.ndarray) -> TouchTable:
+    return TouchTable(
+        cell=table.cell, force=table.force, depth=table.depth, field=table.field,
+        temperature=table.temperature, held=held,
+    )  # fmt: skip

@@ -173,6 +173,10 @@ def calibrate(
     table: Annotated[Path, typer.Argument(help="CSV of touches measured on a bench.")],
     out: Annotated[Path, typer.Option(help="The calibration file (TOML) to write.")],
     design: Annotated[str, typer.Option(help="Of the skin that was measured.")] = "planar",
+    recording: Annotated[
+        Path | None,
+        typer.Option(help="MCAP with the readings, where the table says when touches were held."),
+    ] = None,
     date: Annotated[str | None, typer.Option(help="Of the measurement, ISO; today.")] = None,
     separate: Annotated[
         bool, typer.Option("--separate", help="Fit the attenuation in X and Y apart.")
@@ -193,6 +197,7 @@ def calibrate(
         load_design(design),
         table,
         out,
+        recording=recording,
         date=date or dt.date.today().isoformat(),
         attenuation="separate" if separate else "equal",
     )

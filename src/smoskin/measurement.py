@@ -9,6 +9,7 @@ import csv
 import hashlib
 import io
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -19,12 +20,14 @@ from numpy.typing import ArrayLike
 
 from smoskin.arrays import Bools, Floats, Ints, frozen
 from smoskin.errors import ArgumentError, RecordingError
+from smoskin.records import Reading
 from smoskin.units import SI_PER_SUFFIX, from_si, to_si
 
 _CELL: Final = ("cell_n", "cell_m")
 _FORCE: Final = ("force_x_N", "force_y_N", "force_z_N")
 _DEPTH: Final = "displacement_z_mm"
 _WARMTH: Final = "temperature_degC"
+_HELD: Final = ("from_s", "until_s")
 _REFERENCE: Final = 25.0
 """degC of a table without temperatures."""
 
@@ -50,6 +53,9 @@ class TouchTable:
     """(T, S, 3), T, in each chip's own axes; NaN where a chip was not read."""
     temperature: Floats
     """(T,), degC."""
+    held: Floats
+    """(T, 2), s: from when until when the touch was held still, on the readings' clock; NaN
+    where that is not known."""
 
     def __init__(
         self,
@@ -59,6 +65,7 @@ class TouchTable:
         depth: ArrayLike,
         field: ArrayLike,
         temperature: ArrayLike,
+        held: ArrayLike | None = None,
     ) -> None:
         cells = np.array(cell, dtype=np.int64)
         if cells.ndim != 2 or cells.shape[1] != 2:
@@ -70,6 +77,8 @@ class TouchTable:
         object.__setattr__(self, "depth", frozen("depth", depth, (rows,)))
         object.__setattr__(self, "field", frozen("field", field, (rows, None, 3)))
         object.__setattr__(self, "temperature", frozen("temperature", temperature, (rows,)))
+        times = np.full((rows, 2), np.nan) if held is None else held
+        object.__setattr__(self, "held", frozen("held", times, (rows, 2)))
         for name, bad, rule in (
             ("force", ~np.isfinite(self.force).all(axis=1), "be finite"),
             ("depth", ~np.isfinite(self.depth), "be finite"),
@@ -97,7 +106,35 @@ class TouchTable:
             depth=self.depth[chosen],
             field=self.field[chosen],
             temperature=self.temperature[chosen],
+            held=self.held[chosen],
         )
+
+    def with_readings(self, readings: Iterable[Reading]) -> "TouchTable":
+        """The table with the mean of the good readings made while each touch was held.
+
+        Raises
+        ------
+        ArgumentError
+            If a touch says not when it was held, or no reading of it has all chips good.
+        """
+        good = [one for one in readings if not one.flags.any() and np.isfinite(one.field).all()]
+        times = np.array([one.time for one in good])
+        fields, degrees = [], []
+        for row, (begin, end) in enumerate(self.held):
+            chosen = np.flatnonzero((times >= begin) & (times <= end))
+            if not len(chosen):
+                raise ArgumentError(
+                    f"readings must hold good ones from {begin:g} to {end:g} s, when row {row + 1} "
+                    "was held; got none"
+                )
+            fields.append(np.mean([good[k].field for k in chosen], axis=0))
+            reported = np.array([good[k].temperature for k in chosen])
+            known = reported[np.isfinite(reported)]
+            degrees.append(float(known.mean()) if len(known) else self.temperature[row])
+        return TouchTable(
+            cell=self.cell, force=self.force, depth=self.depth,
+            field=np.array(fields), temperature=degrees, held=self.held,
+        )  # fmt: skip
 
 
 def write_touches(path: str | os.PathLike[str], table: TouchTable) -> None:
@@ -121,8 +158,8 @@ def read_touches(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
 
     The columns `cell_n`, `cell_m` (from 1; empty for the untouched skin), `force_x_N`,
     `force_y_N`, `force_z_N` and `displacement_z_mm` (both below zero for a press) must be there;
-    `temperature_degC` and, for each chip from 1, `chip1_Bx_uT`, `chip1_By_uT`, `chip1_Bz_uT`
-    may be.
+    `temperature_degC`, `from_s` with `until_s` (when the touch was held, on the clock of a
+    recording) and, for each chip from 1, `chip1_Bx_uT`, `chip1_By_uT`, `chip1_Bz_uT` may be.
 
     Raises
     ------
@@ -140,13 +177,14 @@ def read_touches(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
         raise RecordingError(f"{where}: must hold a header and at least one row")
     header = [name.strip() for name in lines[0]]
     chips = sum(name.startswith("chip") for name in header) // 3
-    known = [*_CELL, *_FORCE, _DEPTH, _WARMTH, *_chip_columns(chips)]
+    known = [*_CELL, *_FORCE, _DEPTH, _WARMTH, *_HELD, *_chip_columns(chips)]
+    optional = (_WARMTH, *_HELD)
     for name in header:
         if name not in known or header.count(name) > 1:
             raise RecordingError(f"{where}: column {name!r} is unknown or occurs twice; "
                                  f"valid: {', '.join(known)}")  # fmt: skip
     for name in known:
-        if name not in header and name != _WARMTH:
+        if name not in header and name not in optional:
             raise RecordingError(f"{where}: column {name!r} is missing")
 
     columns: dict[str, list[float]] = {name: [] for name in header}
@@ -169,6 +207,7 @@ def read_touches(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
             depth=0.0 - np.array(columns[_DEPTH]),
             field=field,
             temperature=columns.get(_WARMTH, np.full(rows, _REFERENCE)),
+            held=np.array([columns.get(name, np.full(rows, np.nan)) for name in _HELD]).T,
         )
     except ArgumentError as error:
         raise RecordingError(f"{where}: {error}") from error

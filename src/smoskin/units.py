@@ -27,6 +27,7 @@ SI_PER_SUFFIX: Final = MappingProxyType(
         "uT": Decimal("1e-6"),
         "degC": Decimal(1),
         "us": Decimal("1e-6"),
+        "s": Decimal(1),
     }
 )
 

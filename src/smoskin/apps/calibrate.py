@@ -1,5 +1,6 @@
 """From a bench's table to a calibration file, and what to tell the person who made it."""
 
+import hashlib
 import math
 import os
 from collections.abc import Iterator
@@ -15,6 +16,7 @@ from smoskin.errors import MissingExtraError
 from smoskin.measurement import read_touches, write_touches
 from smoskin.sensing.calibration import Calibration, Uncertainty, format_calibration
 from smoskin.sensing.fitting import Attenuation, Fit, fit_calibration
+from smoskin.service.recording import open_recording
 from smoskin.twin.bench import MadeSkin, calibration_loads, made_skin, measure
 from smoskin.units import SI_PER_SUFFIX
 
@@ -119,6 +121,7 @@ def calibrate(
     output: str | os.PathLike[str],
     *,
     date: str,
+    recording: str | os.PathLike[str] | None = None,
     attenuation: Attenuation = "equal",
 ) -> CalibrationReport:
     """Fit a skin's calibration to a bench's table and write it.
@@ -132,17 +135,23 @@ def calibrate(
         The TOML file to write.
     date : str
         ISO date of the measurement.
+    recording : path, optional
+        MCAP file with the chips' readings, where the table says only when each touch was held.
     attenuation : {"equal", "separate"}
         Whether v_a is one number or one each in X and Y.
 
     Raises
     ------
     RecordingError
-        If the table cannot be read.
+        If the table or the recording cannot be read.
     ArgumentError, ModelError
         As `fit_calibration`.
     """
     touches, digest = read_touches(table)
+    if recording is not None:
+        touches = touches.with_readings(open_recording(recording).readings())
+        both = digest + hashlib.sha256(Path(recording).read_bytes()).hexdigest()
+        digest = hashlib.sha256(both.encode()).hexdigest()
     fit = fit_calibration(design, touches, date=date, data_sha256=digest, attenuation=attenuation)
     Path(output).write_text(format_calibration(fit.calibration), encoding="utf-8")
     return report(design, fit)
