@@ -8,10 +8,10 @@ decision; solved for the force it says from which press on a design tells two ce
 
 import math
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
-from scipy.special import ndtr, ndtri
 
 from smoskin.arrays import Bools, Floats, Ints
 from smoskin.design.skin import SkinDesign
@@ -128,6 +128,9 @@ def confidence(inside: Floats, certainty: Floats, share: Floats) -> Floats:
     Valid for a true direction of which nothing is known beforehand: presses on top vertices
     alone, whose directions lie well inside their cones, are right more often than this says.
     """
+    # Here, so that whoever only imports the package does not wait for it.
+    from scipy.special import ndtr
+
     doubt = ndtr(-inside).sum(axis=-1)
     return np.asarray(np.maximum(certainty - doubt, 0.0) * share)
 
@@ -216,7 +219,7 @@ def ambiguities(
     matrix = readout(design, calibration)[:, :-2]
     noise = readout_noise(design, matrix)
     stiffness = stiffness_map(design, calibration.coefficients).ravel()
-    least = -float(ndtri(error_rate))
+    least = -NormalDist().inv_cdf(error_rate)
     flat = unit.reshape(len(stiffness), -1)
     needed: dict[tuple[Axis, int, int], tuple[float, int, int]] = {}
     for part in _partings(rule, unit, noise):
