@@ -138,6 +138,8 @@ def test_wrong_use_is_named(planar, twin):
     seen = conditioner(planar)
     with pytest.raises(ArgumentError, match="must come from 3 chips, as the design has; got 4"):
         seen.step(Reading(time=0.0, field=np.zeros((4, 3))))
+    with pytest.raises(ArgumentError, match="must come from 3 chips, as the design has; got 5"):
+        seen.zero([twin.read(), Reading(time=0.0, field=np.zeros((5, 3)))])
     with pytest.raises(ArgumentError, match="at least one with all chips good; got 1 readings"):
         seen.zero([changed(twin.read(), flags=[1, 0, 0])])
     with pytest.raises(ArgumentError, match="time_constant must be positive; got 0"):

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from chromium import open_page
-from smoskin.apps.demo import run_demo, scripted_hand
+from smoskin.apps.demo import _Hand, run_demo, scripted_hand
 from smoskin.errors import ArgumentError
-from smoskin.records import Contact
+from smoskin.records import Contact, Estimate, Status
 from smoskin.service.recording import open_recording
 
 
@@ -61,6 +61,17 @@ def test_a_skin_that_is_not_as_believed_misses_touches(planar):
         patch.setattr(demo, "Twin", SwappedTwin)
         result = run_demo(planar, seconds=2.0, page=False)
     assert result.summary.found < result.summary.touches == 2
+
+
+def test_a_touch_that_nobody_read_is_missed_and_one_unfinished_is_not_counted(planar):
+    """A loop that stalls while a touch is held must not lose it silently."""
+    script = scripted_hand(planar, 4.0, seed=0)
+    hand = _Hand(script, repeat=False)
+    for time in (0.0, 0.1, 1.6, 1.9):  # the second hold ends at 1.5, the third begins at 1.95
+        hand.note(Estimate(time=time, status=Status.NO_CONTACT))
+    judged = hand.judge(planar)
+    assert [touch.status for touch in judged] == ["NO_READING", "NO_READING"]
+    assert not any(touch.found for touch in judged)
 
 
 def test_too_short_a_demonstration_is_refused(planar):

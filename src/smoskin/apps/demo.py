@@ -71,7 +71,7 @@ class JudgedTouch:
     estimated: Touch | None
     """The median over the hold; None where no contact was reported for most of it."""
     status: str
-    """The commonest status while it was held."""
+    """The commonest status while it was held; NO_READING where nothing was read then."""
     found: bool
     """Whether the estimate names the cell that was touched."""
     position_error_mm: float | None
@@ -230,6 +230,7 @@ class _Hand:
         self._script = script
         self._repeat = repeat
         self._held: dict[int, list[Estimate]] = {}
+        self._latest = -math.inf
         self._spoilt: set[int] = set()
 
     def contacts(self, time: float) -> tuple[Contact, ...]:
@@ -247,15 +248,20 @@ class _Hand:
 
     def note(self, estimate: Estimate) -> None:
         """Keep an estimate that was made while a touch was held."""
+        self._latest = estimate.time
         number, since = self._turn(estimate.time)
         if self._touch(number) is not None and _RAMP < since < _RAMP + _HOLD:
             self._held.setdefault(number, []).append(estimate)
 
     def judge(self, design: SkinDesign) -> tuple[JudgedTouch, ...]:
-        """Every touch of the hand that the mouse left alone."""
+        """Every touch that the hand finished and the mouse left alone, read or not."""
+        if self._latest < _FIRST:
+            return ()
+        number, since = self._turn(self._latest)
+        finished = number + (since >= _RAMP + _HOLD)
         return tuple(
-            _judge(touch, held, design)
-            for number, held in sorted(self._held.items())
+            _judge(touch, self._held.get(number, []), design)
+            for number in range(finished)
             if number not in self._spoilt and (touch := self._touch(number)) is not None
         )
 
@@ -273,11 +279,13 @@ class _Hand:
 
 def _judge(true: Contact, held: Sequence[Estimate], design: SkinDesign) -> JudgedTouch:
     """A touch against the estimates made while it was held."""
-    status = Counter(estimate.status for estimate in held).most_common(1)[0][0]
+    commonest = Counter(estimate.status for estimate in held).most_common(1)
+    status = commonest[0][0] if commonest else None
     contacts = [one for estimate in held for one in estimate.contacts]
     if status is not Status.CONTACT:
         return JudgedTouch(
-            true=Touch.of(true), estimated=None, status=status.name, found=False,
+            true=Touch.of(true), estimated=None, found=False,
+            status="NO_READING" if status is None else status.name,
             position_error_mm=None, force_error_percent=None,
         )  # fmt: skip
     median = Contact(

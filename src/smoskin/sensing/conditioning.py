@@ -123,8 +123,11 @@ class Conditioner:
         Raises
         ------
         ArgumentError
-            If there are none, or none in which all chips answered within their range.
+            If there are none, or none in which all chips answered within their range, or one has
+            another number of chips than the design.
         """
+        for reading in readings:
+            self._check_chips(reading)
         good = [r for r in readings if self._fault(r) is None]
         if not good:
             raise ArgumentError(
@@ -144,11 +147,7 @@ class Conditioner:
         ArgumentError
             If it has another number of chips than the design.
         """
-        if reading.field.shape != self._rest.shape:
-            raise ArgumentError(
-                f"reading must come from {len(self._rest)} chips, as the design has; "
-                f"got {len(reading.field)}"
-            )
+        self._check_chips(reading)
         stale = not reading.time > self._last_time
         status = Status.STALE if stale else self._fault(reading)
         if stale:
@@ -171,6 +170,14 @@ class Conditioner:
         if self._drifted:
             status = Status.NOT_CALIBRATED
         return Conditioned(field=field, status=status)
+
+    def _check_chips(self, reading: Reading) -> None:
+        """Raise unless the reading has the design's number of chips."""
+        if reading.field.shape != self._rest.shape:
+            raise ArgumentError(
+                f"reading must come from {len(self._rest)} chips, as the design has; "
+                f"got {len(reading.field)}"
+            )
 
     def _fault(self, reading: Reading) -> Status | None:
         """What is wrong with the reading as a measurement."""
