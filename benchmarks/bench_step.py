@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 
-from smoskin import ClosedFormEstimator, Contact, Reading, Twin, load_design
+from smoskin import ClosedFormEstimator, Contact, Reading, ReducedTwin, load_design
 from smoskin.magnetics.hall import conversion_time
 from smoskin.origami.sheet import loaded_positions
 
@@ -26,7 +26,7 @@ def seconds(work: object, count: int) -> np.ndarray:
 
 def main() -> None:
     design = load_design("planar")
-    twin, estimator = Twin(design, seed=0), ClosedFormEstimator(design)
+    twin, estimator = ReducedTwin(design, seed=0), ClosedFormEstimator(design)
     small = np.zeros((3, 3))
     unit = np.median(seconds(lambda k: small + small, 20000))
     conversion = conversion_time(design.hall_setting)

@@ -3,7 +3,7 @@
 import smoskin as smo
 
 design = smo.load_design("planar")
-twin = smo.Twin(design, seed=0)
+twin = smo.ReducedTwin(design, seed=0)
 estimator = smo.ClosedFormEstimator(design)
 
 touch = smo.Contact(position=(0.050, 0.067), force=(0.2, 0.0, -0.5))  # m, N; -z presses

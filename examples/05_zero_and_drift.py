@@ -5,7 +5,7 @@ import numpy as np
 import smoskin as smo
 
 design = smo.load_design("planar")
-twin = smo.Twin(design, seed=0)
+twin = smo.ReducedTwin(design, seed=0)
 estimator = smo.ClosedFormEstimator(design)
 earth = np.array([20e-6, -10e-6, 45e-6])
 

@@ -147,7 +147,7 @@ def test_the_core_needs_numpy_and_scipy_alone(tmp_path):
         "import smoskin as smo\n"
         "design = smo.load_design('planar')\n"
         "touch = smo.Contact(position=(0.05, 0.067), force=(0, 0, -0.5))\n"
-        "estimate = smo.ClosedFormEstimator(design).step(smo.Twin(design).read([touch]))\n"
+        "estimate = smo.ClosedFormEstimator(design).step(smo.ReducedTwin(design).read([touch]))\n"
         "print(estimate.status.name)\n"
         "for call in (lambda: smo.Recorder('x.mcap', design), lambda: __import__('smoskin.cli')):\n"
         "    try:\n"

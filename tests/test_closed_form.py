@@ -15,7 +15,7 @@ from smoskin.sensing.calibration import Calibration
 from smoskin.sensing.closed_form import ClosedFormEstimator
 from smoskin.sensing.confidence import ambiguities
 from smoskin.sensing.location import unit_press
-from smoskin.twin.skin import Twin
+from smoskin.twin.reduced import ReducedTwin
 
 SHEARS = [(0.0, 0.0), (0.5, 0.0), (0.0, -0.5), (-0.35, 0.35)]
 
@@ -44,7 +44,7 @@ def test_every_cell_is_found_without_noise(request, skin, force, shear):
     contacts = touches(design, force, shear)
     for contact, estimate in zip(
         contacts,
-        estimates(Twin(design, seed=None), ClosedFormEstimator(design), contacts),
+        estimates(ReducedTwin(design, seed=None), ClosedFormEstimator(design), contacts),
         strict=True,
     ):
         assert located(estimate, contact), (contact, estimate)
@@ -56,7 +56,7 @@ def test_every_cell_is_found_without_noise(request, skin, force, shear):
 
 
 def test_3600_noisy_touches_fall_on_the_right_cell(planar):
-    twin, estimator = Twin(planar, seed=3), ClosedFormEstimator(planar)
+    twin, estimator = ReducedTwin(planar, seed=3), ClosedFormEstimator(planar)
     contacts = touches(planar, 0.5, (0.0, 0.0)) * 100
     found = [
         located(e, c) for e, c in zip(estimates(twin, estimator, contacts), contacts, strict=True)
@@ -82,7 +82,10 @@ def test_cells_are_found_on_skins_that_are_not_as_designed(planar):
     rng = np.random.default_rng(0)
     found = []
     for seed in range(10):
-        twin, estimator = Twin(scattered(planar, rng), seed=seed), ClosedFormEstimator(planar)
+        twin, estimator = (
+            ReducedTwin(scattered(planar, rng), seed=seed),
+            ClosedFormEstimator(planar),
+        )
         estimator.zero([twin.read(time=-1.0 + 0.01 * k) for k in range(20)])
         contacts = touches(planar, 0.5, (0.0, 0.0))
         found += [
@@ -93,7 +96,7 @@ def test_cells_are_found_on_skins_that_are_not_as_designed(planar):
 
 
 def test_batch_and_step_give_the_same_numbers(planar):
-    twin = Twin(planar, seed=1)
+    twin = ReducedTwin(planar, seed=1)
     contacts = touches(planar, 0.4, (0.1, -0.2))
     readings = []
     for k in range(400):
@@ -126,9 +129,9 @@ def test_a_measured_table_finds_the_cells_of_a_skin_far_from_its_design(planar):
         v_a = tuple(rng.uniform(0.35, 0.6, 2).tolist())
         coefficients = replace(planar.coefficients, attenuation=v_a)
         skin = scattered(replace(planar, coefficients=coefficients), rng)
-        table = measured_table(Twin(skin, seed=None))
+        table = measured_table(ReducedTwin(skin, seed=None))
         for name, given in (("theory", None), ("table", table)):
-            twin = Twin(skin, seed=seed)
+            twin = ReducedTwin(skin, seed=seed)
             estimator = ClosedFormEstimator(planar, table=given)
             estimator.zero([twin.read(time=-1.0 + 0.01 * k) for k in range(20)])
             contacts = touches(planar, 0.3, (0.0, 0.0))
@@ -148,7 +151,7 @@ def test_more_magnets_find_every_cell(planar, corners, shear):
     contacts = touches(design, 0.5, shear)
     for contact, estimate in zip(
         contacts,
-        estimates(Twin(design, seed=0), ClosedFormEstimator(design), contacts),
+        estimates(ReducedTwin(design, seed=0), ClosedFormEstimator(design), contacts),
         strict=True,
     ):
         assert located(estimate, contact)
@@ -158,7 +161,7 @@ def test_more_magnets_find_every_cell(planar, corners, shear):
 def test_one_magnet_finds_by_a_table_what_its_signs_do_not(planar):
     design = with_magnets(planar, [(2, 4)])
     contacts = touches(design, 0.5, (0.0, 0.0))
-    readings = [Twin(design, seed=0).read([c], time=k) for k, c in enumerate(contacts)]
+    readings = [ReducedTwin(design, seed=0).read([c], time=k) for k, c in enumerate(contacts)]
     by_signs = ClosedFormEstimator(design).batch(readings)
     assert {e.status for e in by_signs} == {Status.AMBIGUOUS}
     by_table = ClosedFormEstimator(design, table=unit_press(design)).batch(readings)
@@ -186,7 +189,7 @@ def test_a_table_that_does_not_separate_is_judged_as_a_whole(planar):
 
 
 def test_covariance_is_the_cells_size_and_the_chips_noise(planar):
-    twin, estimator = Twin(planar, seed=0), ClosedFormEstimator(planar)
+    twin, estimator = ReducedTwin(planar, seed=0), ClosedFormEstimator(planar)
     contact = touches(planar, 0.5, (0.2, 0.0))[14]
     many = estimates(twin, estimator, [contact] * 400)
     deviation = np.sqrt(np.diag(many[0].covariance[0]))
@@ -198,7 +201,7 @@ def test_covariance_is_the_cells_size_and_the_chips_noise(planar):
 
 def test_presses_anywhere_in_the_cells_scatter_as_stated(planar):
     rng = np.random.default_rng(5)
-    twin, estimator = Twin(planar, seed=5), ClosedFormEstimator(planar)
+    twin, estimator = ReducedTwin(planar, seed=5), ClosedFormEstimator(planar)
     contacts = [
         Contact(position=rng.uniform((0, 0), (0.1199, 0.1599)), force=(0.0, 0.0, -0.6))
         for _ in range(600)

@@ -9,14 +9,14 @@ from smoskin.errors import ArgumentError
 from smoskin.magnetics.inversion import FieldInverse, rest_cross_talk
 from smoskin.records import ChipFlag, Contact, Reading, Status
 from smoskin.sensing.conditioning import Conditioner, ZeroTracking
-from smoskin.twin.skin import Twin
+from smoskin.twin.reduced import ReducedTwin
 
 TOUCH = [Contact(position=(0.05, 0.0667), force=(0.0, 0.0, -0.5))]
 
 
 @pytest.fixture
 def twin(planar):
-    return Twin(planar, seed=None)
+    return ReducedTwin(planar, seed=None)
 
 
 def conditioner(design, **tracking: float) -> Conditioner:

@@ -19,14 +19,14 @@ from smoskin.sensing.calibration import Calibration
 from smoskin.sensing.closed_form import ClosedFormEstimator
 from smoskin.sensing.confidence import ambiguities, confidence, faces, readout_noise
 from smoskin.sensing.location import decide, ideal_rule, readout, unit_press
-from smoskin.twin.skin import Twin
+from smoskin.twin.reduced import ReducedTwin
 
 FAST = HallSetting(gain_selection=3, resolution=0, oversampling=0, digital_filter=0)
 
 
 def solved(design, places, force, repeats, seed, table=None):
     """Noise-free cells of light presses at these places, and solutions under noise."""
-    twin = Twin(design, seed=None)
+    twin = ReducedTwin(design, seed=None)
     fields = np.array([twin.field([Contact(position=p, force=(0, 0, -force))]) for p in places])
     fields -= rest_cross_talk(design)
     estimator = ClosedFormEstimator(design, table=table)
@@ -65,7 +65,7 @@ def test_presses_on_vertices_are_right_more_often_than_stated(planar):
 
 
 def test_rated_presses_are_sure_and_no_cell_has_none(planar):
-    twin, estimator = Twin(planar, seed=None), ClosedFormEstimator(planar)
+    twin, estimator = ReducedTwin(planar, seed=None), ClosedFormEstimator(planar)
     places = loaded_positions(planar).reshape(-1, 2)
     fields = [twin.field([Contact(position=p, force=(0, 0, -0.5))]) for p in places]
     solution = estimator.solve(np.array(fields) - rest_cross_talk(planar))
@@ -107,7 +107,9 @@ def test_magnets_in_one_line_give_candidates_and_say_so(planar):
     assert str(listed[0]) == (
         "columns 1 and 2: the same signs and ratios 1 and 1, told apart never"
     )
-    reading = Twin(design, seed=0).read([Contact(position=(0.05, 0.0667), force=(0.2, 0, -0.5))])
+    reading = ReducedTwin(design, seed=0).read(
+        [Contact(position=(0.05, 0.0667), force=(0.2, 0, -0.5))]
+    )
     estimate = ClosedFormEstimator(design).step(reading)
     assert estimate.status is Status.AMBIGUOUS
     np.testing.assert_allclose(estimate.contacts[0].force[:2], (0.2, 0.0), atol=0.01)

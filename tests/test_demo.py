@@ -53,12 +53,12 @@ def test_a_skin_that_is_not_as_believed_misses_touches(planar):
         planar, magnets=(planar.magnets[0], *(replace(m, polarity=-1) for m in planar.magnets[1:]))
     )
 
-    class SwappedTwin(demo.Twin):
+    class SwappedTwin(demo.ReducedTwin):
         def __init__(self, design, **options):
             super().__init__(swapped, **options)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(demo, "Twin", SwappedTwin)
+        patch.setattr(demo, "ReducedTwin", SwappedTwin)
         result = run_demo(planar, seconds=2.0, page=False)
     assert result.summary.found < result.summary.touches == 2
 

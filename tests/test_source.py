@@ -14,7 +14,7 @@ from smoskin.errors import ArgumentError, DesignError, SourceError
 from smoskin.records import ChipFlag, Contact, Reading
 from smoskin.service.recording import Recorder, open_recording
 from smoskin.service.source import ReplaySource, TwinSource, open_source
-from smoskin.twin.skin import Twin
+from smoskin.twin.reduced import ReducedTwin
 
 DESIGN = read_design("planar")
 CHIPS = len(DESIGN.halls)
@@ -138,7 +138,7 @@ def test_a_damaged_recording_plays_what_is_left(tmp_path: Path) -> None:
 
 def test_the_twin_keeps_its_rate() -> None:
     fake = FakeTime()
-    source = TwinSource(Twin(DESIGN), rate=50.0, clock=fake.clock, sleep=fake.sleep)
+    source = TwinSource(ReducedTwin(DESIGN), rate=50.0, clock=fake.clock, sleep=fake.sleep)
     times = [source.read().time for _ in range(5)]  # type: ignore[union-attr]
     np.testing.assert_allclose(times, [0.0, 0.02, 0.04, 0.06, 0.08])
     assert fake.now == pytest.approx(1000.08)
@@ -146,7 +146,7 @@ def test_the_twin_keeps_its_rate() -> None:
 
 def test_the_twin_skips_what_nobody_read_in_time() -> None:
     fake = FakeTime()
-    source = TwinSource(Twin(DESIGN), rate=100.0, clock=fake.clock, sleep=fake.sleep)
+    source = TwinSource(ReducedTwin(DESIGN), rate=100.0, clock=fake.clock, sleep=fake.sleep)
     source.read()
     fake.now += 0.055  # readings 1 to 4 pass, 5 is waited for no more
     late, following = source.read(), source.read()
@@ -161,13 +161,13 @@ def test_an_unpaced_twin_never_waits() -> None:
     def never(_: float) -> None:
         raise AssertionError("slept")
 
-    source = TwinSource(Twin(DESIGN), rate=10.0, speed=float("inf"), sleep=never)
+    source = TwinSource(ReducedTwin(DESIGN), rate=10.0, speed=float("inf"), sleep=never)
     times = [source.read().time for _ in range(4)]  # type: ignore[union-attr]
     np.testing.assert_allclose(times, [0.0, 0.1, 0.2, 0.3])
 
 
 def test_a_touch_shows_in_the_next_reading() -> None:
-    source = TwinSource(Twin(DESIGN, seed=None), speed=float("inf"))
+    source = TwinSource(ReducedTwin(DESIGN, seed=None), speed=float("inf"))
     free = source.read()
     press = [Contact(position=(0.05, 0.067), force=(0.0, 0.0, -0.5))]
     source.touch(press)
@@ -177,13 +177,13 @@ def test_a_touch_shows_in_the_next_reading() -> None:
     assert free is not None
     assert pressed is not None
     assert again is not None
-    np.testing.assert_array_equal(pressed.field, Twin(DESIGN, seed=None).read(press).field)
+    np.testing.assert_array_equal(pressed.field, ReducedTwin(DESIGN, seed=None).read(press).field)
     assert np.abs(pressed.field - free.field).max() > 1e-5
     np.testing.assert_array_equal(again.field, free.field)
 
 
 def test_an_impossible_touch_raises_where_it_is_made() -> None:
-    source = TwinSource(Twin(DESIGN), speed=float("inf"))
+    source = TwinSource(ReducedTwin(DESIGN), speed=float("inf"))
     with pytest.raises(ArgumentError, match="position must lie on the skin"):
         source.touch([Contact(position=(9.0, 9.0), force=(0.0, 0.0, -0.5))])
     assert source.read() is not None
@@ -199,7 +199,7 @@ def test_the_same_seed_gives_the_same_readings() -> None:
 
 
 def test_touching_from_another_thread_while_reading() -> None:
-    source = TwinSource(Twin(DESIGN), rate=500.0)
+    source = TwinSource(ReducedTwin(DESIGN), rate=500.0)
     stop = threading.Event()
 
     def rub() -> None:
@@ -273,14 +273,14 @@ def test_wrong_paces_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ArgumentError, match="longest_gap must be positive; got nan"):
         ReplaySource(recording, longest_gap=float("nan"))
     with pytest.raises(ArgumentError, match="rate must be positive; got -1"):
-        TwinSource(Twin(DESIGN), rate=-1.0)
+        TwinSource(ReducedTwin(DESIGN), rate=-1.0)
     with pytest.raises(ArgumentError, match="rate must be finite"):
-        TwinSource(Twin(DESIGN), rate=float("inf"))
+        TwinSource(ReducedTwin(DESIGN), rate=float("inf"))
 
 
 def test_chips_are_those_of_the_design(tmp_path: Path) -> None:
     design = replace(DESIGN, halls=DESIGN.halls[:2])
-    assert TwinSource(Twin(design)).chips == 2
+    assert TwinSource(ReducedTwin(design)).chips == 2
     with Recorder(tmp_path / "two.mcap", design) as sink:
         sink.write(Reading(time=0.0, field=np.zeros((2, 3))))
     assert ReplaySource(open_recording(tmp_path / "two.mcap")).chips == 2

@@ -2,7 +2,7 @@
 
 >>> import smoskin as smo
 >>> design = smo.load_design("planar")
->>> twin = smo.Twin(design, seed=0)
+>>> twin = smo.ReducedTwin(design, seed=0)
 >>> reading = twin.read([smo.Contact(position=(0.050, 0.067), force=(0.0, 0.0, -0.5))])
 >>> estimate = smo.ClosedFormEstimator(design).step(reading)
 >>> estimate.status.name, round(estimate.contacts[0].normal_force, 2)
@@ -20,7 +20,7 @@ from smoskin.sensing.learned import LearnedEstimator, load_model
 from smoskin.service.loop import Loop, run
 from smoskin.service.recording import Recorder, open_recording
 from smoskin.service.source import open_source
-from smoskin.twin.skin import Twin
+from smoskin.twin.reduced import ReducedTwin
 
 __version__ = "0.1.0"
 
@@ -35,12 +35,12 @@ __all__ = [
     "Loop",
     "Reading",
     "Recorder",
+    "ReducedTwin",
     "Sink",
     "SkinDesign",
     "SmoskinError",
     "Source",
     "Status",
-    "Twin",
     "load_design",
     "load_model",
     "open_recording",

@@ -9,7 +9,7 @@ from smoskin.errors import ArgumentError
 from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.closed_form import ClosedFormEstimator
-from smoskin.twin.skin import Twin
+from smoskin.twin.reduced import ReducedTwin
 
 TOUCH = Contact(position=(0.05, 0.0667), force=(0.0, 0.0, -0.5))
 
@@ -25,7 +25,7 @@ def spoilt(reading: Reading, **changes: object) -> Reading:
 
 
 def test_every_estimate_carries_its_readings_time_and_fits_itself(make, planar):
-    twin, estimator = Twin(planar, seed=0), make()
+    twin, estimator = ReducedTwin(planar, seed=0), make()
     for k in range(40):
         estimate = estimator.step(twin.read([TOUCH] if k % 2 else [], time=0.1 * k))
         assert isinstance(estimate, Estimate)
@@ -39,7 +39,7 @@ def test_every_estimate_carries_its_readings_time_and_fits_itself(make, planar):
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e300, -1e300])
 def test_no_field_makes_it_raise(make, planar, value):
-    twin = Twin(planar, seed=0)
+    twin = ReducedTwin(planar, seed=0)
     for s in range(3):
         for axis in range(3):
             field = twin.read([TOUCH]).field.copy()
@@ -67,13 +67,13 @@ def test_zero_fields_are_no_touch_to_believe(make):
 def test_a_bad_chip_is_named_by_the_status(make, planar, chip, flag, status):
     flags = np.zeros(3, dtype=int)
     flags[chip] = flag
-    estimate = make().step(spoilt(Twin(planar).read([TOUCH]), flags=flags))
+    estimate = make().step(spoilt(ReducedTwin(planar).read([TOUCH]), flags=flags))
     assert estimate.status is status
     assert estimate.contacts == ()
 
 
 def test_it_recovers_after_bad_readings(make, planar):
-    twin, estimator = Twin(planar, seed=0), make()
+    twin, estimator = ReducedTwin(planar, seed=0), make()
     assert estimator.step(twin.read([TOUCH], time=0.0)).status is Status.CONTACT
     estimator.step(spoilt(twin.read(), time=0.1, field=np.full((3, 3), np.nan)))
     estimator.step(spoilt(twin.read(), time=0.2, flags=[1, 0, 0]))
@@ -81,7 +81,7 @@ def test_it_recovers_after_bad_readings(make, planar):
 
 
 def test_shuffled_time_is_stale_and_reset_forgets_it(make, planar):
-    twin, estimator = Twin(planar, seed=0), make()
+    twin, estimator = ReducedTwin(planar, seed=0), make()
     estimator.step(twin.read(time=5.0))
     assert estimator.step(twin.read([TOUCH], time=4.0)).status is Status.STALE
     estimator.reset()

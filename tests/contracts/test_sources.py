@@ -14,7 +14,7 @@ from smoskin.records import Reading
 from smoskin.roles import Source
 from smoskin.service.recording import Recorder, open_recording
 from smoskin.service.source import ReplaySource, TwinSource, open_source
-from smoskin.twin.skin import Twin
+from smoskin.twin.reduced import ReducedTwin
 
 DESIGN = read_design("planar")
 
@@ -38,7 +38,7 @@ def make(request: pytest.FixtureRequest, tmp_path: Path) -> Factory:
                 recording = open_recording(recorded(period))
                 return ReplaySource(recording, longest_gap=2 * period)
             case "twin":
-                return TwinSource(Twin(DESIGN), rate=1 / period)
+                return TwinSource(ReducedTwin(DESIGN), rate=1 / period)
             case "replay by URL":
                 return open_source(f"replay:{recorded(period)}?gap={2 * period}")
             case _:

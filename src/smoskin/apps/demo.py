@@ -28,7 +28,7 @@ from smoskin.service.recording import Recorder
 from smoskin.service.scene import SkinShape
 from smoskin.service.source import TwinSource
 from smoskin.service.view import View
-from smoskin.twin.skin import Twin
+from smoskin.twin.reduced import ReducedTwin
 
 _PERIOD: Final = 0.8
 _RAMP: Final = 0.15
@@ -174,7 +174,7 @@ def run_demo(
         Of the touches that the hand finished; those met by the mouse are left out.
     """
     script = scripted_hand(design, seconds or 60.0, seed)
-    twin = Twin(design, seed=seed)
+    twin = ReducedTwin(design, seed=seed)
     source = TwinSource(twin, rate=rate)
     estimator = ClosedFormEstimator(design)
     hand = _Hand(script, repeat=seconds is None)
@@ -308,7 +308,7 @@ def _judge(true: Contact, held: Sequence[Estimate], design: SkinDesign) -> Judge
 class _Page(Sink):
     """The live page as a sink of the loop, with the truth beside the estimate."""
 
-    def __init__(self, design: SkinDesign, twin: Twin, hand: _Hand, port: int) -> None:
+    def __init__(self, design: SkinDesign, twin: ReducedTwin, hand: _Hand, port: int) -> None:
         self.zero_asked = threading.Event()
         self.latest: deque[Reading] = deque(maxlen=20)
         self.latency = math.nan

@@ -82,10 +82,10 @@ class ClosedFormEstimator(Estimator):
     Examples
     --------
     >>> from smoskin.feasibility import load_design
-    >>> from smoskin.twin.skin import Twin
+    >>> from smoskin.twin.reduced import ReducedTwin
     >>> design = load_design("planar")
     >>> touch = Contact(position=(0.05, 0.0667), force=(0.2, 0.0, -0.5))
-    >>> estimate = ClosedFormEstimator(design).step(Twin(design).read([touch]))
+    >>> estimate = ClosedFormEstimator(design).step(ReducedTwin(design).read([touch]))
     >>> estimate.status.name, estimate.contacts[0].position.round(3).tolist()
     ('CONTACT', [0.05, 0.067])
     """

@@ -16,7 +16,7 @@ from smoskin.roles import Source
 
 if TYPE_CHECKING:
     from smoskin.service.recording import Recording
-    from smoskin.twin.skin import Twin
+    from smoskin.twin.reduced import ReducedTwin
 
 #: What a URL can be, for messages.
 _FORMS: Final = "replay:FILE[?speed=1&gap=0.5] or twin://DESIGN[?rate=100&seed=0&speed=1]"
@@ -168,7 +168,7 @@ class TwinSource(Source):
 
     Parameters
     ----------
-    twin : Twin
+    twin : ReducedTwin
         The skin.
     rate : float
         Hz, in the twin's time.
@@ -187,7 +187,7 @@ class TwinSource(Source):
 
     def __init__(
         self,
-        twin: "Twin",
+        twin: "ReducedTwin",
         *,
         rate: float = 100.0,
         speed: float = 1.0,
@@ -303,9 +303,9 @@ def _open_replay(path: str, *, speed: float, longest_gap: float) -> ReplaySource
 
 def _open_twin(name_or_path: str, *, rate: float, seed: int, speed: float) -> TwinSource:
     from smoskin.feasibility import load_design
-    from smoskin.twin.skin import Twin
+    from smoskin.twin.reduced import ReducedTwin
 
-    return TwinSource(Twin(load_design(name_or_path), seed=seed), rate=rate, speed=speed)
+    return TwinSource(ReducedTwin(load_design(name_or_path), seed=seed), rate=rate, speed=speed)
 
 
 def _options(url: str, query: str, known: tuple[str, ...]) -> dict[str, str]:

@@ -20,7 +20,7 @@ from smoskin.measurement import TouchTable
 from smoskin.mechanics.stiffness import cell_layers, sheet_stiffness
 from smoskin.origami.sheet import loaded_positions
 from smoskin.records import Contact, Reading
-from smoskin.twin.skin import Twin
+from smoskin.twin.reduced import ReducedTwin
 
 GAUGE_NOISE: Final = 0.02
 """Of force and of depth, relative: the project's assumption of a hand-held gauge and stage."""
@@ -72,7 +72,7 @@ class MadeSkin:
         self.chip_offset = frozen("chip_offset", chip_offset, (chips, 3))  # type: ignore[arg-type]
         mounts = np.stack([hall.rotation(site) for site in design.halls])
         self._to_skin = Rotation.from_rotvec(self.chip_rotation.copy()).as_matrix() @ mounts
-        self._twin = Twin(design, seed=None)
+        self._twin = ReducedTwin(design, seed=None)
 
     def field(self, contacts: Sequence[Contact] = ()) -> Floats:
         """At the chips, in their own axes, at reference temperature, shape (S, 3), T."""

@@ -29,7 +29,7 @@ from smoskin.origami.sheet import vertex_positions
 from smoskin.records import Contact, Reading
 
 
-class Twin:
+class ReducedTwin:
     """A virtual skin that answers touches with readings.
 
     Parameters
@@ -48,7 +48,7 @@ class Twin:
     Examples
     --------
     >>> from smoskin.feasibility import load_design
-    >>> twin = Twin(load_design("planar"), seed=0)
+    >>> twin = ReducedTwin(load_design("planar"), seed=0)
     >>> reading = twin.read([Contact(position=(0.05, 0.067), force=(0.0, 0.0, -0.5))])
     >>> reading.field.shape
     (3, 3)

@@ -12,7 +12,7 @@ from smoskin.magnetics import hall
 from smoskin.mechanics.stiffness import board_stiffness, sheet_stiffness
 from smoskin.origami.sheet import loaded_positions
 from smoskin.records import ChipFlag, Contact
-from smoskin.twin.skin import Twin
+from smoskin.twin.reduced import ReducedTwin
 
 
 def press(x: float, y: float, force: float = 0.5) -> Contact:
@@ -21,13 +21,13 @@ def press(x: float, y: float, force: float = 0.5) -> Contact:
 
 @given(x=st.floats(0, 0.1199), y=st.floats(0, 0.1599), force=st.floats(0, 1))
 def test_a_press_is_shared_without_loss(planar, x, y, force):
-    twin = Twin(planar, seed=None)
+    twin = ReducedTwin(planar, seed=None)
     depths = twin.press_depths([press(x, y, force)])
     assert np.all(depths >= 0)
     assert (depths * twin_stiffness(twin)).sum() == pytest.approx(force, abs=1e-12)
 
 
-def twin_stiffness(twin: Twin) -> np.ndarray:
+def twin_stiffness(twin: ReducedTwin) -> np.ndarray:
     """Newtons a metre of each cell, from presses on the vertices alone."""
     places = loaded_positions(twin.design)
     cells = twin.design.cells
@@ -38,7 +38,7 @@ def twin_stiffness(twin: Twin) -> np.ndarray:
 
 
 def test_two_presses_add_up(planar):
-    twin = Twin(planar, seed=None)
+    twin = ReducedTwin(planar, seed=None)
     one, other = press(0.03, 0.04), press(0.09, 0.12, 0.8)
     together = twin.magnet_motion([one, other])[0]
     np.testing.assert_allclose(
@@ -48,7 +48,7 @@ def test_two_presses_add_up(planar):
 
 def test_a_drag_moves_board_and_sheet_by_their_stiffnesses(planar):
     drag = Contact(position=(0.06, 0.08), force=(0.3, -0.2, 0.0))
-    magnets, board = Twin(planar, seed=None).magnet_motion([drag])
+    magnets, board = ReducedTwin(planar, seed=None).magnet_motion([drag])
     np.testing.assert_allclose(
         board, [0.3 / board_stiffness(planar), -0.2 / board_stiffness(planar), 0]
     )
@@ -66,19 +66,19 @@ def test_a_mirrored_press_on_a_mirrored_skin_gives_mirrored_fields(planar):
         magnets=tuple(replace(m, corner=(6 - m.corner[0], m.corner[1])) for m in planar.magnets),
     )
     width = loaded_positions(planar)[-1, 0, 0] + loaded_positions(planar)[0, 0, 0]
-    here = Twin(planar, seed=None).field([press(0.03, 0.05)])
-    there = Twin(mirrored, seed=None).field([press(width - 0.03, 0.05)])
+    here = ReducedTwin(planar, seed=None).field([press(0.03, 0.05)])
+    there = ReducedTwin(mirrored, seed=None).field([press(width - 0.03, 0.05)])
     np.testing.assert_allclose(here * [-1, 1, 1], there, rtol=1e-9, atol=1e-12)
 
 
 def test_the_same_seed_reads_the_same_and_another_does_not(planar):
-    readings = [Twin(planar, seed=seed).read([press(0.05, 0.05)]) for seed in (1, 1, 2)]
+    readings = [ReducedTwin(planar, seed=seed).read([press(0.05, 0.05)]) for seed in (1, 1, 2)]
     assert readings[0] == readings[1]
     assert readings[0] != readings[2]
 
 
 def test_chips_add_noise_and_steps_of_their_setting(planar):
-    twin, ideal = Twin(planar, seed=0), Twin(planar, seed=None).read()
+    twin, ideal = ReducedTwin(planar, seed=0), ReducedTwin(planar, seed=None).read()
     samples = np.stack([twin.read().field for _ in range(2000)])
     step = hall.sensitivity(planar.hall_setting)
     whole = samples / step
@@ -92,18 +92,18 @@ def test_chips_add_noise_and_steps_of_their_setting(planar):
 
 
 def test_heat_weakens_the_magnets_and_is_reported(planar):
-    cold, warm = (Twin(planar, seed=None).read(temperature=t) for t in (25.0, 35.0))
+    cold, warm = (ReducedTwin(planar, seed=None).read(temperature=t) for t in (25.0, 35.0))
     np.testing.assert_allclose(warm.field, 0.95 * cold.field)
     assert warm.temperature.tolist() == [35.0] * 3
 
 
 def test_a_press_past_the_range_saturates_the_chip(planar):
-    reading = Twin(planar, seed=0).read([press(0.05, 0.0667, 40.0)])
+    reading = ReducedTwin(planar, seed=0).read([press(0.05, 0.0667, 40.0)])
     assert np.any(reading.flags & ChipFlag.SATURATED) or np.abs(reading.field).max() < 0.063
 
 
 def test_the_shown_sheet_sinks_under_the_finger(planar):
-    twin = Twin(planar, seed=None)
+    twin = ReducedTwin(planar, seed=None)
     place = loaded_positions(planar)[2, 3]
     rest, pressed = twin.sheet_vertices(), twin.sheet_vertices([press(*place)])
     sunk = rest[:, 2] - pressed[:, 2]
@@ -126,4 +126,4 @@ def test_the_shown_sheet_sinks_under_the_finger(planar):
 )
 def test_impossible_touches_are_refused(planar, contact, message):
     with pytest.raises(ArgumentError, match=message):
-        Twin(planar).read([contact])
+        ReducedTwin(planar).read([contact])
