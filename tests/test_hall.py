@@ -10,6 +10,7 @@ from smoskin.design.skin import HallSetting, HallSite
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.hall import (
     HallNoise,
+    burst_period,
     choose_setting,
     conversion_time,
     degrees,
@@ -18,11 +19,11 @@ from smoskin.magnetics.hall import (
     noise,
     rotation,
     sensitivity,
+    settles,
     temperature_counts,
     tesla,
     wraps,
 )
-from smoskin.magnetics.material import temperature_factor
 from smoskin.records import ChipFlag
 
 
@@ -179,6 +180,56 @@ def test_rotation_leads_from_chip_to_skin(axes: tuple[str, str, str]) -> None:
         assert_allclose(turned @ np.eye(3)[column], along)
 
 
-def test_magnets_lose_five_percent_in_ten_degrees() -> None:
-    assert_allclose(temperature_factor([25.0, 35.0, 15.0]), [1.0, 0.95, 1.05])
-    assert_allclose(temperature_factor(30.0, coefficient=-0.001, reference=20.0), 0.99)
+def test_the_converters_noise_grows_with_its_step() -> None:
+    law = HallNoise(white=(4e-6, 4e-6, 4e-6), floor=(0.0, 0.0, 0.0), converter=0.5)
+    assert_allclose(noise(setting(7), law), 4e-6)
+    # At GAIN_SEL 0 a step is five times as large: half of the variance 25-fold, half unchanged.
+    assert_allclose(noise(setting(0), law), 4e-6 * np.sqrt(0.5 + 0.5 * 25))
+    quiet = HallNoise(white=(4e-6, 4e-6, 4e-6), floor=(0.0, 0.0, 0.0), converter=0.0)
+    assert_allclose(noise(setting(0), quiet), 4e-6)
+    louder = [noise(setting(gain))[0] for gain in range(7, -1, -1)]
+    assert (np.diff(louder) > 0).all()
+    with pytest.raises(ArgumentError, match=r"converter must lie in 0\.\.1"):
+        HallNoise(converter=2.0)
+
+
+def test_noise_is_set_by_the_time_of_conversion_alone() -> None:
+    # 10 ms, made of filter or of oversampling, within the settings' own steps.
+    slow = [setting(7, 0, osr, filt) for osr, filt in ((0, 5), (1, 4), (2, 3))]
+    noises = [noise(one)[0] * np.sqrt(conversion_time(one)) for one in slow]
+    assert_allclose(noises, noises[0], rtol=0.1)
+
+
+def test_the_temperature_reading_has_its_own_noise() -> None:
+    law = HallNoise(temperature=0.2)
+    rng = np.random.default_rng(3)
+    sample = measure(np.zeros((20_000, 3)), setting(), 30.0, rng, law)
+    warmth = degrees(sample.temperature_counts)
+    assert_allclose([warmth.mean(), warmth.std()], [30.0, 0.2], rtol=0.02)
+    # It comes after the field's, whose stream it does not touch.
+    plain = measure(np.zeros((20_000, 3)), setting(), 30.0, np.random.default_rng(3))
+    assert_array_equal(plain.counts, sample.counts)
+    assert_array_equal(measure(np.zeros((5, 3)), setting(), 30.0, None, law).temperature_counts,
+                       temperature_counts(30.0))  # fmt: skip
+    with pytest.raises(ArgumentError, match="temperature must be >= 0 degC"):
+        HallNoise(temperature=-1.0)
+
+
+def test_three_pairs_of_oversampling_and_filter_are_not_allowed() -> None:
+    short = [(o, f) for o in range(4) for f in range(8) if not settles(setting(7, 0, o, f))]
+    assert short == [(0, 0), (0, 1), (1, 0)]
+    assert settles(choose_setting([1e-3, 1e-3, 1e-3]))
+
+
+def test_temperature_takes_its_time_and_bursts_theirs() -> None:
+    one = setting(oversampling=1, digital_filter=3)
+    extra = [conversion_time(one, osr2) - conversion_time(one) for osr2 in range(4)]
+    assert_allclose(extra, [259e-6, 451e-6, 835e-6, 1603e-6])
+    assert_allclose(burst_period(one), conversion_time(one))
+    assert_allclose(burst_period(one, 1, 0), 20e-3)
+    slow = setting(oversampling=3, digital_filter=7)
+    assert_allclose(burst_period(slow, 1, 0), conversion_time(slow, 0))
+    with pytest.raises(ArgumentError, match=r"rate must lie in 0\.\.63"):
+        burst_period(one, 64)
+    with pytest.raises(ArgumentError, match=r"temperature_oversampling must lie in 0\.\.3"):
+        conversion_time(one, 4)

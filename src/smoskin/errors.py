@@ -29,6 +29,10 @@ class ModelError(SmoskinError, ValueError):
     """A trained model or calibration that cannot be read or does not fit the skin."""
 
 
+class EngineError(SmoskinError, RuntimeError):
+    """Work that its workers could not finish, or not in time."""
+
+
 class MissingExtraError(SmoskinError, ImportError):
     """An optional dependency that the asked-for function needs is not installed."""
 

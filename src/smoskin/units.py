@@ -22,6 +22,7 @@ SI_PER_SUFFIX: Final = MappingProxyType(
         "deg": _DEGREE,
         "N": Decimal(1),
         "N_per_mm": Decimal("1e3"),
+        "um_per_N": Decimal("1e-6"),
         "A_per_m": Decimal(1),
         "mT": Decimal("1e-3"),
         "uT": Decimal("1e-6"),

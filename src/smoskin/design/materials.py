@@ -15,9 +15,17 @@ class Elastomer:
     """A rubber for columns, pillars and scales."""
 
     shear_modulus: float
-    """Pa, initial."""
+    """Pa, initial slope, long-term: under a load that stays, at 25 degC."""
+    relaxing_shares: tuple[float, ...]
+    """g_k of the instantaneous modulus, which relax (`smoskin.mechanics.relaxation.Prony`)."""
+    relaxation_times: tuple[float, ...]
+    """s, tau_k of each share, rising."""
+    temperature_coefficient: float
+    """1/degC: relative rise of the modulus per degree from 25 degC."""
     source: str
-    """Where the value is printed."""
+    """Where the modulus is printed."""
+    relaxation_source: str
+    """Where the shares and times come from."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,19 +40,41 @@ class Film:
     """Where the value is printed."""
 
 
+_SHARES: Final = (0.03, 0.02, 0.02, 0.02)
+_TIMES: Final = (0.05, 0.5, 5.0, 50.0)
+_RELAXATION: Final = (
+    "assumed, 9 % over four decades: no Prony series of it is known to be published; Ecoflex "
+    "relaxes markedly when new and hardly once it has been worked (Liao, Hossain and Yao 2020, "
+    "Mechanics of Materials 144). Fit a recorded recovery instead"
+)
+_ENTROPIC: Final = 1 / 298.15
+"""1/degC: a modulus in proportion to the absolute temperature, as of an ideal rubber; assumed."""
+
 ELASTOMERS: Final[Mapping[str, Elastomer]] = MappingProxyType(
     {
         "Ecoflex 00-30": Elastomer(
             shear_modulus=25e3,
+            relaxing_shares=_SHARES,
+            relaxation_times=_TIMES,
+            temperature_coefficient=_ENTROPIC,
             source="Smooth-On Ecoflex series technical bulletin: 69 kPa (10 psi) at 100 % strain",
+            relaxation_source=_RELAXATION,
         ),
         "Ecoflex 00-50": Elastomer(
             shear_modulus=30e3,
+            relaxing_shares=_SHARES,
+            relaxation_times=_TIMES,
+            temperature_coefficient=_ENTROPIC,
             source="Smooth-On Ecoflex series technical bulletin: 83 kPa (12 psi) at 100 % strain",
+            relaxation_source=_RELAXATION,
         ),
         "Dragon Skin 10": Elastomer(
             shear_modulus=55e3,
+            relaxing_shares=_SHARES,
+            relaxation_times=_TIMES,
+            temperature_coefficient=_ENTROPIC,
             source="Smooth-On Dragon Skin series technical bulletin: 152 kPa at 100 % strain",
+            relaxation_source=_RELAXATION,
         ),
     }
 )

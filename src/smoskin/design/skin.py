@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
+from functools import partial
 from types import MappingProxyType
 from typing import Any, Final, Literal
 
@@ -327,6 +328,12 @@ class SkinDesign:
                     f"magnet {magnet.name!r}.corner must lie in (0..{columns}, 0..{rows}); "
                     f"got {magnet.corner}"
                 )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A mapping proxy cannot be pickled; the dictionary that it shows can.
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        values["provenance"] = dict(self.provenance)
+        return partial(SkinDesign, **values), ()
 
     @property
     def content_hash(self) -> str:

@@ -37,17 +37,30 @@ _ROOM: Final = 46244
 class HallNoise:
     """Noise of one conversion: white in the time of integration, plus a floor.
 
-    The data sheet's noise plot is not at hand, so both are assumptions: users report a few
-    microtesla at the fastest settings and about 2 at the slower ones. Measure your board.
+    The data sheet plots noise against conversion time, whatever OSR and filter it is made of;
+    the plot is not at hand, so the figures are assumptions: a reader of it quotes 10 (which fits
+    10 mG, 1 uT) at 10 ms, and these defaults give 1.07 uT there. Quiet stretches of a published
+    recording (five chips, gain 2x, RES 3, filter unknown) show 2.3 uT in x and y and 3.8 in z,
+    steps taken off. Measure your board.
     """
 
     white: tuple[float, float, float] = (4.0e-6, 4.0e-6, 6.5e-6)
-    """T, standard deviation in x, y, z at OSR 0 and DIG_FILT 0; it falls with the square root
-    of the samples taken. z is noisier as its step is larger."""
+    """T, standard deviation in x, y, z at GAIN_SEL 7, OSR 0 and DIG_FILT 0; it falls with the
+    square root of the samples taken. z is noisier as its step is larger."""
+    converter: float = 0.05
+    """Share of the white variance at GAIN_SEL 7 that the converter makes: in counts the same at
+    every gain, so that in tesla it grows with the step. Assumed."""
     floor: tuple[float, float, float] = (0.4e-6, 0.4e-6, 0.65e-6)
     """T, standard deviation that no averaging lowers."""
+    temperature: float = 0.0
+    """degC, standard deviation of the temperature reading. No figure is known: by default its
+    steps of 0.022 degC are all there is."""
 
     def __post_init__(self) -> None:
+        if not 0.0 <= self.converter <= 1.0:
+            raise ArgumentError(f"converter must lie in 0..1; got {self.converter}")
+        if not 0.0 <= self.temperature < np.inf:
+            raise ArgumentError(f"temperature must be >= 0 degC; got {self.temperature}")
         for name in ("white", "floor"):
             value = getattr(self, name)
             if len(value) != 3 or not all(0.0 <= one < np.inf for one in value):
@@ -138,7 +151,8 @@ def noise(setting: HallSetting, model: HallNoise | None = None) -> Floats:
     Parameters
     ----------
     setting : HallSetting
-        Oversampling and filter matter: they set the samples taken.
+        Oversampling and filter set the samples taken, the gain how much the converter adds.
+        The resolution adds its step's rounding only, which `measure` does.
     model : HallNoise, optional
         By default `HallNoise()`.
 
@@ -155,7 +169,8 @@ def noise(setting: HallSetting, model: HallNoise | None = None) -> Floats:
     """
     law = model or HallNoise()
     longer = _samples(setting) / 3.0
-    return np.asarray(np.sqrt(np.square(law.white) / longer + np.square(law.floor)))
+    louder = 1.0 + law.converter * (_GAIN[setting.gain_selection] ** 2 - 1.0)
+    return np.asarray(np.sqrt(np.square(law.white) * (louder / longer) + np.square(law.floor)))
 
 
 def measure(
@@ -206,6 +221,8 @@ def measure(
     flags = _rail_flags(counts, setting)
     flags = np.where(finite, flags, int(ChipFlag.INVALID))
     warmth = np.broadcast_to(floats("temperature", temperature), finite.shape)
+    if rng is not None and model is not None and model.temperature:
+        warmth = warmth + rng.normal(size=warmth.shape) * model.temperature
     return HallSample(counts=counts, temperature_counts=temperature_counts(warmth), flags=flags)
 
 
@@ -267,31 +284,97 @@ def degrees(counts: ArrayLike) -> Floats:
     return np.asarray(REFERENCE_TEMPERATURE + (floats("counts", counts) - _ROOM) / _DEGREE)
 
 
-def conversion_time(setting: HallSetting) -> float:
-    """Time of one measurement of x, y and z, s; the temperature adds 0.26 ms.
+def settles(setting: HallSetting) -> bool:
+    """Whether the chip's filter has time enough for the hall plate at this setting.
+
+    Notes
+    -----
+    Source: Melexis MLX90393 getting-started guide: at HALLCONF 0xC the pairs (OSR, DIG_FILT)
+    (0, 0), (0, 1) and (1, 0) are not allowed. The chip takes them, and reads falsely.
+
+    Examples
+    --------
+    >>> settles(HallSetting(gain_selection=7, resolution=0, oversampling=0, digital_filter=1))
+    False
+    """
+    return setting.oversampling + setting.digital_filter >= 2
+
+
+def conversion_time(setting: HallSetting, temperature_oversampling: int | None = None) -> float:
+    """Time of one measurement of x, y and z, s.
 
     Parameters
     ----------
     setting : HallSetting
         Oversampling and filter matter.
+    temperature_oversampling : int, optional
+        OSR2, 0..3, where the temperature is measured too; it is not by default.
 
     Returns
     -------
     float
         s, from the command to the data.
 
+    Raises
+    ------
+    ArgumentError
+        If OSR2 is not in 0..3.
+
     Notes
     -----
-    Source: Melexis MLX90393 data sheet, 67 us + 64 us 2^OSR (2 + 2^DIG_FILT) an axis, and
-    0.49 ms to wake and end. Valid for single measurements at OSR2 0.
+    Source: Melexis MLX90393 data sheet, 67 us + 64 us 2^OSR (2 + 2^DIG_FILT) an axis, 67 us +
+    192 us 2^OSR2 for the temperature, and 0.49 ms to wake and end. Valid for single measurements.
 
     Examples
     --------
     >>> setting = HallSetting(gain_selection=7, resolution=0, oversampling=0, digital_filter=3)
-    >>> round(conversion_time(setting) * 1e3, 2)
-    2.61
+    >>> round(conversion_time(setting) * 1e3, 2), round(conversion_time(setting, 0) * 1e3, 2)
+    (2.61, 2.87)
     """
-    return 3.0 * (67e-6 + 64e-6 * _samples(setting)) + 0.49e-3
+    axes = 3.0 * (67e-6 + 64e-6 * _samples(setting)) + 0.49e-3
+    if temperature_oversampling is None:
+        return axes
+    if not 0 <= temperature_oversampling <= 3:
+        raise ArgumentError(
+            f"temperature_oversampling must lie in 0..3; got {temperature_oversampling}"
+        )
+    return axes + 67e-6 + 192e-6 * float(2**temperature_oversampling)
+
+
+def burst_period(
+    setting: HallSetting, rate: int = 0, temperature_oversampling: int | None = None
+) -> float:
+    """Time from one measurement to the next in burst mode, s.
+
+    Parameters
+    ----------
+    setting : HallSetting
+        Oversampling and filter matter.
+    rate : int, optional
+        BURST_DATA_RATE, 0..63: 20 ms a step; at 0 the chip does not pause.
+    temperature_oversampling : int, optional
+        As for `conversion_time`.
+
+    Raises
+    ------
+    ArgumentError
+        If the rate is not in 0..63, or OSR2 not in 0..3.
+
+    Notes
+    -----
+    Source: Melexis MLX90393 data sheet. A conversion longer than the interval stretches it.
+    Without pauses the chip need not wake anew; this is still counted, so that the true period is
+    up to 0.4 ms shorter.
+
+    Examples
+    --------
+    >>> setting = HallSetting(gain_selection=7, resolution=0, oversampling=0, digital_filter=3)
+    >>> burst_period(setting, rate=5)
+    0.1
+    """
+    if not 0 <= rate <= 63:
+        raise ArgumentError(f"rate must lie in 0..63; got {rate}")
+    return max(20e-3 * rate, conversion_time(setting, temperature_oversampling))
 
 
 def _samples(setting: HallSetting) -> float:

@@ -1,7 +1,8 @@
-"""How the magnets' material behaves: decides the temperature law of the remanence (Figure S15).
+"""What warmth does to magnets and sheet: decides the law of weakening and the bounds of service.
 
 The chip compensates its own sensitivity; what is left in the reading is the magnet, which
-weakens as it warms. Values are those of the magnet mud of the paper.
+weakens as it warms (Figure S15). Values are those of the magnet mud of the paper. Humidity and
+light had no effect there (SI Text S11), so nothing here depends on them.
 """
 
 from typing import Final
@@ -10,11 +11,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smoskin.arrays import Floats, floats
+from smoskin.errors import ArgumentError
 
 TEMPERATURE_COEFFICIENT: Final = -0.005
 """1/degC: relative change of the field per degree (SI, Text S11: 5 % per 10 degC)."""
 REFERENCE_TEMPERATURE: Final = 25.0
 """degC: where the factor is one (SI, Text S11)."""
+SERVICE_LIMITS: Final = (-40.0, 75.0)
+"""degC: from the chips' lowest temperature to the highest at which magnets were tested and
+hot-pressed layers held (SI, Text S11). Below 25 the law of weakening is carried on."""
+GLUED_LIMIT: Final = 50.0
+"""degC: up to where panels that are glued, not hot-pressed, held for 24 h; at 75 they came off
+(SI, Text S11, Figure S14)."""
 
 
 def temperature_factor(
@@ -49,3 +57,42 @@ def temperature_factor(
     0.95
     """
     return np.asarray(1.0 + coefficient * (floats("temperature", temperature) - reference))
+
+
+def check_temperature(temperature: ArrayLike, hottest: float = SERVICE_LIMITS[1]) -> Floats:
+    """The temperatures that somebody sets, if the skin stands them.
+
+    Parameters
+    ----------
+    temperature : array_like, any shape
+        degC.
+    hottest : float, optional
+        degC; `GLUED_LIMIT` for panels that are not hot-pressed.
+
+    Returns
+    -------
+    Floats
+        The same, as an array.
+
+    Raises
+    ------
+    ArgumentError
+        If one lies outside `SERVICE_LIMITS`, above `hottest`, or is not a number.
+
+    Notes
+    -----
+    Source: SI Text S11, Figures S14 and S15.
+
+    Examples
+    --------
+    >>> check_temperature(80.0)
+    Traceback (most recent call last):
+    smoskin.errors.ArgumentError: temperature must lie in -40..75 degC; got 80.0
+    """
+    degrees = floats("temperature", temperature)
+    most = min(hottest, SERVICE_LIMITS[1])
+    if not ((degrees >= SERVICE_LIMITS[0]) & (degrees <= most)).all():
+        raise ArgumentError(
+            f"temperature must lie in {SERVICE_LIMITS[0]:g}..{most:g} degC; got {degrees}"
+        )
+    return degrees

@@ -1,21 +1,139 @@
-"""How a touch anywhere on the skin becomes loads on top vertices.
+"""How touches anywhere on the skin become loads on top vertices, and how they grip it.
 
 The SI loads top vertices only. A touch between them presses the four round it through the
 elastomer scales, in shares that fall off linearly along each axis; past the outermost vertices
-the outermost take it all.
+the outermost take it all. A touch of some radius takes the mean of that over its disc. What
+presses sticks to the scales, slides on them, or meets them without friction; cover panels take a
+cell's touches to its own vertex.
 """
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Floats, floats
+from smoskin.arrays import Bools, Floats, floats, frozen
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.origami.cell import size
 from smoskin.origami.sheet import loaded_positions
+from smoskin.records import Contact
 
 _SLACK = 1e-6
 """m: a position this far past the rim is rounding."""
+
+FINGERTIP: Final = 4e-3
+"""m: radius of the patch under a fingertip that presses with about a newton. Assumed."""
+
+_RINGS, _SPOKES = 4, 12
+"""Points of the rule that averages over a disc; the shares bend at the lines between vertices,
+where the rule is good to about a thousandth."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sticking:
+    """The touch stands still in the plane while it presses, then drags what it has gripped."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sliding:
+    """As `Sticking`, until the sideways force passes what friction holds."""
+
+    friction: float
+    """Largest sideways force over the normal force."""
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.friction) and self.friction >= 0.0):
+            raise ArgumentError(f"friction must be finite and >= 0; got {self.friction}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frictionless:
+    """The touch holds nothing in the plane: only the drag asked for acts sideways."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Covered:
+    """Cover panels, one a cell, each on a bar that the board guides along z.
+
+    Notes
+    -----
+    Source: SI Figure S16: a touch anywhere above a cell becomes a motion of its top vertex in z
+    alone. A drag goes through the guides into the board.
+    """
+
+
+Grip = Sticking | Sliding | Frictionless | Covered
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Touches:
+    """What touches the skin in each of B cases, up to K touches a case.
+
+    Raises
+    ------
+    ArgumentError
+        If shapes disagree, a number is not finite, a force pulls or a radius is not positive.
+
+    Examples
+    --------
+    >>> touches = Touches(position=[[[0.05, 0.07]]], force=[[[0.0, 0.0, -0.5]]])
+    >>> touches.radius.tolist(), touches.pressed.tolist()
+    ([[0.004]], [[True]])
+    """
+
+    position: Floats
+    """(B, K, 2), m: where, on the undeformed skin."""
+    force: Floats
+    """(B, K, 3), N, on the skin; z <= 0. All zero: no touch in this place."""
+    radius: Floats
+    """(B, K), m, of the patch; `FINGERTIP` by default."""
+
+    def __init__(
+        self, *, position: ArrayLike, force: ArrayLike, radius: ArrayLike = FINGERTIP
+    ) -> None:
+        where = frozen("position", position, (None, None, 2))
+        push = frozen("force", force, (*where.shape[:2], 3))
+        if not np.isfinite(where).all():
+            raise ArgumentError("position must be finite; got NaN or infinity")
+        bad = ~np.isfinite(push).all(axis=-1) | (push[..., 2] > 0)
+        if bad.any():
+            raise ArgumentError(
+                f"force must be finite and press, with z <= 0 N; got {push[bad][0]} N"
+            )
+        wide = np.broadcast_to(floats("radius", radius), where.shape[:2])
+        if not (np.isfinite(wide) & (wide > 0)).all():
+            raise ArgumentError(f"radius must be positive and finite; got {np.min(wide)} m")
+        object.__setattr__(self, "position", where)
+        object.__setattr__(self, "force", push)
+        object.__setattr__(self, "radius", frozen("radius", wide, where.shape[:2]))
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    @property
+    def pressed(self) -> Bools:
+        """Which places hold a touch, (B, K)."""
+        return np.asarray((self.force != 0).any(axis=-1))
+
+
+def touches_of(cases: Sequence[Sequence[Contact]], *, radius: float = FINGERTIP) -> Touches:
+    """Touches of some cases, each a sequence of contacts; shorter ones are filled up.
+
+    Examples
+    --------
+    >>> one = Contact(position=(0.05, 0.07), force=(0.0, 0.0, -0.5))
+    >>> touches_of([[one], [], [one, one]]).pressed.tolist()
+    [[True, False], [False, False], [True, True]]
+    """
+    most = max((len(contacts) for contacts in cases), default=0)
+    position, force = np.zeros((len(cases), most, 2)), np.zeros((len(cases), most, 3))
+    for row, contacts in enumerate(cases):
+        for place, contact in enumerate(contacts):
+            position[row, place], force[row, place] = contact.position, contact.force
+    return Touches(position=position, force=force, radius=radius)
 
 
 def vertex_shares(design: SkinDesign, positions: ArrayLike) -> Floats:
@@ -45,6 +163,104 @@ def vertex_shares(design: SkinDesign, positions: ArrayLike) -> Floats:
     [0.75, 0.25, 0.0]
     """
     where = floats("positions", positions, (2,))
+    _check_on_skin(design, where)
+    places = loaded_positions(design)
+    along = _line_shares(places[:, 0, 0], where[..., 0])
+    across = _line_shares(places[0, :, 1], where[..., 1])
+    return np.asarray(along[..., :, None] * across[..., None, :])
+
+
+def patch_shares(design: SkinDesign, touches: Touches) -> Floats:
+    """Share of each touch that each cell's top vertex takes: the mean over the touch's disc.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    touches : Touches
+
+    Returns
+    -------
+    Floats, shape (B, K, N, M)
+        Their sum over the cells is 1; what of a disc lies past the rim counts as on the rim.
+
+    Raises
+    ------
+    ArgumentError
+        If the middle of a touch lies off the skin.
+    """
+    points, lines = _patch_points(design, touches)
+    along, across = (_line_shares(line, points[..., k]) for k, line in enumerate(lines))
+    total: Floats = np.einsum("bkpn,bkpm->bknm", along, across)
+    return np.asarray(total / points.shape[2])
+
+
+def patch_slopes(design: SkinDesign, touches: Touches) -> Floats:
+    """Derivative of `patch_shares` by the touches' positions, shape (B, K, 2, N, M), 1/m."""
+    points, lines = _patch_points(design, touches)
+    along, across = (_line_shares(line, points[..., k]) for k, line in enumerate(lines))
+    by_x, by_y = (_line_slopes(line, points[..., k]) for k, line in enumerate(lines))
+    slopes = [
+        np.einsum("bkpn,bkpm->bknm", by_x, across),
+        np.einsum("bkpn,bkpm->bknm", along, by_y),
+    ]
+    return np.asarray(np.stack(slopes, axis=2) / points.shape[2])
+
+
+def cover_shares(design: SkinDesign, touches: Touches) -> Floats:
+    """Shares under cover panels: each touch's own cell takes it whole, shape (B, K, N, M).
+
+    Raises
+    ------
+    ArgumentError
+        If the middle of a touch lies off the skin.
+    """
+    _check_on_skin(design, touches.position[touches.pressed])
+    extent = size(design.cell)
+    cells = np.array(design.cells)
+    cell = (touches.position / [extent.length, extent.width]).astype(np.int64)
+    cell = np.clip(cell, 0, cells - 1)
+    shares = np.zeros((*touches.position.shape[:2], *design.cells))
+    row, place = np.indices(touches.position.shape[:2])
+    shares[row, place, cell[..., 0], cell[..., 1]] = 1.0
+    return shares
+
+
+def _patch_points(design: SkinDesign, touches: Touches) -> tuple[Floats, tuple[Floats, Floats]]:
+    """Points of the touches' discs, (B, K, P, 2), and the lines of vertices, (N,) and (M,)."""
+    _check_on_skin(design, touches.position[touches.pressed])
+    ring, spoke = np.indices((_RINGS, _SPOKES)).reshape(2, -1)
+    # Rings of equal area, every other one turned by half a spoke.
+    reach = np.sqrt((ring + 0.5) / _RINGS)
+    angle = 2 * np.pi * (spoke + 0.5 * (ring % 2)) / _SPOKES
+    offset = np.stack([reach * np.cos(angle), reach * np.sin(angle)], axis=-1)
+    places = loaded_positions(design)
+    points = touches.position[:, :, None] + touches.radius[..., None, None] * offset
+    return points, (places[:, 0, 0], places[0, :, 1])
+
+
+def _line_shares(vertices: Floats, where: Floats) -> Floats:
+    """Hat functions over the vertices on a line, level past its ends, (..., L)."""
+    cells = np.arange(len(vertices))
+    within = np.interp(where, vertices, cells)
+    return np.asarray(np.maximum(1 - np.abs(cells - within[..., None]), 0))
+
+
+def _line_slopes(vertices: Floats, where: Floats) -> Floats:
+    """Derivatives of `_line_shares` by `where`, 1/m."""
+    last = len(vertices) - 1
+    before = np.searchsorted(vertices, where, side="right") - 1
+    inside = (before >= 0) & (before < last)
+    before = np.clip(before, 0, max(last - 1, 0))
+    pitch = vertices[min(1, last)] - vertices[0]
+    rise = np.where(inside, 1 / pitch if last else 0.0, 0.0)[..., None]
+    cells = np.arange(last + 1)
+    return np.asarray(
+        rise * ((cells == before[..., None] + 1) * 1.0 - (cells == before[..., None]))
+    )
+
+
+def _check_on_skin(design: SkinDesign, where: Floats) -> None:
+    """Refuse positions off the skin."""
     extent = size(design.cell)
     whole = np.array([design.cells[0] * extent.length, design.cells[1] * extent.width])
     off = ~((where >= -_SLACK) & (where <= whole + _SLACK)).all(axis=-1)
@@ -54,10 +270,3 @@ def vertex_shares(design: SkinDesign, positions: ArrayLike) -> Floats:
             f"position must lie on the skin, (0..{whole[0] * 1e3:.1f}, 0..{whole[1] * 1e3:.1f}) "
             f"mm; got ({x:.1f}, {y:.1f}) mm"
         )
-    places = loaded_positions(design)
-    shares = []
-    for axis, vertices in enumerate((places[:, 0, 0], places[0, :, 1])):
-        cells = np.arange(len(vertices))
-        within = np.interp(where[..., axis], vertices, cells)
-        shares.append(np.maximum(1 - np.abs(cells - within[..., None]), 0))
-    return np.asarray(shares[0][..., :, None] * shares[1][..., None, :])
