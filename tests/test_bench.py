@@ -8,7 +8,15 @@ from hypothesis import strategies as st
 from smoskin.errors import ArgumentError, RecordingError
 from smoskin.measurement import TouchTable, read_touches, write_touches
 from smoskin.mechanics.stiffness import board_stiffness, sheet_stiffness
-from smoskin.twin.bench import Load, MadeSkin, calibration_loads, made_skin, measure
+from smoskin.twin.bench import (
+    Load,
+    MadeSkin,
+    calibration_loads,
+    load_contact,
+    made_skin,
+    measure,
+    table_loads,
+)
 from smoskin.twin.reduced import ReducedTwin
 
 
@@ -36,6 +44,22 @@ def test_the_protocol_suits_other_skins(long_planar):
     )
 
 
+def test_the_table_s_protocol_presses_and_drags_every_cell(planar, long_planar):
+    for design, layers in ((planar, 3), (long_planar, 2)):
+        loads = table_loads(design)
+        touches = [load for load in loads if load.cell is not None]
+        cells = design.cells[0] * design.cells[1]
+        assert len(touches) == 3 * cells + 2 * layers
+        assert len(loads) > len(touches) + 1
+        straight = [load.cell for load in touches if not any(load.force[:2])]
+        assert sorted(straight) == list(np.ndindex(design.cells))
+        for axis in range(2):
+            dragged = {load.cell for load in touches if load.force[axis]}
+            assert len(dragged) == cells
+            both = {c for c in dragged if len({x.force[axis] for x in touches if x.cell == c}) == 3}
+            assert both == {(k, k) for k in range(layers)}
+
+
 def test_made_skins_scatter_as_stated(planar):
     for seed in range(50):
         skin = made_skin(planar, np.random.default_rng(seed))
@@ -52,7 +76,7 @@ def test_made_skins_scatter_as_stated(planar):
 def test_an_unturned_skin_reads_as_the_twin(planar):
     still = np.zeros((3, 3))
     skin = MadeSkin(planar, chip_rotation=still, chip_offset=still)
-    touch = skin.contact(Load(cell=(2, 3), force=(0.1, 0.2, -0.5)))
+    touch = load_contact(planar, Load(cell=(2, 3), force=(0.1, 0.2, -0.5)))
     np.testing.assert_allclose(
         skin.field([touch]), ReducedTwin(planar, seed=None).read([touch]).field
     )
@@ -72,7 +96,7 @@ def test_gauge_and_stage_are_as_noisy_as_asked(planar):
     table = measure(skin, [load] * 2000, np.random.default_rng(1))
     relative = table.force[:, [0, 2]] / 0.5
     np.testing.assert_allclose(relative.std(axis=0), 0.02, rtol=0.1)
-    np.testing.assert_allclose((table.depth / skin.depth(load)).std(), 0.02, rtol=0.1)
+    np.testing.assert_allclose((table.depth / skin.depths([load])).std(), 0.02, rtol=0.1)
     assert np.all(table.force[:, 1] == 0)
 
 
@@ -97,10 +121,25 @@ def test_any_number_survives_its_file(tmp_path_factory, z, x, depth, field):
         force=[(x, -x, z), (0, 0, 0)],
         depth=[depth, 0],
         field=[[(field, np.nan, 0)], [(np.nan,) * 3]],
-        temperature=[25, 31.5],
+        temperature=[[25], [31.5]],
     )
     write_touches(path, table)
     assert same(table, read_touches(path)[0])
+
+
+def test_one_thermometer_stands_for_chips_that_have_none(tmp_path):
+    path = tmp_path / "t.csv"
+    chips = ",".join(f"chip{s}_B{axis}_uT" for s in (1, 2) for axis in "xyz")
+    row = "1,1,0,0,-1,-1,31.5,1,2,3,4,5,6"
+    path.write_text(f"{HEADER},temperature_degC,{chips}\n{row}\n")
+    assert read_touches(path)[0].temperature.tolist() == [[31.5, 31.5]]
+    path.write_text(
+        f"{HEADER},temperature_degC,{chips},chip1_temperature_degC,chip2_temperature_degC\n"
+        f"{row},24,\n"
+    )
+    assert read_touches(path)[0].temperature.tolist() == [[24.0, 31.5]]
+    path.write_text(f"{HEADER},{chips}\n{row.replace(',31.5', '')}\n")
+    assert read_touches(path)[0].temperature.tolist() == [[25.0, 25.0]]
 
 
 HEADER = "cell_n,cell_m,force_x_N,force_y_N,force_z_N,displacement_z_mm"
@@ -136,6 +175,6 @@ def test_a_missing_file_is_named(tmp_path):
 def test_wrong_use_is_named(planar):
     skin = made_skin(planar, np.random.default_rng(0))
     with pytest.raises(ArgumentError, match=r"load.cell must lie in \(0..5, 0..5\)"):
-        skin.contact(Load(cell=(6, 0), force=(0, 0, -1)))
+        load_contact(planar, Load(cell=(6, 0), force=(0, 0, -1)))
     with pytest.raises(ArgumentError, match="gauge_noise must be >= 0"):
         measure(skin, [], np.random.default_rng(0), gauge_noise=-1)

@@ -11,10 +11,13 @@ import pytest
 
 from smoskin.design.document import read_design
 from smoskin.errors import ArgumentError, DesignError, SourceError
+from smoskin.mechanics.relaxation import elastomer_prony
 from smoskin.records import ChipFlag, Contact, Reading
 from smoskin.service.recording import Recorder, open_recording
 from smoskin.service.source import ReplaySource, TwinSource, open_source
+from smoskin.twin.creep import Creep
 from smoskin.twin.reduced import ReducedTwin
+from smoskin.twin.skin import Twin
 
 DESIGN = read_design("planar")
 CHIPS = len(DESIGN.halls)
@@ -190,7 +193,7 @@ def test_an_impossible_touch_raises_where_it_is_made() -> None:
 
 
 def test_the_same_seed_gives_the_same_readings() -> None:
-    url = "twin://planar?rate=1000&seed={}&speed=max"
+    url = "twin://planar?rate=1000&seed={}&speed=max&mechanics=reduced"
     one, same, other = (open_source(url.format(seed)) for seed in (7, 7, 8))
     first = one.read()
     assert first is not None
@@ -217,6 +220,73 @@ def test_touching_from_another_thread_while_reading() -> None:
     assert times == sorted(set(times))
 
 
+def settled(source: TwinSource) -> np.ndarray:
+    reading = source.read()
+    assert reading is not None
+    return reading.field
+
+
+def test_a_touch_creeps_in_and_out_again() -> None:
+    """With the rubber's own compliance, and to the same end as without creep."""
+    skin, solid = ReducedTwin(DESIGN, seed=None), elastomer_prony(DESIGN.columns.material)
+    source = TwinSource(skin, rate=1.0, speed=float("inf"), creep=Creep(DESIGN))
+    touch = [Contact(position=(0.05, 0.067), force=(0.0, 0.0, -0.05))]
+    rest, end = skin.read().field, skin.read(touch).field
+    np.testing.assert_array_equal(settled(source), rest)
+    source.touch(touch)
+    held = np.array([(settled(source) - rest)[1, 0] for _ in range(300)]) / (end - rest)[1, 0]
+    assert held[0] < 0.99
+    assert held[-1] == pytest.approx(1.0, abs=1e-3)
+    # The touch grows over the first second; long after, that no longer shows.
+    since = np.arange(len(held)) + 0.5
+    np.testing.assert_allclose(held[20:], solid.compliance(since[20:]), atol=3e-3)
+    source.touch([])
+    left = np.array([(settled(source) - rest)[1, 0] for _ in range(300)]) / (end - rest)[1, 0]
+    assert 0.01 < left[0] < 0.15
+    np.testing.assert_allclose(left[20:], 1 - solid.compliance(since[20:]), atol=3e-3)
+
+
+def test_creep_goes_on_through_readings_that_nobody_read() -> None:
+    fake = FakeTime()
+    press = [Contact(position=(0.05, 0.067), force=(0.0, 0.0, -0.5))]
+    skin = ReducedTwin(DESIGN, seed=None)
+    patient = TwinSource(skin, rate=10.0, speed=float("inf"), creep=Creep(DESIGN))
+    late = TwinSource(skin, rate=10.0, creep=Creep(DESIGN), clock=fake.clock, sleep=fake.sleep)
+    for source in (patient, late):
+        settled(source)
+        source.touch(press)
+        settled(source)
+    every = [settled(patient) for _ in range(20)]
+    fake.now += 1.23
+    last = late.read()
+    assert last is not None
+    assert late.missed == 11
+    np.testing.assert_allclose(last.field, every[late.missed], rtol=1e-12)
+
+
+def test_the_temperature_is_set_and_read() -> None:
+    with open_source("twin://planar?temperature=45&mechanics=reduced&speed=max") as source:
+        reading = source.read()
+    assert reading is not None
+    np.testing.assert_allclose(reading.temperature, 45.0, atol=0.05)
+    cold = ReducedTwin(DESIGN, seed=None).read()
+    np.testing.assert_allclose(reading.field, 0.9 * cold.field, atol=1e-5)
+
+
+def test_the_whole_sheet_is_the_default() -> None:
+    touch = [Contact(position=(0.05, 0.067), force=(0.0, 0.0, -0.5))]
+    with open_source("twin://planar?manufactured=yes&seed=3&speed=max") as source:
+        assert isinstance(source, TwinSource)
+        source.read()
+        source.touch(touch)
+        reading = source.read()
+    made = Twin(DESIGN, seed=3, manufactured=True)
+    made.read()
+    assert reading is not None
+    expected = made.read(touch)
+    np.testing.assert_array_equal(reading.field, expected.field)
+
+
 # ---------------------------------------------------------------- URLs
 
 
@@ -229,7 +299,18 @@ def test_touching_from_another_thread_while_reading() -> None:
         ("replay:", r"url must be replay:FILE"),
         ("twin://?rate=3", r"url must be replay:FILE"),
         ("", r"url must be replay:FILE"),
-        ("twin://planar?speeed=1", "options must be of rate, seed, speed; got 'speeed'"),
+        ("twin://planar?speeed=1", "options must be of rate, seed, speed, .*; got 'speeed'"),
+        ("twin://planar?mechanics=rigid", "mechanics must be one of whole, reduced; got 'rigid'"),
+        ("twin://planar?creep=1", "creep must be one of yes, no; got '1'"),
+        ("twin://planar?temperature=hot", "temperature must be a number of degC; got 'hot'"),
+        (
+            "twin://planar?temperature=90&mechanics=reduced",
+            r"temperature must lie in .*75 degC; got 90\.0",
+        ),
+        (
+            "twin://planar?manufactured=yes&mechanics=reduced",
+            "manufactured=yes needs mechanics=whole",
+        ),
         ("replay:a.mcap?rate=100", "options must be of speed, gap; got 'rate'"),
         ("replay:a.mcap?speed=1&speed=2", "option 'speed' must be given once"),
         ("replay:a.mcap?speed", "options must be written NAME=VALUE"),

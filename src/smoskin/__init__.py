@@ -21,6 +21,7 @@ from smoskin.service.loop import Loop, run
 from smoskin.service.recording import Recorder, open_recording
 from smoskin.service.source import open_source
 from smoskin.twin.reduced import ReducedTwin
+from smoskin.twin.skin import Twin
 
 __version__ = "0.1.0"
 
@@ -41,6 +42,7 @@ __all__ = [
     "SmoskinError",
     "Source",
     "Status",
+    "Twin",
     "load_design",
     "load_model",
     "open_recording",

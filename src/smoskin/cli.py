@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from smoskin import __version__
 from smoskin.errors import MissingExtraError, SmoskinError
@@ -77,13 +77,16 @@ def demo(
     as_json: Json = False,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Of the page; 0: a free one.")] = 0,
     rate: Annotated[float, typer.Option(help="Readings a second, Hz.")] = 100.0,
-    seed: Annotated[int, typer.Option(min=0, help="Of the chips' noise and of the hand.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Of the skin, of all noise and of the hand.")
+    ] = 0,
     record: Record = None,
 ) -> None:
     """Touch a simulated skin and see what its chips feel, live in a browser.
 
-    A scripted hand presses the skin all over; in the page the mouse presses it too. At the end
-    every touch of the hand is listed beside its estimate; the exit code is 1 if one was missed.
+    The skin is made and calibrated first, which takes some seconds. A scripted hand presses it all
+    over; in the page the mouse presses it too. At the end every touch of the hand is listed beside
+    its estimate; the exit code is 1 if one was missed.
     """
     from smoskin.apps.demo import run_demo
     from smoskin.feasibility import load_design
@@ -105,6 +108,7 @@ def demo(
         seed=seed,
         record=record,
         on_start=announce,
+        say=lambda sentence: typer.echo(sentence, err=True),
     )
     if as_json:
         typer.echo(json.dumps(result.as_json()))
@@ -151,6 +155,130 @@ def run(
 
 
 @app.command()
+def simulate(
+    design: Design = "planar",
+    at: Annotated[
+        list[str] | None, typer.Option(help="x,y of a touch, mm; once for each touch.")
+    ] = None,
+    force: Annotated[
+        list[str] | None, typer.Option(help="Fx,Fy,Fz of each touch on the skin, N; z < 0 presses.")
+    ] = None,
+    sweep: Annotated[
+        Literal["grid", "shear", "pairs", "random"] | None,
+        typer.Option(help="Instead of one press: every place of a grid; with drags; two at once."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="The sweep's folder; repeat to resume.", file_okay=False)
+    ] = None,
+    export: Annotated[
+        Path | None, typer.Option(help="Also write the sweep to this one HDF5 file.")
+    ] = None,
+    forces: Annotated[
+        str | None, typer.Option(help="N: 0.1,0.5 or from:to:count; random: from:to.")
+    ] = None,
+    drags: Annotated[str | None, typer.Option(help="Sideways, N, likewise.")] = None,
+    directions: Annotated[str | None, typer.Option(help="Of the drags of a shear sweep.")] = None,
+    places: Annotated[str | None, typer.Option(help="Of the grid, such as 25x33.")] = None,
+    count: Annotated[str | None, typer.Option(help="How many random presses.")] = None,
+    touches: Annotated[str | None, typer.Option(help="At once: 2, or from:to.")] = None,
+    radius: Annotated[str | None, typer.Option(help="Of touches, mm; random: from:to.")] = None,
+    margin: Annotated[str | None, typer.Option(help="Of random presses to the rim, mm.")] = None,
+    temperature: Annotated[
+        str | None, typer.Option(help="degC; for sweeps one or more, as forces.")
+    ] = None,
+    skins: Annotated[int, typer.Option(min=0, help="Sweep over so many manufactured skins.")] = 0,
+    manufactured: Annotated[
+        bool, typer.Option("--manufactured", help="Press a manufactured skin, of this seed.")
+    ] = False,
+    mechanics: Annotated[
+        Literal["whole", "reduced"],
+        typer.Option(help="whole: the folded sheet; reduced: the paper's model."),
+    ] = "whole",
+    grip: Annotated[
+        str | None, typer.Option(help="sticking, frictionless, covered or sliding:FRICTION.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of noise and of random presses.")] = 0,
+    chunk: Annotated[int | None, typer.Option(min=1, help="Presses a file of the sweep.")] = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes; one a core.")] = None,
+    engine: Annotated[
+        Literal["local", "dask"], typer.Option(help="Where a sweep is computed.")
+    ] = "local",
+    scheduler: Annotated[
+        str | None, typer.Option(help="Of a running dask cluster, such as tcp://host:8786.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Press a simulated skin: once, to see what it does, or in a sweep that fills a data set.
+
+    A sweep that was stopped goes on when the command is repeated. The exit code is 1 if a single
+    press finds no equilibrium; a sweep counts such rows and flags them in its files.
+    """
+    from smoskin.apps import simulate as simulation
+    from smoskin.errors import ArgumentError
+    from smoskin.feasibility import load_design
+
+    of_sweep = {"forces": forces, "drags": drags, "directions": directions, "places": places,
+                "count": count, "touches": touches, "radius": radius, "margin": margin}  # fmt: skip
+    if sweep is None:
+        others = (*of_sweep.values(), out, export, chunk, workers, scheduler)
+        degrees = simulation.parse_numbers("temperature", temperature or "25")
+        if not at or skins or len(degrees) > 1 or any(value is not None for value in others):
+            raise ArgumentError(
+                "simulate must be given --at and --force for one press, at one temperature, or "
+                "--sweep and --out"
+            )
+        press = simulation.simulate_press(
+            load_design(design),
+            at,
+            force or [],
+            temperature=degrees[0],
+            mechanics=mechanics,
+            grip=grip,
+            manufactured=manufactured,
+            seed=seed,
+        )
+        if as_json:
+            typer.echo(json.dumps(press.as_json()))
+        else:
+            for table in press.tables():
+                _show(table)
+        if not press.valid:
+            typer.echo("The skin has no equilibrium under these touches.", err=True)
+            raise typer.Exit(1)
+        return
+    if at or force or manufactured or out is None:
+        raise ArgumentError("a sweep must be given --out, and neither --at, --force nor "
+                            "--manufactured (skins says how many)")  # fmt: skip
+    planned = simulation.plan_sweep(
+        sweep,
+        of_sweep,
+        temperatures=temperature,
+        skins=skins,
+        mechanics=mechanics,
+        grip=grip,
+        seed=seed,
+        presses_per_chunk=chunk,
+    )
+    with _progress() as progress:
+        done = simulation.run_sweep(
+            load_design(design),
+            planned,
+            out,
+            engine=simulation.parse_engine(engine, workers, scheduler),
+            export=export,
+            progress=lambda state: progress(
+                f"{state.rows}/{state.rows_in_all} rows, {state.rate:.0f}/s",
+                state.rows / state.rows_in_all,
+            ),
+        )
+    if as_json:
+        typer.echo(json.dumps(done.as_json()))
+        return
+    for line in done.lines():
+        typer.echo(line)
+
+
+@app.command()
 def report(
     out: Annotated[Path, typer.Option(help="The folder to write to.", file_okay=False)],
     design: Design = "planar",
@@ -178,15 +306,24 @@ def calibrate(
         typer.Option(help="MCAP with the readings, where the table says when touches were held."),
     ] = None,
     date: Annotated[str | None, typer.Option(help="Of the measurement, ISO; today.")] = None,
+    method: Annotated[
+        Literal["auto", "table", "reduced"],
+        typer.Option(
+            help="table: a press on every cell; reduced: the paper's model; auto: the table, "
+            "where the touches hold one."
+        ),
+    ] = "auto",
     separate: Annotated[
-        bool, typer.Option("--separate", help="Fit the attenuation in X and Y apart.")
+        bool, typer.Option("--separate", help="Reduced model: fit v_a in X and Y apart.")
     ] = False,
     plot: Annotated[Path | None, typer.Option(help="Draw the residuals to this file.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Fit a skin's calibration to touches measured on a bench, with uncertainties.
+    """Calibrate a skin from touches measured on a bench.
 
-    A coefficient that the touches cannot determine is refused by name.
+    With a press on every cell the calibration rests on the skin's own answers. Otherwise the
+    paper's model is fitted, with uncertainties; a coefficient that the touches cannot determine
+    is refused by name.
     """
     import datetime as dt
 
@@ -200,6 +337,7 @@ def calibrate(
         recording=recording,
         date=date or dt.date.today().isoformat(),
         attenuation="separate" if separate else "equal",
+        method=method,
     )
     if plot is not None:
         bench_work.residual_figure(result.fit).savefig(plot)
@@ -215,12 +353,16 @@ def virtual_bench(
     out: Annotated[Path, typer.Argument(help="The CSV of touches to write.")],
     design: Annotated[str, typer.Option(help="That the virtual skin scatters about.")] = "planar",
     seed: Annotated[int, typer.Option(min=0, help="Of the skin and of the bench's noise.")] = 0,
+    sheet: Annotated[
+        Literal["whole", "reduced"],
+        typer.Option(help="whole: the folded sheet's twin; reduced: the paper's model."),
+    ] = "whole",
 ) -> None:
     """Measure a virtual skin as a person would measure a real one for calibration."""
     from smoskin.apps.calibrate import write_virtual_bench
     from smoskin.feasibility import load_design
 
-    write_virtual_bench(load_design(design), out, seed=seed)
+    write_virtual_bench(load_design(design), out, seed=seed, sheet=sheet)
     typer.echo(f"Now: smoskin calibrate {out} --out calibration.toml", err=True)
 
 

@@ -14,7 +14,9 @@ from smoskin.records import Reading
 from smoskin.roles import Source
 from smoskin.service.recording import Recorder, open_recording
 from smoskin.service.source import ReplaySource, TwinSource, open_source
+from smoskin.twin.creep import Creep
 from smoskin.twin.reduced import ReducedTwin
+from smoskin.twin.skin import Twin
 
 DESIGN = read_design("planar")
 
@@ -22,7 +24,7 @@ DESIGN = read_design("planar")
 Factory = Callable[[float], Source]
 
 
-@pytest.fixture(params=["replay", "twin", "replay by URL", "twin by URL"])
+@pytest.fixture(params=["replay", "reduced twin", "whole twin", "replay by URL", "twin by URL"])
 def make(request: pytest.FixtureRequest, tmp_path: Path) -> Factory:
     def recorded(period: float) -> Path:
         path = tmp_path / "touch.mcap"
@@ -37,8 +39,12 @@ def make(request: pytest.FixtureRequest, tmp_path: Path) -> Factory:
             case "replay":
                 recording = open_recording(recorded(period))
                 return ReplaySource(recording, longest_gap=2 * period)
-            case "twin":
+            case "reduced twin":
                 return TwinSource(ReducedTwin(DESIGN), rate=1 / period)
+            case "whole twin":
+                return TwinSource(
+                    Twin(DESIGN, manufactured=True), rate=1 / period, creep=Creep(DESIGN)
+                )
             case "replay by URL":
                 return open_source(f"replay:{recorded(period)}?gap={2 * period}")
             case _:

@@ -7,19 +7,52 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Final, final
+from typing import TYPE_CHECKING, Final, Protocol, final
 from urllib.parse import parse_qsl
 
 from smoskin.errors import ArgumentError, RecordingError, SourceError
+from smoskin.magnetics.material import check_temperature
 from smoskin.records import Contact, Reading
 from smoskin.roles import Source
 
 if TYPE_CHECKING:
+    from smoskin.design.skin import SkinDesign
     from smoskin.service.recording import Recording
-    from smoskin.twin.reduced import ReducedTwin
+    from smoskin.twin.creep import Creep
+    from smoskin.twin.readout import Motion
 
 #: What a URL can be, for messages.
 _FORMS: Final = "replay:FILE[?speed=1&gap=0.5] or twin://DESIGN[?rate=100&seed=0&speed=1]"
+_TWIN_OPTIONS: Final = (
+    "rate",
+    "seed",
+    "speed",
+    "mechanics",
+    "manufactured",
+    "creep",
+    "temperature",
+)
+
+
+class Skin(Protocol):
+    """What a `TwinSource` reads: every twin is one."""
+
+    @property
+    def design(self) -> "SkinDesign":
+        """Of the skin."""
+        ...
+
+    def check(self, contacts: Sequence[Contact]) -> None:
+        """Raise `ArgumentError` unless the skin can be touched so; from any thread."""
+        ...
+
+    def motion(self, contacts: Sequence[Contact], *, temperature: float) -> "Motion":
+        """Where these contacts hold magnets and board."""
+        ...
+
+    def sense(self, motion: "Motion", *, time: float, temperature: float) -> Reading:
+        """What the chips read then."""
+        ...
 
 
 def open_source(url: str) -> Source:
@@ -32,8 +65,11 @@ def open_source(url: str) -> Source:
         ``max``, as fast as possible; ``gap``, s, the longest wait for the next reading (0.5).
 
         ``twin://DESIGN`` simulates a skin, DESIGN being a name shipped with the package or the
-        path of a TOML document. Options: ``rate``, Hz (100); ``seed`` of the noise (0);
-        ``speed``, times real time (1) or ``max``.
+        path of a TOML document. Options: ``rate``, Hz (100); ``seed`` of the noise and of the
+        made skin (0); ``speed``, times real time (1) or ``max``; ``mechanics``, the ``whole``
+        sheet (which needs the extra ``twin``) or the ``reduced`` model; ``manufactured``, whether
+        the skin is drawn from the tolerances, ``yes`` or ``no`` (``no``); ``creep``, whether the
+        rubber creeps (``no``); ``temperature``, degC (25).
 
     Returns
     -------
@@ -48,6 +84,8 @@ def open_source(url: str) -> Source:
         If the recording cannot be opened.
     DesignError
         If there is no such design.
+    MissingExtraError
+        If the whole sheet is asked for without the extra ``twin``.
     """
     scheme, colon, rest = url.partition(":")
     place, _, query = rest.removeprefix("//").partition("?")
@@ -60,12 +98,16 @@ def open_source(url: str) -> Source:
             speed=_speed(options.get("speed", "1")),
             longest_gap=_number("gap", options.get("gap", "0.5")),
         )
-    options = _options(url, query, ("rate", "seed", "speed"))
+    options = _options(url, query, _TWIN_OPTIONS)
     return _open_twin(
         place,
         rate=_number("rate", options.get("rate", "100")),
         seed=_seed(options.get("seed", "0")),
         speed=_speed(options.get("speed", "1")),
+        mechanics=_choice("mechanics", options.get("mechanics", "whole"), ("whole", "reduced")),
+        manufactured=_yes("manufactured", options.get("manufactured", "no")),
+        creep=_yes("creep", options.get("creep", "no")),
+        temperature=_temperature(options.get("temperature", "25")),
     )
 
 
@@ -168,12 +210,16 @@ class TwinSource(Source):
 
     Parameters
     ----------
-    twin : ReducedTwin
-        The skin.
+    twin : Skin
+        The skin: a `smoskin.twin.skin.Twin` or a `smoskin.twin.reduced.ReducedTwin`.
     rate : float
         Hz, in the twin's time.
     speed : float
         Times real time; infinite is as fast as possible.
+    creep : Creep, optional
+        How the skin creeps under a touch and recovers after it; by default it does not.
+    temperature : float
+        Of skin and chips, degC.
     clock : callable
         A monotonic clock in s.
     sleep : callable, optional
@@ -182,15 +228,18 @@ class TwinSource(Source):
     Raises
     ------
     ArgumentError
-        If the rate is not positive and finite, or the speed is not positive.
+        If the rate is not positive and finite, the speed is not positive, or the skin does not
+        stand the temperature.
     """
 
     def __init__(
         self,
-        twin: "ReducedTwin",
+        twin: Skin,
         *,
         rate: float = 100.0,
         speed: float = 1.0,
+        creep: "Creep | None" = None,
+        temperature: float = 25.0,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], object] | None = None,
     ) -> None:
@@ -198,11 +247,14 @@ class TwinSource(Source):
         if math.isinf(rate):
             raise ArgumentError("rate must be finite; use speed=max to run as fast as possible")
         _require_positive("speed", speed)
+        check_temperature(temperature)
         self._twin = twin
         self._rate = rate
         self._period = 1.0 / (rate * speed)
         self._pace = _Pace(clock, sleep)
+        self._temperature = temperature
         self._contacts: tuple[Contact, ...] = ()
+        self._creep = creep
         self._index = 0
         self._missed = 0
 
@@ -225,7 +277,7 @@ class TwinSource(Source):
             If a contact lies off the skin or pulls at it.
         """
         held = tuple(contacts)
-        self._twin.press_depths(held)  # raises here, not in the thread that reads
+        self._twin.check(held)  # raises here, not in the thread that reads
         self._contacts = held
 
     def read(self, timeout: float = 1.0) -> Reading | None:
@@ -241,7 +293,13 @@ class TwinSource(Source):
         missed = int(self._pace.lateness / self._period) if self._period > 0.0 else 0
         self._index += missed
         self._missed += missed
-        reading = self._twin.read(self._contacts, time=self._index / self._rate)
+        motion = self._twin.motion(self._contacts, temperature=self._temperature)
+        if self._creep is not None:
+            since = (missed + 1) / self._rate if self._index > missed else 0.0
+            motion = self._creep.step(since, motion)
+        reading = self._twin.sense(
+            motion, time=self._index / self._rate, temperature=self._temperature
+        )
         self._index += 1
         self._pace.advance((missed + 1) * self._period)
         return reading
@@ -301,11 +359,38 @@ def _open_replay(path: str, *, speed: float, longest_gap: float) -> ReplaySource
     return ReplaySource(recording, speed=speed, longest_gap=longest_gap)
 
 
-def _open_twin(name_or_path: str, *, rate: float, seed: int, speed: float) -> TwinSource:
+def _open_twin(
+    name_or_path: str,
+    *,
+    rate: float,
+    seed: int,
+    speed: float,
+    mechanics: str,
+    manufactured: bool,
+    creep: bool,
+    temperature: float,
+) -> TwinSource:
     from smoskin.feasibility import load_design
+    from smoskin.twin.creep import Creep
     from smoskin.twin.reduced import ReducedTwin
+    from smoskin.twin.skin import Twin
 
-    return TwinSource(ReducedTwin(load_design(name_or_path), seed=seed), rate=rate, speed=speed)
+    if manufactured and mechanics == "reduced":
+        raise ArgumentError("manufactured=yes needs mechanics=whole; got mechanics=reduced")
+    design = load_design(name_or_path)
+    skin: Skin
+    if mechanics == "reduced":
+        skin = ReducedTwin(design, seed=seed)
+    else:
+        skin = whole = Twin(design, seed=seed, manufactured=manufactured)
+        whole.prepare()
+    return TwinSource(
+        skin,
+        rate=rate,
+        speed=speed,
+        creep=Creep(design) if creep else None,
+        temperature=temperature,
+    )
 
 
 def _options(url: str, query: str, known: tuple[str, ...]) -> dict[str, str]:
@@ -348,6 +433,24 @@ def _finite(text: str) -> float | None:
     except ValueError:
         return None
     return value if math.isfinite(value) else None
+
+
+def _temperature(text: str) -> float:
+    """A number; whether a skin stands it is the twin's to say."""
+    value = _finite(text)
+    if value is None:
+        raise ArgumentError(f"temperature must be a number of degC; got {text!r}")
+    return value
+
+
+def _choice(name: str, text: str, valid: tuple[str, ...]) -> str:
+    if text not in valid:
+        raise ArgumentError(f"{name} must be one of {', '.join(valid)}; got {text!r}")
+    return text
+
+
+def _yes(name: str, text: str) -> bool:
+    return _choice(name, text, ("yes", "no")) == "yes"
 
 
 def _seed(text: str) -> int:

@@ -1,26 +1,31 @@
 """A virtual bench: touches of known load on a skin that differs from its design.
 
-Decides how a made skin differs from the designed one, which touches a person would measure in an
-hour, and how noisy gauge, stage and chips are. The table that comes out is what a real bench
-writes.
+Decides which touches a person would measure in an hour, how noisy gauge and stage are, and how a
+made skin of the reduced model differs from the designed one; a made skin of the whole sheet is
+`smoskin.twin.skin.Twin`'s. The table that comes out is what a real bench writes.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 
-from smoskin.arrays import Floats, frozen
+from smoskin.arrays import Floats, Ints, frozen
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import hall
 from smoskin.magnetics.material import temperature_factor
 from smoskin.measurement import TouchTable
+from smoskin.mechanics.contact import touches_of
 from smoskin.mechanics.stiffness import cell_layers, sheet_stiffness
 from smoskin.origami.sheet import loaded_positions
-from smoskin.records import Contact, Reading
+from smoskin.records import ChipFlag, Contact, Reading
+from smoskin.twin.readout import Motion
 from smoskin.twin.reduced import ReducedTwin
+
+if TYPE_CHECKING:
+    from smoskin.twin.skin import Twin
 
 GAUGE_NOISE: Final = 0.02
 """Of force and of depth, relative: the project's assumption of a hand-held gauge and stage."""
@@ -34,6 +39,9 @@ _SLANTED_FORCES: Final = (0.3, 0.5)
 _SLANTED_REPEATS: Final = 6
 _OTHER_FORCE: Final = 0.5
 _OTHER_REPEATS: Final = 2
+_TABLE_PRESS: Final = 0.3
+_TABLE_DRAG: Final = 0.2
+"""N: so light that no chip of a made skin stands at the end of its range."""
 _UNTOUCHED: Final = 20
 _WARMING: Final = (24.0, 27.0)
 """degC, from the first to the last touch."""
@@ -49,8 +57,27 @@ class Load:
     """N, on the skin."""
 
 
+class BenchSkin(Protocol):
+    """A skin that a bench can measure."""
+
+    @property
+    def design(self) -> SkinDesign:
+        """With the cells and chips that it has."""
+        ...
+
+    def depths(self, loads: Sequence[Load]) -> Floats:
+        """How far each load pushes the skin down under it, (T,), m."""
+        ...
+
+    def sample(
+        self, loads: Sequence[Load], rng: np.random.Generator, temperature: Floats
+    ) -> hall.HallSample:
+        """One conversion of every chip under each load at its temperature (T,), degC."""
+        ...
+
+
 class MadeSkin:
-    """A skin as it came out of the workshop.
+    """A skin of the reduced model as it came out of the workshop.
 
     Parameters
     ----------
@@ -78,26 +105,24 @@ class MadeSkin:
         """At the chips, in their own axes, at reference temperature, shape (S, 3), T."""
         return np.asarray(np.einsum("sij,si->sj", self._to_skin, self._twin.field(contacts)))
 
-    def depth(self, load: Load) -> float:
-        """How far the load pushes its cell's vertex down, m."""
-        if load.cell is None:
-            return 0.0
-        return float(self._twin.press_depths([self.contact(load)])[load.cell])
+    def depths(self, loads: Sequence[Load]) -> Floats:
+        """How far each load pushes its cell's vertex down, (T,), m."""
+        distinct, place = _distinct(loads)
+        depth = [
+            0.0
+            if load.cell is None
+            else float(self._twin.press_depths(_touching(self.design, load))[load.cell])
+            for load in distinct
+        ]
+        return np.array(depth)[place]
 
-    def contact(self, load: Load) -> Contact:
-        """The load as a touch on the cell's top vertex.
-
-        Raises
-        ------
-        ArgumentError
-            If the load names no cell of the skin.
-        """
-        columns, rows = self.design.cells
-        if load.cell is None or not (0 <= load.cell[0] < columns and 0 <= load.cell[1] < rows):
-            raise ArgumentError(
-                f"load.cell must lie in (0..{columns - 1}, 0..{rows - 1}); got {load.cell}"
-            )
-        return Contact(position=loaded_positions(self.design)[load.cell], force=load.force)
+    def sample(
+        self, loads: Sequence[Load], rng: np.random.Generator, temperature: Floats
+    ) -> hall.HallSample:
+        """One conversion of every chip under each load at its temperature (T,), degC."""
+        distinct, place = _distinct(loads)
+        fields = np.array([self.field(_touching(self.design, load)) for load in distinct])
+        return self._converted(fields[place], rng, temperature)
 
     def read(
         self,
@@ -108,21 +133,73 @@ class MadeSkin:
         temperature: float = 25.0,
     ) -> Reading:
         """What the chips read, noise and limits included."""
-        return self.sample(self.field(contacts), rng, time=time, temperature=temperature)
-
-    def sample(
-        self, field: Floats, rng: np.random.Generator, *, time: float, temperature: float
-    ) -> Reading:
-        """One conversion of every chip in a field at reference temperature."""
-        seen = field * temperature_factor(temperature) + self.chip_offset
-        setting = self.design.hall_setting
-        sample = hall.measure(seen, setting, temperature=np.full(len(seen), temperature), rng=rng)
+        sample = self._converted(self.field(contacts)[None], rng, np.array([temperature]))
         return Reading(
             time=time,
-            field=hall.tesla(sample.counts, setting),
-            temperature=hall.degrees(sample.temperature_counts),
-            flags=sample.flags,
+            field=hall.tesla(sample.counts[0], self.design.hall_setting),
+            temperature=hall.degrees(sample.temperature_counts[0]),
+            flags=sample.flags[0],
         )
+
+    def _converted(
+        self, fields: Floats, rng: np.random.Generator, temperature: Floats
+    ) -> hall.HallSample:
+        """Fields at reference temperature, (T, S, 3), as the chips answer."""
+        seen = fields * temperature_factor(temperature)[:, None, None] + self.chip_offset
+        warmth = np.broadcast_to(temperature[:, None], seen.shape[:2])
+        return hall.measure(seen, self.design.hall_setting, temperature=warmth, rng=rng)
+
+
+class TwinSkin:
+    """A whole-sheet twin on the bench; warmth acts on its magnets and chips, not on its rubber.
+
+    Parameters
+    ----------
+    twin : Twin
+        Manufactured, for a skin that differs from its design.
+    """
+
+    def __init__(self, twin: "Twin") -> None:
+        self._twin = twin
+
+    @property
+    def design(self) -> SkinDesign:
+        """The twin's."""
+        return self._twin.design
+
+    def depths(self, loads: Sequence[Load]) -> Floats:
+        """How far each load pushes the patch under it down, (T,), m."""
+        distinct, place = _distinct(loads)
+        touches = [_touching(self.design, load) for load in distinct]
+        return np.array([self._twin.patch_depths(one).sum() for one in touches])[place]
+
+    def sample(
+        self, loads: Sequence[Load], rng: np.random.Generator, temperature: Floats
+    ) -> hall.HallSample:
+        """One conversion of every chip under each load at its temperature (T,), degC."""
+        distinct, place = _distinct(loads)
+        touches = touches_of([_touching(self.design, load) for load in distinct])
+        held = self._twin.motions(touches)
+        motion = Motion(
+            magnets=held.magnets[place], board=held.board[place], valid=held.valid[place]
+        )
+        return self._twin.sample(motion, rng, temperature=temperature)
+
+
+def load_contact(design: SkinDesign, load: Load) -> Contact:
+    """The load as a touch on the cell's top vertex.
+
+    Raises
+    ------
+    ArgumentError
+        If the load names no cell of the skin.
+    """
+    columns, rows = design.cells
+    if load.cell is None or not (0 <= load.cell[0] < columns and 0 <= load.cell[1] < rows):
+        raise ArgumentError(
+            f"load.cell must lie in (0..{columns - 1}, 0..{rows - 1}); got {load.cell}"
+        )
+    return Contact(position=loaded_positions(design)[load.cell], force=load.force)
 
 
 def made_skin(design: SkinDesign, rng: np.random.Generator) -> MadeSkin:
@@ -208,8 +285,30 @@ def calibration_loads(design: SkinDesign) -> tuple[Load, ...]:
     return tuple(loads)
 
 
+def table_loads(design: SkinDesign) -> tuple[Load, ...]:
+    """What a person applies in half an hour to have the skin's own answers measured.
+
+    First 20 readings of the untouched skin. Then on every cell a straight press of 0.3 N, the
+    same press with a drag of 0.2 N along X and with one along Y; the drag's sign changes from
+    cell to cell. On one cell of each layer along the diagonal the opposite drags as well, which
+    tell v_f. The reference design takes 114 touches.
+    """
+    columns, rows = design.cells
+    named = len(design.coefficients.folding_correction_x)
+    layers = cell_layers(design.cells)
+    loads = [Load(cell=None, force=(0.0, 0.0, 0.0))] * _UNTOUCHED
+    for n, m in np.ndindex(columns, rows):
+        loads.append(Load(cell=(n, m), force=(0.0, 0.0, -_TABLE_PRESS)))
+        one = _TABLE_DRAG if (n + m) % 2 else -_TABLE_DRAG
+        both_ways = n == m and n < named and layers[n, m] == n
+        for drag in (one, -one) if both_ways else (one,):
+            loads.append(Load(cell=(n, m), force=(drag, 0.0, -_TABLE_PRESS)))
+            loads.append(Load(cell=(n, m), force=(0.0, drag, -_TABLE_PRESS)))
+    return tuple(loads)
+
+
 def measure(
-    skin: MadeSkin,
+    skin: BenchSkin,
     loads: Sequence[Load],
     rng: np.random.Generator,
     *,
@@ -219,7 +318,8 @@ def measure(
 
     Parameters
     ----------
-    skin : MadeSkin
+    skin : BenchSkin
+        `MadeSkin` or `TwinSkin`.
     loads : sequence of Load
     rng : numpy.random.Generator
         Of all noise.
@@ -228,24 +328,29 @@ def measure(
     """
     if not gauge_noise >= 0:
         raise ArgumentError(f"gauge_noise must be >= 0; got {gauge_noise}")
-    exact: dict[Load, tuple[Floats, float]] = {}
-    for load in loads:
-        if load not in exact:
-            contacts = [] if load.cell is None else [skin.contact(load)]
-            exact[load] = skin.field(contacts), skin.depth(load)
     force = np.array([load.force for load in loads])
-    depth = np.array([exact[load][1] for load in loads])
+    depth = skin.depths(loads)
     force = force * (1 + gauge_noise * rng.normal(size=force.shape))
     depth = depth * (1 + gauge_noise * rng.normal(size=depth.shape))
     warmth = np.linspace(*_WARMING, len(loads))
-    readings = [
-        skin.sample(exact[load][0], rng, time=0.0, temperature=float(degrees))
-        for load, degrees in zip(loads, warmth, strict=True)
-    ]
+    sample = skin.sample(loads, rng, warmth)
+    field = hall.tesla(sample.counts, skin.design.hall_setting)
+    field[(sample.flags & int(ChipFlag.INVALID)) != 0] = np.nan
     return TouchTable(
         cell=[(-1, -1) if load.cell is None else load.cell for load in loads],
         force=np.round(force / _FORCE_STEP) * _FORCE_STEP,
         depth=np.round(depth / _DEPTH_STEP) * _DEPTH_STEP,
-        field=[reading.field for reading in readings],
-        temperature=[reading.temperature.mean() for reading in readings],
+        field=field,
+        temperature=np.broadcast_to(hall.degrees(sample.temperature_counts), field.shape[:2]),
     )
+
+
+def _distinct(loads: Sequence[Load]) -> tuple[list[Load], Ints]:
+    """Every load once, and where each of them is there."""
+    place = {load: k for k, load in enumerate(dict.fromkeys(loads))}
+    return list(place), np.array([place[load] for load in loads], dtype=np.int64)
+
+
+def _touching(design: SkinDesign, load: Load) -> list[Contact]:
+    """The load as all that touches the skin."""
+    return [] if load.cell is None else [load_contact(design, load)]

@@ -12,10 +12,10 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.magnetics import hall, sector
-from smoskin.magnetics.material import temperature_factor
+from smoskin.magnetics.material import REFERENCE_TEMPERATURE
 from smoskin.mechanics.attenuation import column_displacements, magnet_displacements, profiles
 from smoskin.mechanics.contact import vertex_shares
+from smoskin.mechanics.relaxation import modulus_factor
 from smoskin.mechanics.stiffness import (
     board_stiffness,
     folding_correction_map,
@@ -24,9 +24,9 @@ from smoskin.mechanics.stiffness import (
     sheet_stiffness,
     stiffness_map,
 )
-from smoskin.origami.layout import hall_positions, magnet_positions
 from smoskin.origami.sheet import vertex_positions
 from smoskin.records import Contact, Reading
+from smoskin.twin.readout import Motion, Readout
 
 
 class ReducedTwin:
@@ -70,9 +70,17 @@ class ReducedTwin:
             ]
         )
         self._on_sheet = np.array([magnet.mount == "sheet" for magnet in design.magnets])
-        self._halls = hall_positions(design)
-        self._magnets = magnet_positions(design)
-        self._rotations = np.stack([hall.rotation(site) for site in design.halls])
+        self._readout = Readout(design)
+
+    def check(self, contacts: Sequence[Contact]) -> None:
+        """Raise unless the skin can be touched so.
+
+        Raises
+        ------
+        ArgumentError
+            If a contact lies off the skin or pulls at it.
+        """
+        self.press_depths(contacts)
 
     def press_depths(self, contacts: Sequence[Contact]) -> Floats:
         """How deep the contacts press each cell's top vertex, shape (N, M), m.
@@ -112,17 +120,46 @@ class ReducedTwin:
         slide[:2] += drag / sheet_stiffness(self.design)
         return magnets + self._on_sheet[:, None] * slide, board
 
-    def field(self, contacts: Sequence[Contact] = (), *, temperature: float = 25.0) -> Floats:
-        """Exact field of all magnets at all chips, in the skin's frame, shape (S, 3), T."""
+    def motion(
+        self, contacts: Sequence[Contact] = (), *, temperature: float = REFERENCE_TEMPERATURE
+    ) -> Motion:
+        """Where these contacts hold magnets and board, as every twin says it.
+
+        Warm rubber is stiffer: presses and drags move all the less.
+        """
         moved, board = self.magnet_motion(contacts)
-        chips = self._halls + board
-        total = np.zeros_like(chips)
-        for magnet, rest, motion in zip(self.design.magnets, self._magnets, moved, strict=True):
-            total += sector.field(magnet, chips - (rest + motion))
-        return total * temperature_factor(temperature)
+        soft = 1.0 / float(modulus_factor(self.design.columns.material, temperature))
+        magnets = np.zeros((len(moved), 6))
+        magnets[:, :3] = soft * (moved - self._on_sheet[:, None] * board)
+        return Motion(
+            magnets=magnets, board=soft * board, valid=np.array(np.isfinite(magnets).all())
+        )
+
+    def field(
+        self,
+        contacts: Sequence[Contact] = (),
+        *,
+        temperature: float = REFERENCE_TEMPERATURE,
+    ) -> Floats:
+        """Exact field of all magnets at all chips, in the skin's frame, shape (S, 3), T."""
+        return self._readout.field(self.motion(contacts, temperature=temperature), temperature)
+
+    def sense(
+        self,
+        motion: Motion,
+        *,
+        time: float = 0.0,
+        temperature: float = REFERENCE_TEMPERATURE,
+    ) -> Reading:
+        """What the chips read when magnets and board have moved so."""
+        return self._readout.read(motion, self._noise, time=time, temperature=temperature)
 
     def read(
-        self, contacts: Sequence[Contact] = (), *, time: float = 0.0, temperature: float = 25.0
+        self,
+        contacts: Sequence[Contact] = (),
+        *,
+        time: float = 0.0,
+        temperature: float = REFERENCE_TEMPERATURE,
     ) -> Reading:
         """What the chips read under these contacts.
 
@@ -133,26 +170,15 @@ class ReducedTwin:
         time : float
             The reading's time, s.
         temperature : float
-            Of magnets and chips, degC.
+            Of magnets, rubber and chips, degC.
 
         Raises
         ------
         ArgumentError
             If a contact lies off the skin or pulls at it.
         """
-        seen = np.einsum(
-            "sij,si->sj", self._rotations, self.field(contacts, temperature=temperature)
-        )
-        degrees = np.full(len(seen), temperature)
-        if self._noise is None:
-            return Reading(time=time, field=seen, temperature=degrees)
-        sample = hall.measure(seen, self.design.hall_setting, temperature=degrees, rng=self._noise)
-        return Reading(
-            time=time,
-            field=hall.tesla(sample.counts, self.design.hall_setting),
-            temperature=hall.degrees(sample.temperature_counts),
-            flags=sample.flags,
-        )
+        held = self.motion(contacts, temperature=temperature)
+        return self.sense(held, time=time, temperature=temperature)
 
     def sheet_vertices(self, contacts: Sequence[Contact] = ()) -> Floats:
         """Vertices of the deformed sheet over the board, shape (V, 3), m.

@@ -1,0 +1,59 @@
+"""A skin's motion in time: what the rubber remembers of earlier touches.
+
+Decides which rubber each part of a motion hangs on: the magnets on the columns, the board on the
+shear layer. How rubber creeps is `smoskin.mechanics.relaxation`'s.
+"""
+
+import numpy as np
+
+from smoskin.design.skin import SkinDesign
+from smoskin.mechanics.relaxation import Memory, elastomer_prony
+from smoskin.twin.readout import Motion
+
+
+class Creep:
+    """Turns the motions that a skin would come to rest in into those it goes through.
+
+    Parameters
+    ----------
+    design : SkinDesign
+        Untouched for long.
+
+    Examples
+    --------
+    A motion that is held creeps on to it:
+
+    >>> from smoskin.design.document import read_design
+    >>> moved = Motion(magnets=np.ones((3, 6)), board=np.ones(3), valid=np.array(True))
+    >>> creep = Creep(read_design("planar"))
+    >>> [round(float(creep.step(dt, moved).board[0]), 2) for dt in (0.0, 3600.0)]
+    [0.91, 1.0]
+    """
+
+    def __init__(self, design: SkinDesign) -> None:
+        columns = elastomer_prony(design.columns.material)
+        layer = elastomer_prony(design.shear_layer.material)
+        self._magnets = Memory(columns, np.zeros((len(design.magnets), 6)))
+        self._board = Memory(layer, np.zeros(3))
+
+    def step(self, duration: float, motion: Motion) -> Motion:
+        """The motion so many seconds after the last one.
+
+        Parameters
+        ----------
+        duration : float
+            s since the last step.
+        motion : Motion
+            One state, in which the present touches would hold the skin for good. Where it is
+            invalid the answer is invalid too, and the memory goes on from the last that was not.
+
+        Raises
+        ------
+        ArgumentError
+            If time runs backwards.
+        """
+        return Motion(
+            magnets=self._magnets.step(duration, motion.magnets),
+            board=self._board.step(duration, motion.board),
+            valid=motion.valid,
+        )

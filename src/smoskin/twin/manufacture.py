@@ -1,0 +1,202 @@
+"""How a made skin differs from its design: tolerances, and one draw from them.
+
+Decides what scatters, by how much and how (normally, cut at three standard deviations, so that no
+skin is absurd); hides the shapes. A draw is data: the twin applies it to its springs, magnets and
+chips.
+"""
+
+import math
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from smoskin.arrays import Floats, frozen
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError
+from smoskin.magnetics.chip import ChipErrors, ChipPose
+from smoskin.mechanics.lattice import Lattice, build_lattice, springs_of
+from smoskin.mechanics.relaxation import modulus_factor
+from smoskin.origami.sheet import build_sheet
+
+_CUT = 3.0
+"""Standard deviations beyond which a part is thrown away."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tolerances:
+    """Standard deviations of what scatters from skin to skin and from part to part.
+
+    The paper prints none of them. Each default is an assumption with its reason beside it.
+
+    Raises
+    ------
+    ArgumentError
+        If one is negative, not finite, or so large that a stiffness could come out negative.
+    """
+
+    stiffness_variation: float = 0.10
+    """v_s: of all rubber of one skin together, relative; a platinum silicone's modulus changes by
+    about as much from batch to batch and with the cure."""
+    column_stiffness: float = 0.05
+    """Of each column, relative; bubbles, and the radius by 0.02 mm, which counts fourfold."""
+    column_height: float = 0.1e-3
+    """Of each column, m; what a mould's meniscus and a trimming blade leave. The rubber dripped
+    on its top takes the difference up, so that it changes the column's stiffness alone."""
+    crease_stiffness: float = 0.15
+    """Of each crease, relative; the gap by a tenth of a millimetre, laser-cut."""
+    frame_stiffness: float = 0.10
+    """Of all rim springs together, relative; how tightly the frame is clamped."""
+    remanence: float = 0.03
+    """Of each magnet, relative; filling of the mould, and the coil's pulse."""
+    magnet_place: float = 0.15e-3
+    """Of each magnet along each axis, m; hand assembly into a printed holder."""
+    magnet_tilt: float = math.radians(1.0)
+    """Of each magnet about each axis, rad; 0.17 mm across its diameter."""
+    chip_place: float = 0.1e-3
+    """Of each chip along each axis, m; placement and its package's sensing point."""
+    chip_tilt: float = math.radians(1.0)
+    """Of each chip about each axis, rad; reflow lets a small package turn by as much."""
+    chip_sensitivity: float = 0.02
+    """Of each axis of each chip, relative; as chips of one reel differ."""
+    chip_cross_axis: float = 0.01
+    """Of what each axis of each chip reads of each other axis, relative."""
+    chip_zero: float = 20e-6
+    """Of each axis of each chip, T; the offset that is left without a field."""
+    chip_warmth: float = 1.0
+    """Of each chip's temperature reading, degC."""
+
+    def __post_init__(self) -> None:
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if not 0.0 <= value < math.inf:
+                raise ArgumentError(f"{one.name} must be finite and >= 0; got {value}")
+            if one.name in _RELATIVE and value >= 1.0 / _CUT:
+                raise ArgumentError(f"{one.name} must be below {1 / _CUT:.3f}; got {value}")
+
+
+_RELATIVE = (
+    "stiffness_variation",
+    "column_stiffness",
+    "crease_stiffness",
+    "frame_stiffness",
+    "remanence",
+    "chip_sensitivity",
+    "chip_cross_axis",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Deviations:
+    """How one made skin differs from its design."""
+
+    columns: Floats
+    """(2N + 1, M + 1): stiffness of each column over the designed one, its rubber included."""
+    shear_layer: float
+    """Stiffness of the shear layer over the designed one."""
+    creases: Floats
+    """(C,): stiffness of each crease over the designed one, in the order of the sheet's."""
+    frame: float
+    """Stiffness of the frame over the designed one."""
+    remanence: Floats
+    """(G,): of each magnet over the designed one."""
+    magnet_place: Floats
+    """(G, 3), m: off the designed place."""
+    magnet_turn: Floats
+    """(G, 3), rad: rotation vector off the designed attitude, in the skin's axes."""
+    chip_pose: ChipPose
+    """Of S chips, off their sites."""
+    chip_errors: ChipErrors
+    """Of S chips, against their data sheet."""
+
+
+def as_designed(design: SkinDesign) -> Deviations:
+    """No deviation at all."""
+    nothing = Tolerances(**{one.name: 0.0 for one in fields(Tolerances)})
+    return draw(design, np.random.default_rng(0), nothing)
+
+
+def draw(
+    design: SkinDesign, rng: np.random.Generator, tolerances: Tolerances | None = None
+) -> Deviations:
+    """One skin out of all that the workshop would make.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    rng : numpy.random.Generator
+        The same state gives the same skin.
+    tolerances : Tolerances, optional
+        By default `Tolerances()`.
+
+    Returns
+    -------
+    Deviations
+
+    Examples
+    --------
+    >>> from smoskin.design.document import read_design
+    >>> made = draw(read_design("planar"), np.random.default_rng(0))
+    >>> made.columns.shape, bool(abs(made.columns - 1).max() < 0.6)
+    ((13, 7), True)
+    """
+    limits = tolerances or Tolerances()
+
+    def scatter(spread: float, *shape: int) -> Floats:
+        values = spread * np.clip(rng.normal(size=shape), -_CUT, _CUT)
+        return frozen("deviation", values, shape)
+
+    def factor(spread: float, *shape: int) -> Floats:
+        return frozen("deviation", 1.0 + scatter(spread, *shape), shape)
+
+    sheet = build_sheet(design.cell, design.cells)
+    chips, magnets = len(design.halls), len(design.magnets)
+    rubber = float(factor(limits.stiffness_variation))
+    height = 1.0 + scatter(limits.column_height, *sheet.columns.shape) / design.columns.height
+    columns = rubber * factor(limits.column_stiffness, *sheet.columns.shape) / height
+    return Deviations(
+        columns=frozen("columns", columns, sheet.columns.shape),
+        shear_layer=rubber,
+        creases=factor(limits.crease_stiffness, len(sheet.creases)),
+        frame=float(factor(limits.frame_stiffness)),
+        remanence=factor(limits.remanence, magnets),
+        magnet_place=scatter(limits.magnet_place, magnets, 3),
+        magnet_turn=scatter(limits.magnet_tilt, magnets, 3),
+        chip_pose=ChipPose(
+            offset=scatter(limits.chip_place, chips, 3), turn=scatter(limits.chip_tilt, chips, 3)
+        ),
+        chip_errors=ChipErrors(
+            sensitivity=factor(limits.chip_sensitivity, chips, 3),
+            cross_axis=scatter(limits.chip_cross_axis, chips, 3, 3) * (1 - np.eye(3)),
+            zero=scatter(limits.chip_zero, chips, 3),
+            warmth=scatter(limits.chip_warmth, chips),
+        ),
+    )
+
+
+def made_mechanics(
+    design: SkinDesign, deviations: Deviations, temperature: float
+) -> tuple[SkinDesign, Lattice]:
+    """What the made skin's mechanics are solved on, its rubber at this temperature.
+
+    Returns
+    -------
+    design : SkinDesign
+        With the shear layer as stiff as it was made.
+    lattice : Lattice
+        With columns, creases and frame as stiff as they were made.
+    """
+    layer, springs = design.shear_layer, springs_of(design)
+    warmth = float(modulus_factor(design.columns.material, temperature))
+    softness = deviations.shear_layer * float(modulus_factor(layer.material, temperature))
+    whole = build_lattice(design, springs)
+    bare = build_lattice(design, replace(springs, frame=0.0)).ground
+    ground = deviations.frame * (whole.ground - bare)
+    ground[whole.feet] += warmth * deviations.columns.reshape(-1, 1) * bare[whole.feet]
+    hinges = whole.hinge_stiffness.copy()
+    hinges[whole.panel_hinges :] *= deviations.creases
+    # A pillar's stiffness goes with the square of its radius.
+    made = replace(layer, radius=layer.radius * math.sqrt(softness))
+    return (
+        replace(design, shear_layer=made),
+        replace(whole, ground=ground, hinge_stiffness=hinges),
+    )

@@ -1,0 +1,202 @@
+"""From motion to what the chips read: fields of all magnets, and the chips as instruments.
+
+Decides the frames. The board carries chips and sheet; it moves and turns over the base, which
+carries the base's magnets and stands still in the skin's frame, as the Earth's field and
+neighbouring skins do. Hides how a made skin's magnets and chips are off their designed poses.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from smoskin.arrays import Bools, Floats
+from smoskin.design.skin import SkinDesign
+from smoskin.magnetics import hall
+from smoskin.magnetics.arrangement import arrangement_field, rotation_matrix
+from smoskin.magnetics.chip import answered, mounting
+from smoskin.magnetics.material import (
+    REFERENCE_TEMPERATURE,
+    SERVICE_LIMITS,
+    check_temperature,
+    temperature_factor,
+)
+from smoskin.origami.cell import size
+from smoskin.origami.layout import hall_positions, magnet_positions
+from smoskin.records import ChipFlag, Reading
+from smoskin.twin.manufacture import Deviations, as_designed
+from smoskin.twin.surroundings import Surroundings
+
+COLDEST, HOTTEST = SERVICE_LIMITS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Motion:
+    """How far magnets and board have moved, for any batch of states.
+
+    An invalid state holds NaN, so that nothing computed from it can pass for an answer.
+    """
+
+    magnets: Floats
+    """(..., G, 6): of each magnet's middle over the board, m, and its rotation vector, rad;
+    zero for a magnet on the base."""
+    board: Floats
+    """(..., 3): of the board over the base along x and y, m, and about the skin's middle, rad."""
+    valid: Bools
+    """(...,): whether it is a state of the skin at all."""
+
+
+class Readout:
+    """The magnetic half of a twin.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    deviations : Deviations, optional
+        How the made skin differs; by default not at all.
+    surroundings : Surroundings, optional
+        By default none.
+    """
+
+    def __init__(
+        self,
+        design: SkinDesign,
+        deviations: Deviations | None = None,
+        surroundings: Surroundings | None = None,
+    ) -> None:
+        made, around = deviations or as_designed(design), surroundings or Surroundings()
+        self._design = design
+        self._magnets = [
+            replace(magnet, remanence=magnet.remanence * float(factor))
+            for magnet, factor in zip(design.magnets, made.remanence, strict=True)
+        ]
+        self._on_base = np.array([magnet.mount == "base" for magnet in design.magnets])
+        self._places = magnet_positions(design) + made.magnet_place
+        self._turns = rotation_matrix(made.magnet_turn)
+        self._chips = hall_positions(design) + made.chip_pose.offset
+        self._to_skin = mounting(design.halls, made.chip_pose)
+        self._errors = made.chip_errors
+        extent = size(design.cell)
+        self._middle = np.array(
+            [design.cells[0] * extent.length / 2, design.cells[1] * extent.width / 2, 0.0]
+        )
+        self._earth = around.earth
+        self._neighbours = [
+            (one.place + magnet_positions(design) @ turn.T, turn)
+            for one in around.neighbours
+            for turn in (rotation_matrix(one.turn),)
+        ]
+
+    def field(self, motion: Motion, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
+        """Of all magnets and the surroundings at all chips.
+
+        Parameters
+        ----------
+        motion : Motion
+        temperature : array_like, shape (...), optional
+            Of the magnets, degC.
+
+        Returns
+        -------
+        Floats, shape (..., S, 3)
+            T, in the skin's frame; NaN in invalid states.
+        """
+        return self._field(motion, _turn_about_z(motion.board[..., 2]), temperature)
+
+    def seen(self, motion: Motion, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
+        """What the chips would say if they had no noise, steps and limits, (..., S, 3), T.
+
+        In their own axes; where they sit and what their axes get wrong is included.
+        """
+        board = _turn_about_z(motion.board[..., 2])
+        to_skin = board[..., None, :, :] @ self._to_skin
+        field = self._field(motion, board, temperature)
+        turned = np.einsum("...sij,...si->...sj", to_skin, field)
+        return answered(turned, self._errors)
+
+    def sample(
+        self,
+        motion: Motion,
+        rng: np.random.Generator,
+        temperature: ArrayLike = REFERENCE_TEMPERATURE,
+    ) -> hall.HallSample:
+        """One conversion of every chip in every state.
+
+        Parameters
+        ----------
+        motion : Motion
+        rng : numpy.random.Generator
+            Of the chips' noise.
+        temperature : array_like, shape (...), optional
+            Of magnets and chips, degC.
+
+        Returns
+        -------
+        HallSample
+            Counts (..., S, 3); `ChipFlag.INVALID` in invalid states.
+        """
+        warmth = np.asarray(temperature, dtype=np.float64)[..., None] + self._errors.warmth
+        seen = self.seen(motion, temperature)
+        return hall.measure(seen, self._design.hall_setting, temperature=warmth, rng=rng)
+
+    def read(
+        self,
+        motion: Motion,
+        rng: np.random.Generator | None,
+        *,
+        time: float = 0.0,
+        temperature: float = REFERENCE_TEMPERATURE,
+    ) -> Reading:
+        """One reading of one state; without a generator the chips are ideal."""
+        if rng is None:
+            seen = self.seen(motion, temperature)
+            lost = ~np.isfinite(seen).all(axis=-1)
+            return Reading(
+                time=time,
+                field=seen,
+                temperature=temperature + self._errors.warmth,
+                flags=np.where(lost, int(ChipFlag.INVALID), int(ChipFlag.GOOD)),
+            )
+        sample = self.sample(motion, rng, temperature)
+        return Reading(
+            time=time,
+            field=hall.tesla(sample.counts, self._design.hall_setting),
+            temperature=hall.degrees(sample.temperature_counts),
+            flags=sample.flags,
+        )
+
+    def _field(self, motion: Motion, board: Floats, temperature: ArrayLike) -> Floats:
+        """The same, with the board's rotation at hand."""
+        moved = motion.magnets
+        shift = np.zeros((*motion.board.shape[:-1], 1, 3))
+        shift[..., 0, :2] = motion.board[..., :2]
+        chips = self._over_base(self._chips, board, shift)
+        # A magnet of the base is where it was built; one of the sheet goes with the board.
+        places = np.where(
+            self._on_base[:, None],
+            self._places,
+            self._over_base(self._places + moved[..., :3], board, shift),
+        )
+        turns = np.where(
+            self._on_base[:, None, None],
+            self._turns,
+            board[..., None, :, :] @ rotation_matrix(moved[..., 3:]) @ self._turns,
+        )
+        total = arrangement_field(self._magnets, places, turns, chips)
+        for places, turn in self._neighbours:
+            turns = np.broadcast_to(turn, (len(self._design.magnets), 3, 3))
+            total = total + arrangement_field(self._design.magnets, places, turns, chips)
+        factor = temperature_factor(check_temperature(temperature))
+        return np.asarray(total * factor[..., None, None] + self._earth)
+
+    def _over_base(self, places: Floats, board: Floats, shift: Floats) -> Floats:
+        """Places on the board, (..., P, 3), as the base sees them."""
+        turned = (places - self._middle) @ np.swapaxes(board, -1, -2)
+        return np.asarray(turned + self._middle + shift)
+
+
+def _turn_about_z(angle: Floats) -> Floats:
+    """Rotation matrices, shape (..., 3, 3)."""
+    vector = np.zeros((*angle.shape, 3))
+    vector[..., 2] = angle
+    return rotation_matrix(vector)

@@ -1,0 +1,52 @@
+"""What a skin feels besides touch: the Earth's field, and the magnets of skins beside it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from smoskin.arrays import Floats, frozen
+from smoskin.errors import ArgumentError
+
+_NONE = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Neighbour:
+    """Another skin of the same design, at rest, by the pose of its frame in this skin's."""
+
+    place: Floats
+    """(3,), m: of its origin."""
+    turn: Floats
+    """(3,), rad: rotation vector of its axes."""
+
+    def __init__(self, *, place: object, turn: object = _NONE) -> None:
+        object.__setattr__(self, "place", _finite("place", place))
+        object.__setattr__(self, "turn", _finite("turn", turn))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Surroundings:
+    """Magnetic disturbance of a skin that stands still; by default none.
+
+    Examples
+    --------
+    >>> Surroundings(earth=(20e-6, 0.0, -45e-6)).neighbours
+    ()
+    """
+
+    earth: Floats
+    """(3,), T, in the skin's frame; 25 to 65 uT at the Earth's surface."""
+    neighbours: tuple[Neighbour, ...]
+    """Further skins; their magnets do not move."""
+
+    def __init__(self, *, earth: object = _NONE, neighbours: tuple[Neighbour, ...] = ()) -> None:
+        object.__setattr__(self, "earth", _finite("earth", earth))
+        object.__setattr__(self, "neighbours", tuple(neighbours))
+
+
+def _finite(name: str, value: object) -> Floats:
+    """Three finite numbers, read-only."""
+    vector = frozen(name, value, (3,))  # type: ignore[arg-type]
+    if not np.isfinite(vector).all():
+        raise ArgumentError(f"{name} must be three finite numbers; got {vector}")
+    return vector
