@@ -1,17 +1,18 @@
 """Writes the report: rows as JSON, figures as SVG, and both as a web page and a PDF.
 
-A later part of the package joins by adding its rows to `all_rows` and its figures to `_plates`.
+A later part of the package joins by adding its rows to `all_rows` and its figures to `_plates`;
+what both need is computed once, as `Experiments`.
 """
 
 import json
 import os
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from smoskin.apps.report.errata import errata_rows
+from smoskin.apps.report.experiments import Experiments, Progress, experiment, experiment_rows
 from smoskin.apps.report.golden import golden_rows
 from smoskin.apps.report.maps import poisson_map, sheet_magnets, stiffness_maps
 from smoskin.apps.report.page import html_page, summary
@@ -28,13 +29,11 @@ from smoskin.apps.report.paper import (
 from smoskin.apps.report.rows import Row
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, MissingExtraError
+from smoskin.magnetics.loop import MagnetisationLoop
 from smoskin.sensing.location import unit_press, zones
 
 if TYPE_CHECKING:
     from smoskin.apps.report.style import Plate
-
-Progress = Callable[[str, float], None]
-"""Called with what is being done and the share of the whole that is done."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,25 +83,27 @@ def build_report(
     ArgumentError
         If the design has another layout, or the folder cannot be written.
     MissingExtraError
-        If Matplotlib is not installed.
+        If Matplotlib, JAX or FElupe is not installed.
     """
-    if find_spec("matplotlib") is None:
-        raise MissingExtraError("the report", "report")
+    for module in ("matplotlib", "jax", "felupe"):
+        if find_spec(module) is None:
+            raise MissingExtraError("the report", "report")
     from smoskin.apps.report.document import write_document
 
     report = progress or (lambda what, share: None)
     sheet_magnets(design)
     folder = _writable(Path(out))
-    report("rows", 0.0)
-    rows = all_rows(design)
-    report("figures", 0.2)
-    plates = _plates(design)
+    found = experiment(design, lambda what, share: report(what, 0.7 * share))
+    report("rows", 0.7)
+    rows = all_rows(design, found)
+    report("figures", 0.75)
+    plates = _plates(design, found)
     title = f"{design.name} ({design.content_hash[:12]})"
     figures = []
     for k, plate in enumerate(plates):
-        report(plate.title, 0.3 + 0.4 * k / len(plates))
+        report(plate.title, 0.8 + 0.05 * k / len(plates))
         figures.append(plate.write(folder))
-    report("document", 0.7)
+    report("document", 0.85)
     document = folder / "report.pdf"
     pages = write_document(document, f"smoskin report: {title}", rows, plates)
     report("page", 0.95)
@@ -126,7 +127,7 @@ def build_report(
     return result
 
 
-def all_rows(design: SkinDesign) -> list[Row]:
+def all_rows(design: SkinDesign, found: Experiments) -> list[Row]:
     """Every row, in the order of the paper; errata last."""
     return [
         *poisson_rows(poisson_map(design)),
@@ -137,21 +138,32 @@ def all_rows(design: SkinDesign) -> list[Row]:
         *calibration_rows(design),
         *material_rows(),
         *touch_rows(design),
+        *experiment_rows(found),
         *golden_rows(design),
         *errata_rows(design),
     ]
 
 
-def _plates(design: SkinDesign) -> "list[Plate]":
-    """Every figure, in the order of the paper."""
+def _plates(design: SkinDesign, found: Experiments) -> "list[Plate]":
+    """Every figure, in the order of the paper; then those that it does not have."""
+    from smoskin.apps.report.assumption_plate import assumption_plate
+    from smoskin.apps.report.environment_plates import recovery_plate, warmth_plate
     from smoskin.apps.report.figures import poisson_plate, stiffness_plate, zone_plate
     from smoskin.apps.report.sheet_figure import crease_plate
+    from smoskin.apps.report.sheet_plates import cover_plate, press_plate
+    from smoskin.apps.report.soft_magnet_plate import soft_magnet_plate
 
     return [
         poisson_plate(poisson_map(design)),
         zone_plate(zones(unit_press(design))),
         crease_plate(design.cell, design.cells),
         stiffness_plate(stiffness_maps(design)),
+        recovery_plate(found.recovery),
+        soft_magnet_plate(found.comparison, MagnetisationLoop()),
+        warmth_plate(found.warmth),
+        cover_plate(found.covers),
+        press_plate(design, found.field),
+        assumption_plate(found.assumptions),
     ]
 
 

@@ -34,17 +34,18 @@ def write_document(path: Path, title: str, rows: Sequence[Row], plates: Sequence
         for plate in plates:
             caption = "\n".join(wrap(plate.caption, 105))
             below = plate.figure.text(0.02, -0.02, caption, va="top", fontsize=8, linespacing=1.4)
-            pdf.savefig(plate.figure, bbox_inches=_paper(plate.figure))
+            pdf.savefig(plate.figure, bbox_inches=_paper(plate.figure, caption.count("\n") + 1))
             below.remove()
         for page in _table_pages(title, rows):
             pdf.savefig(page)
         return int(pdf.get_pagecount())
 
 
-def _paper(figure: Figure) -> Bbox:
-    """The figure with a margin and room for a caption of five lines, inches."""
+def _paper(figure: Figure, lines: int) -> Bbox:
+    """The figure with a margin and room for a caption of so many lines, inches."""
     width, height = figure.get_size_inches()
-    return Bbox([[-_MARGIN, -1.0 - _MARGIN], [width + _MARGIN, height + _MARGIN]])
+    below = 0.02 * height + 0.16 * lines + _MARGIN
+    return Bbox([[-_MARGIN, -below], [width + _MARGIN, height + _MARGIN]])
 
 
 def _table_pages(title: str, rows: Sequence[Row]) -> list[Figure]:

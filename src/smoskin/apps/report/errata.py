@@ -82,8 +82,11 @@ def errata(design: SkinDesign) -> tuple[Erratum, ...]:
         )
         for one in document["erratum"]
     ]
+    unresolved = document["unresolved"]
+    # What the whole sheet answers takes long to compute, and stands in the file.
     answers = (
-        _dividing_line(design), _labels(design), _dimensions(design), _panels(design)
+        _dividing_line(design), _labels(design), _dimensions(design), _panels(design),
+        *((one["holds"], one["tried"]) for one in unresolved if "holds" in one),
     )  # fmt: skip
     still_open = [
         Erratum(

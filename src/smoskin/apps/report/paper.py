@@ -10,11 +10,13 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
+from scipy.optimize import brentq
 
 from smoskin.apps.report.maps import PoissonMap, StiffnessMap, signs_text
 from smoskin.apps.report.rows import Row, compared, stated
 from smoskin.arrays import Floats
 from smoskin.design.skin import Coefficients, SkinDesign
+from smoskin.magnetics.loop import OERSTED, MagnetisationLoop
 from smoskin.magnetics.material import temperature_factor
 from smoskin.measurement import TouchTable
 from smoskin.mechanics.stiffness import cell_layers
@@ -205,7 +207,7 @@ def _calibrated_again(design: SkinDesign) -> Coefficients:
     touches = TouchTable(
         cell=[(-1, -1) if load.cell is None else load.cell for load in loads],
         force=[load.force for load in loads],
-        depth=[skin.depth(load) for load in loads],
+        depth=skin.depths(loads),
         field=np.zeros((len(loads), 0, 3)),
         temperature=np.full(len(loads), 25.0),
     )
@@ -225,10 +227,21 @@ def _calibrated_again(design: SkinDesign) -> Coefficients:
 def material_rows() -> list[Row]:
     """Numbers of Texts S6 and S11."""
     emu, cubic_mm = 1e-3, 1e-9  # A m², m³
+    loop = MagnetisationLoop()
+    crossing = brentq(lambda field: float(loop.descending(field)), -2 * loop.coercivity, 0.0)
     return [
         compared(
             "material.m_0", "Text S6", 0.804 * 1e6, 0.804 * emu / cubic_mm,
             "m_0 = M_r x 10^6 A/m: 1 emu is 1e-3 A m², so 0.804 emu/mm³ is 8.04e5 A/m",
+        ),
+        compared(
+            "material.remanence", "Text S6", 0.804,
+            float(loop.descending(0.0)) * cubic_mm / emu,
+            "emu/mm³, of the loop at H = 0; the loop is drawn through it",
+        ),
+        compared(
+            "material.coercivity", "Text S6", -5227.78, crossing / OERSTED,
+            "Oe, where the loop crosses M = 0; the loop is drawn through it",
         ),
         compared(
             "material.temperature", "Text S11", 0.05, 1 - float(temperature_factor(35.0)),

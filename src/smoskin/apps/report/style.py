@@ -60,4 +60,5 @@ def styled() -> AbstractContextManager[None]:
 def lay_out(figure: Figure) -> None:
     """Find the layout once and keep it, instead of finding it again at each drawing."""
     figure.draw_without_rendering()
-    figure.set_layout_engine("none")
+    # A placeholder engine, "none", would have each file drawn twice.
+    figure.set_layout_engine(None)
