@@ -1,6 +1,8 @@
 """The nonlinear sheet: its energy, its equilibria and what moves them."""
 
 import math
+import os
+import subprocess
 import sys
 from dataclasses import replace
 
@@ -532,3 +534,35 @@ def test_without_jax_the_extra_is_named(monkeypatch):
         __import__("smoskin.mechanics.barhinge")
     for name in mine:
         monkeypatch.delitem(sys.modules, f"smoskin.mechanics.{name}", raising=False)
+
+
+@pytest.mark.slow
+def test_the_number_of_threads_changes_no_digit():
+    program = (
+        "import hashlib, numpy as np\n"
+        "from smoskin import load_design\n"
+        "from smoskin.mechanics.barhinge import BarHinge\n"
+        "from smoskin.mechanics.contact import Touches\n"
+        "rng = np.random.default_rng(0)\n"
+        "place = rng.uniform(0, [0.12, 0.16], (200, 1, 2))\n"
+        "force = rng.uniform([-0.2, -0.2, -1.5], [0.2, 0.2, -0.1], (200, 1, 3))\n"
+        "pressed = BarHinge(load_design('planar')).press(Touches(position=place, force=force))\n"
+        "print(hashlib.sha256(pressed.displacements.tobytes()).hexdigest())\n"
+    )
+    digests = set()
+    for threads in ("1", "2"):
+        environment = os.environ | {
+            "OMP_NUM_THREADS": threads,
+            "OPENBLAS_NUM_THREADS": threads,
+            "XLA_FLAGS": f"--xla_cpu_multi_thread_eigen={threads != '1'}".lower(),
+        }
+        done = subprocess.run(
+            [sys.executable, "-c", program],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=200,
+        )
+        digests.add(done.stdout)
+    assert len(digests) == 1

@@ -12,6 +12,7 @@ from smoskin.apps.calibrate import calibrate, report, residual_figure, write_vir
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.measurement import TouchTable
 from smoskin.mechanics.stiffness import board_stiffness, sheet_stiffness
+from smoskin.origami.sheet import loaded_positions
 from smoskin.records import Contact, Reading, Status
 from smoskin.sensing.calibration import (
     Calibration,
@@ -24,6 +25,7 @@ from smoskin.sensing.fitting import fit_calibration
 from smoskin.sensing.press_model import PressModel
 from smoskin.service.recording import Recorder, open_recording
 from smoskin.twin.bench import MadeSkin, calibration_loads, made_skin, measure
+from tables import ideal_table
 
 DATE = "2026-01-31"
 SHA = "0" * 64
@@ -210,10 +212,9 @@ def force_errors(skin, estimator, touches, seed):
 
 
 def vertex_touches(skin):
-    loads = [load for load in dict.fromkeys(calibration_loads(skin.design)) if load.cell]
     cells = [(n, m) for n in range(6) for m in range(6)]
     return [
-        Contact(position=skin.contact(replace(loads[0], cell=cell)).position, force=force)
+        Contact(position=loaded_positions(skin.design)[cell], force=force)
         for cell in cells
         for force in ((0.0, 0.0, -0.4), (0.25, -0.1, -0.7))
     ]
@@ -229,7 +230,7 @@ def test_the_fitted_estimator_beats_the_nominal_one_on_its_own_skin(planar, skin
 
 
 def test_calibrating_from_a_file_to_a_file(planar, tmp_path):
-    write_virtual_bench(planar, tmp_path / "table.csv", seed=1)
+    write_virtual_bench(planar, tmp_path / "table.csv", seed=1, sheet="reduced")
     result = calibrate(planar, tmp_path / "table.csv", tmp_path / "skin.toml", date=DATE)
     again = read_calibration(tmp_path / "skin.toml", planar)
     assert again == result.fit.calibration
@@ -238,6 +239,8 @@ def test_calibrating_from_a_file_to_a_file(planar, tmp_path):
     names = {line["name"]: line for line in result.as_json()["numbers"]}
     assert names["board_stiffness_N_per_mm"]["nominal"] == pytest.approx(1.885, rel=1e-3)
     assert [table.title for table in result.tables()][1] == "What the model leaves"
+    assert result.table is None
+    assert result.as_json()["press_table"] is None
 
 
 def test_residuals_can_be_drawn(skin_and_fit):
@@ -263,6 +266,12 @@ def test_documents_keep_every_bit(planar, stiffness, folding, turn, offset):
     assert parse_calibration(format_calibration(calibration)) == calibration
 
 
+def test_documents_keep_every_bit_of_a_table(planar):
+    scattered = np.random.default_rng(0).lognormal(0.0, 3.0, (6, 6, 3, 3))
+    calibration = replace(Calibration.nominal(planar), press_table=ideal_table(planar, scattered))
+    assert parse_calibration(format_calibration(calibration)) == calibration
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -271,10 +280,12 @@ def test_documents_keep_every_bit(planar, stiffness, folding, turn, offset):
         ("stiffness_variation = 1.0", "stiffness_variation = -1.0", "must be positive"),
         ("stiffness_variation = 1.0", "stiffness_variation = 'a'", "must be a number; got 'a'"),
         ("design_hash", "]", "not a TOML document"),
+        ("press_um_per_N", "press_mm_per_N", "press_table: unknown key 'press_mm_per_N'"),
+        ("drag_um_per_N", "drag_um", "unknown key 'drag_um'; did you mean 'drag_um_per_N'"),
     ],
 )
 def test_faulty_documents_are_refused(planar, old, new, message):
-    text = format_calibration(Calibration.nominal(planar))
+    text = format_calibration(replace(Calibration.nominal(planar), press_table=ideal_table(planar)))
     assert old in text
     with pytest.raises(ModelError, match=message):
         parse_calibration(text.replace(old, new, 1))
@@ -331,7 +342,7 @@ def test_tables_of_other_skins_are_refused(planar, long_planar):
         fitted(long_planar, table.rows(table.cell[:, 0] != 9))
     two = TouchTable(
         cell=table.cell, force=table.force, depth=table.depth, field=table.field[:, :2],
-        temperature=table.temperature,
+        temperature=table.temperature[:, :2],
     )  # fmt: skip
     with pytest.raises(ArgumentError, match="all 3 chips or of none; got 2"):
         fitted(planar, two)

@@ -8,14 +8,16 @@ import pytest
 from skins import with_magnets
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
+from smoskin.magnetics.inversion import FieldInverse
 from smoskin.origami.layout import chip_offset
 from smoskin.origami.sheet import loaded_positions
 from smoskin.records import Contact, Reading, Status
 from smoskin.sensing.calibration import Calibration
 from smoskin.sensing.closed_form import ClosedFormEstimator
 from smoskin.sensing.confidence import ambiguities
-from smoskin.sensing.location import unit_press
+from smoskin.sensing.press_table import PressTable, uniform_drag
 from smoskin.twin.reduced import ReducedTwin
+from tables import ideal_table
 
 SHEARS = [(0.0, 0.0), (0.5, 0.0), (0.0, -0.5), (-0.35, 0.35)]
 
@@ -112,35 +114,55 @@ def test_batch_and_step_give_the_same_numbers(planar):
             np.testing.assert_allclose(one.force, other.force, rtol=1e-9, atol=1e-12)
 
 
-def measured_table(twin):
-    """What one press on each cell moves the magnets by, per unit of its depth, (N, M, G, 2)."""
-    design = twin.design
-    moved = []
-    for contact in touches(design, 0.5, (0.0, 0.0)):
-        depth = twin.press_depths([contact]).max()
-        moved.append(twin.magnet_motion([contact])[0][1:, :2] / depth)
-    return np.reshape(moved, (*design.cells, -1, 2))
+def with_table(design, table):
+    """The nominal calibration with this press table."""
+    return replace(Calibration.nominal(design), press_table=table)
+
+
+def measured_table(design, skin):
+    """One press of half a newton on each cell of a skin, as an estimator of the design sees it."""
+    twin, inverse = ReducedTwin(skin, seed=None), FieldInverse(design)
+    rest = twin.field()
+    fields = np.array([twin.field([c]) - rest for c in touches(design, 0.5, (0.0, 0.0))])
+    press = inverse.displacements(fields + inverse.rest_field).moved / 0.5
+    return PressTable(press=press.reshape(*design.cells, -1, 3), drag=uniform_drag(design))
 
 
 def test_a_measured_table_finds_the_cells_of_a_skin_far_from_its_design(planar):
     rng = np.random.default_rng(4)
-    right = {"theory": [], "table": []}
+    right, forces = {"theory": [], "table": []}, []
     for seed in range(4):
         v_a = tuple(rng.uniform(0.35, 0.6, 2).tolist())
         coefficients = replace(planar.coefficients, attenuation=v_a)
         skin = scattered(replace(planar, coefficients=coefficients), rng)
-        table = measured_table(ReducedTwin(skin, seed=None))
-        for name, given in (("theory", None), ("table", table)):
+        own = with_table(planar, measured_table(planar, skin))
+        for name, calibration in (("theory", None), ("table", own)):
             twin = ReducedTwin(skin, seed=seed)
-            estimator = ClosedFormEstimator(planar, table=given)
+            estimator = ClosedFormEstimator(planar, calibration)
             estimator.zero([twin.read(time=-1.0 + 0.01 * k) for k in range(20)])
             contacts = touches(planar, 0.3, (0.0, 0.0))
-            right[name] += [
-                located(e, c)
-                for e, c in zip(estimates(twin, estimator, contacts), contacts, strict=True)
-            ]
+            found = estimates(twin, estimator, contacts)
+            right[name] += [located(e, c) for e, c in zip(found, contacts, strict=True)]
+            if name == "table":
+                forces += [e.contacts[0].normal_force for e in found]
     assert np.mean(right["table"]) == 1.0
     assert np.mean(right["theory"]) < 0.9
+    np.testing.assert_allclose(forces, 0.3, rtol=0.03)
+
+
+@pytest.mark.parametrize("shear", SHEARS)
+def test_a_table_parts_press_and_drag_as_theory_does(planar, shear):
+    """The two ways to read motions agree where the sheet is ideal."""
+    contacts = touches(planar, 0.5, shear)
+    readings = [ReducedTwin(planar, seed=0).read([c], time=k) for k, c in enumerate(contacts)]
+    ways = (None, with_table(planar, ideal_table(planar)))
+    for one, other, contact in zip(
+        *(ClosedFormEstimator(planar, way).batch(readings) for way in ways), contacts, strict=True
+    ):
+        assert located(one, contact)
+        assert located(other, contact)
+        np.testing.assert_allclose(one.contacts[0].force, other.contacts[0].force, atol=0.01)
+        np.testing.assert_allclose(other.contacts[0].force, contact.force, atol=0.02)
 
 
 @pytest.mark.parametrize("corners", [[(4, 2), (2, 4), (1, 5)], [(4, 2), (2, 4), (1, 1), (5, 5)]])
@@ -164,8 +186,9 @@ def test_one_magnet_finds_by_a_table_what_its_signs_do_not(planar):
     readings = [ReducedTwin(design, seed=0).read([c], time=k) for k, c in enumerate(contacts)]
     by_signs = ClosedFormEstimator(design).batch(readings)
     assert {e.status for e in by_signs} == {Status.AMBIGUOUS}
-    by_table = ClosedFormEstimator(design, table=unit_press(design)).batch(readings)
-    named = {cell for one in ambiguities(design, table=unit_press(design)) for cell in one.pair}
+    own = with_table(design, ideal_table(design))
+    by_table = ClosedFormEstimator(design, own).batch(readings)
+    named = {cell for one in ambiguities(design, calibration=own) for cell in one.pair}
     for k, (estimate, contact) in enumerate(zip(by_table, contacts, strict=True)):
         if divmod(k, 6) not in named:
             assert located(estimate, contact), k
@@ -175,17 +198,17 @@ def test_one_magnet_finds_by_a_table_what_its_signs_do_not(planar):
 def test_a_table_that_does_not_separate_is_judged_as_a_whole(planar):
     """Each cell its own direction, as on a real sheet; told apart with every cell's own press."""
     rng = np.random.default_rng(0)
-    table = unit_press(planar) * rng.uniform(0.7, 1.3, (6, 6, 2, 2))
-    estimator = ClosedFormEstimator(planar, table=table)
+    table = ideal_table(planar, rng.uniform(0.7, 1.3, (6, 6, 3, 3)))
+    estimator = ClosedFormEstimator(planar, with_table(planar, table))
     places, charges = point_charges([planar.magnet(site.magnet) for site in planar.halls])
     for n, m in np.ndindex(6, 6):
         chips = np.zeros((3, 3))
         chips[:, 2] = [chip_offset(planar, site) for site in planar.halls]
-        chips[1:, :2] -= 3e-4 * table[n, m]
+        chips += 0.4 * table.press[n, m]
         field = charge_field_and_gradient(places, charges, chips)[0]
         solution = estimator.solve(field[None])
         assert solution.cell[0].tolist() == [n, m]
-        assert solution.press[0] == pytest.approx(3e-4, rel=5e-3)
+        np.testing.assert_allclose(solution.force[0], (0.0, 0.0, -0.4), atol=2e-3)
 
 
 def test_covariance_is_the_cells_size_and_the_chips_noise(planar):
@@ -230,7 +253,8 @@ def test_wrong_use_is_named(planar):
         ClosedFormEstimator(no_base)
     with pytest.raises(ArgumentError, match="must come from 3 chips"):
         ClosedFormEstimator(planar).step(Reading(time=0.0, field=np.zeros((5, 3))))
-    with pytest.raises(ArgumentError, match=r"table must have shape \(6, 6, 2, 2\)"):
-        ClosedFormEstimator(planar, table=np.zeros((6, 6, 3, 2)))
-    with pytest.raises(ArgumentError, match=r"not all zero in every cell; got .* in cell \(0, 0\)"):
-        ClosedFormEstimator(planar, table=np.zeros((6, 6, 2, 2)))
+    table = ideal_table(planar)
+    with pytest.raises(ModelError, match=r"design's cells and chips, \(6, 6, 3\); got \(5, 6, 3\)"):
+        ClosedFormEstimator(
+            planar, with_table(planar, PressTable(press=table.press[:5], drag=table.drag[:5]))
+        )

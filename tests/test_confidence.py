@@ -20,16 +20,17 @@ from smoskin.sensing.closed_form import ClosedFormEstimator
 from smoskin.sensing.confidence import ambiguities, confidence, faces, readout_noise
 from smoskin.sensing.location import decide, ideal_rule, readout, unit_press
 from smoskin.twin.reduced import ReducedTwin
+from tables import ideal_table
 
 FAST = HallSetting(gain_selection=3, resolution=0, oversampling=0, digital_filter=0)
 
 
-def solved(design, places, force, repeats, seed, table=None):
+def solved(design, places, force, repeats, seed, calibration=None):
     """Noise-free cells of light presses at these places, and solutions under noise."""
     twin = ReducedTwin(design, seed=None)
     fields = np.array([twin.field([Contact(position=p, force=(0, 0, -force))]) for p in places])
     fields -= rest_cross_talk(design)
-    estimator = ClosedFormEstimator(design, table=table)
+    estimator = ClosedFormEstimator(design, calibration)
     noisy = np.repeat(fields, repeats, axis=0)
     noisy += np.random.default_rng(seed).normal(size=noisy.shape) * hall.noise(design.hall_setting)
     return np.repeat(estimator.solve(fields).cell, repeats, axis=0), estimator.solve(noisy)
@@ -40,8 +41,10 @@ def solved(design, places, force, repeats, seed, table=None):
 def test_stated_confidence_is_how_often_the_decision_stands(planar, magnets, tabled):
     design = replace(with_magnets(planar, magnets), hall_setting=FAST)
     places = np.random.default_rng(1).uniform((0, 0), (0.1199, 0.1599), (1000, 2))
-    table = unit_press(design) if tabled == "table" else None
-    cell, noisy = solved(design, places, 0.03, 25, 2, table)
+    calibration = Calibration.nominal(design)
+    if tabled == "table":
+        calibration = replace(calibration, press_table=ideal_table(design))
+    cell, noisy = solved(design, places, 0.03, 25, 2, calibration)
     stands = (noisy.cell == cell).all(axis=1)
     assert 0.5 < stands.mean() < 0.97
     assert noisy.confidence.mean() == pytest.approx(stands.mean(), abs=0.03)

@@ -139,7 +139,7 @@ def with_magnet(planar: SkinDesign, **changes: object) -> SkinDesign:
     ("changes", "message"),
     [
         ({"radius": 9e-3}, r"'M2' overlaps a column: radius must be below 8.5\d mm"),
-        ({"height": 5e-3}, r"does not fit between chip and sheet: columns.height must exceed 10.6"),
+        ({"height": 5e-3}, r"does not fit between chip and sheet: columns.height must exceed 11.1"),
         ({"corner": (2, 4)}, "magnets 'M2' and 'M3' overlap"),
         ({"remanence": 1.4e6}, r"\|B_z\| reaches .* a gap of at least \d\.\d mm would do"),
     ],

@@ -51,6 +51,7 @@ def test_a_row_of_numbers_judges_itself():
     assert stated("a", "b", "falls", "rises", False, "").verdict == "unresolved"
 
 
+@pytest.mark.slow
 def test_every_row_is_reproduced_corrected_or_explained(report):
     rows = report.rows
     assert len({row.id for row in rows}) == len(rows)
@@ -67,6 +68,7 @@ def test_every_row_is_reproduced_corrected_or_explained(report):
     } <= {row.id for row in rows}  # fmt: skip
 
 
+@pytest.mark.slow
 def test_printed_numbers_of_the_paper_are_among_the_rows(report):
     printed = {row.printed for row in report.rows}
     assert {0.6721, 0.7313, 0.9476, 0.8709, 0.804e6, 0.05, 825, 680625, 68062500, 9, 6} <= printed
@@ -81,6 +83,7 @@ def test_another_design_is_not_called_reproduced(planar):
     assert {"location.u3x", "location.u2y", "golden.columns_1_11"} <= failed
 
 
+@pytest.mark.slow
 def test_json_holds_the_rows(report):
     document = json.loads(report.data.read_text(encoding="utf-8"))
     names = {field.name for field in fields(Row)}
@@ -95,6 +98,7 @@ def test_json_holds_the_rows(report):
         assert (plain["id"], plain["computed"]) == (row.id, row.computed)
 
 
+@pytest.mark.slow
 def test_figures_are_vector_graphics(report):
     assert {path.name for path in report.figures} == FIGURES
     for path in report.figures:
@@ -130,6 +134,7 @@ class _Page(HTMLParser):
         assert self.open.pop() == tag
 
 
+@pytest.mark.slow
 def test_page_is_whole_and_asks_for_nothing(report):
     text = report.page.read_text(encoding="utf-8")
     parsed = _Page()
@@ -143,6 +148,7 @@ def test_page_is_whole_and_asks_for_nothing(report):
     assert sorted(parsed.rows) == sorted(row.id for row in report.rows)
 
 
+@pytest.mark.slow
 def test_document_has_a_page_for_each_figure_and_the_tables(report):
     data = report.document.read_bytes()
     assert data.startswith(b"%PDF")
@@ -151,12 +157,14 @@ def test_document_has_a_page_for_each_figure_and_the_tables(report):
     assert b"/Subtype /Image" not in data
 
 
+@pytest.mark.slow
 def test_progress_is_told(report, steps):
     shares = [share for _, share in steps]
     assert shares == sorted(shares)
     assert steps[-1] == ("done", 1.0)
 
 
+@pytest.mark.slow
 def test_summary_counts_verdicts(report):
     assert re.fullmatch(r"\d+ rows: \d+ reproduced, \d+ corrected, 5 unresolved\.", report.summary)
 

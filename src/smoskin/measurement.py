@@ -52,7 +52,7 @@ class TouchTable:
     field: Floats
     """(T, S, 3), T, in each chip's own axes; NaN where a chip was not read."""
     temperature: Floats
-    """(T,), degC."""
+    """(T, S), degC, as each chip reports it; chips of one board differ by degrees."""
     held: Floats
     """(T, 2), s: from when until when the touch was held still, on the readings' clock; NaN
     where that is not known."""
@@ -76,13 +76,13 @@ class TouchTable:
         object.__setattr__(self, "force", frozen("force", force, (rows, 3)))
         object.__setattr__(self, "depth", frozen("depth", depth, (rows,)))
         object.__setattr__(self, "field", frozen("field", field, (rows, None, 3)))
-        object.__setattr__(self, "temperature", frozen("temperature", temperature, (rows,)))
+        object.__setattr__(self, "temperature", self._warmth(temperature))
         times = np.full((rows, 2), np.nan) if held is None else held
         object.__setattr__(self, "held", frozen("held", times, (rows, 2)))
         for name, bad, rule in (
             ("force", ~np.isfinite(self.force).all(axis=1), "be finite"),
             ("depth", ~np.isfinite(self.depth), "be finite"),
-            ("temperature", ~np.isfinite(self.temperature), "be finite"),
+            ("temperature", ~np.isfinite(self.temperature).all(axis=1), "be finite"),
             ("force", self.force[:, 2] > 0, "press: z must not be positive"),
             ("depth", self.depth < 0, "press: a pushed vertex has a displacement z below zero"),
             ("force", ~self.touched & self.force.any(axis=1), "be zero where no cell is touched"),
@@ -92,6 +92,14 @@ class TouchTable:
                 raise ArgumentError(
                     f"{name} must {rule}; got {getattr(self, name)[row]} in row {row + 1}"
                 )
+
+    def _warmth(self, temperature: ArrayLike) -> Floats:
+        """Of every chip, from that or from one for all of them, (T,)."""
+        shape = self.field.shape[:2]
+        given = np.asarray(temperature, dtype=np.float64)
+        if given.shape == shape[:1] or not shape[1]:
+            given = np.broadcast_to(given.reshape(shape[0], -1)[:, :1], shape)
+        return frozen("temperature", given, shape)
 
     @property
     def touched(self) -> Bools:
@@ -129,11 +137,13 @@ class TouchTable:
                 )
             fields.append(np.mean([good[k].field for k in chosen], axis=0))
             reported = np.array([good[k].temperature for k in chosen])
-            known = reported[np.isfinite(reported)]
-            degrees.append(float(known.mean()) if len(known) else self.temperature[row])
+            known = np.isfinite(reported)
+            mean = np.where(known, reported, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+            before = self.temperature[row] if self.temperature.shape[1] else _REFERENCE
+            degrees.append(np.where(known.any(axis=0), mean, before))
         return TouchTable(
             cell=self.cell, force=self.force, depth=self.depth,
-            field=np.array(fields), temperature=degrees, held=self.held,
+            field=np.array(fields), temperature=np.array(degrees), held=self.held,
         )  # fmt: skip
 
 
@@ -142,14 +152,14 @@ def write_touches(path: str | os.PathLike[str], table: TouchTable) -> None:
     chips = table.field.shape[1]
     with Path(path).open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow([*_CELL, *_FORCE, _DEPTH, _WARMTH, *_chip_columns(chips)])
+        writer.writerow([*_CELL, *_FORCE, _DEPTH, *_chip_columns(chips), *_chip_warmths(chips)])
         for k, touched in enumerate(table.touched):
             cell = [str(int(index) + 1) if touched else "" for index in table.cell[k]]
             force = [_written(value, "N") for value in table.force[k]]
             field = [_written(value, "uT") for value in table.field[k].ravel()]
             writer.writerow(
-                [*cell, *force, _written(0.0 - table.depth[k], "mm"),
-                 _written(table.temperature[k], "degC"), *field]
+                [*cell, *force, _written(0.0 - table.depth[k], "mm"), *field,
+                 *(_written(degrees, "degC") for degrees in table.temperature[k])]
             )  # fmt: skip
 
 
@@ -158,8 +168,9 @@ def read_touches(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
 
     The columns `cell_n`, `cell_m` (from 1; empty for the untouched skin), `force_x_N`,
     `force_y_N`, `force_z_N` and `displacement_z_mm` (both below zero for a press) must be there;
-    `temperature_degC`, `from_s` with `until_s` (when the touch was held, on the clock of a
-    recording) and, for each chip from 1, `chip1_Bx_uT`, `chip1_By_uT`, `chip1_Bz_uT` may be.
+    `from_s` with `until_s` (when the touch was held, on the clock of a recording) and, for each
+    chip from 1, `chip1_Bx_uT`, `chip1_By_uT`, `chip1_Bz_uT` and `chip1_temperature_degC` may be.
+    `temperature_degC` stands for all chips that do not report their own.
 
     Raises
     ------
@@ -176,9 +187,9 @@ def read_touches(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
     if len(lines) < 2:
         raise RecordingError(f"{where}: must hold a header and at least one row")
     header = [name.strip() for name in lines[0]]
-    chips = sum(name.startswith("chip") for name in header) // 3
-    known = [*_CELL, *_FORCE, _DEPTH, _WARMTH, *_HELD, *_chip_columns(chips)]
-    optional = (_WARMTH, *_HELD)
+    chips = sum(name.startswith("chip") and "_B" in name for name in header) // 3
+    optional = (_WARMTH, *_HELD, *_chip_warmths(chips))
+    known = [*_CELL, *_FORCE, _DEPTH, *_chip_columns(chips), *optional]
     for name in header:
         if name not in known or header.count(name) > 1:
             raise RecordingError(f"{where}: column {name!r} is unknown or occurs twice; "
@@ -199,6 +210,10 @@ def read_touches(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
     field = np.full((rows, chips, 3), np.nan)
     for column, name in enumerate(_chip_columns(chips)):
         field[:, column // 3, column % 3] = columns[name]
+    warmth = np.full((rows, chips), np.array(columns.get(_WARMTH, [_REFERENCE]))[:, None])
+    for s, name in enumerate(_chip_warmths(chips)):
+        own = np.array(columns.get(name, np.full(rows, np.nan)))
+        warmth[:, s] = np.where(np.isfinite(own), own, warmth[:, s])
     cell = np.nan_to_num(np.array([columns[name] for name in _CELL]).T)
     try:
         table = TouchTable(
@@ -206,7 +221,7 @@ def read_touches(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
             force=np.array([columns[name] for name in _FORCE]).T,
             depth=0.0 - np.array(columns[_DEPTH]),
             field=field,
-            temperature=columns.get(_WARMTH, np.full(rows, _REFERENCE)),
+            temperature=warmth,
             held=np.array([columns.get(name, np.full(rows, np.nan)) for name in _HELD]).T,
         )
     except ArgumentError as error:
@@ -216,6 +231,10 @@ def read_touches(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
 
 def _chip_columns(chips: int) -> list[str]:
     return [f"chip{s}_B{axis}_uT" for s in range(1, chips + 1) for axis in "xyz"]
+
+
+def _chip_warmths(chips: int) -> list[str]:
+    return [f"chip{s}_{_WARMTH}" for s in range(1, chips + 1)]
 
 
 def _written(value: float, suffix: str) -> str:

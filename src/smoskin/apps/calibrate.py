@@ -6,26 +6,43 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import Coefficients, SkinDesign
-from smoskin.errors import MissingExtraError
+from smoskin.errors import ArgumentError, MissingExtraError
 from smoskin.measurement import read_touches, write_touches
 from smoskin.sensing.calibration import Calibration, Uncertainty, format_calibration
+from smoskin.sensing.confidence import Ambiguity, ambiguities
 from smoskin.sensing.fitting import Attenuation, Fit, fit_calibration
+from smoskin.sensing.table_fit import drags_every_cell, fit_press_table, presses_every_cell
 from smoskin.service.recording import open_recording
-from smoskin.twin.bench import MadeSkin, calibration_loads, made_skin, measure
+from smoskin.twin.bench import (
+    BenchSkin,
+    TwinSkin,
+    calibration_loads,
+    made_skin,
+    measure,
+    table_loads,
+)
 from smoskin.units import SI_PER_SUFFIX
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
 
+Method = Literal["auto", "table", "reduced"]
+"""By the skin's own answers, one press a cell; by the SI's reduced model; or by the table where the
+touches hold one."""
+Sheet = Literal["whole", "reduced"]
+"""Of a virtual skin: the whole sheet's twin, or the SI's reduced model."""
+
 _LEVEL: Final = 0.9
 """Confidence of the intervals shown."""
+_FORCE: Final = 0.5
+"""N: of the presses that the cells should be told apart by."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +54,8 @@ class Line:
     nominal: float
     """As designed."""
     standard_uncertainty: float
-    """NaN where it was not measured and the value is nominal."""
+    """NaN where it was not measured and the value is nominal; infinite for a v_f whose effect was
+    not seen."""
     half_width: float
     """Of the interval of 90 % confidence."""
 
@@ -57,11 +75,26 @@ class ResidualPlot:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TableLine:
+    """What a measured press table is worth."""
+
+    cells: int
+    drags_measured: bool
+    """Whether each cell was dragged too; else a drag is taken to move the sheet as a whole."""
+    hardest: Ambiguity
+    """The two cells that need the most force to be told apart, 99 times in 100."""
+    confused: int
+    """Pairs that a press of 0.5 N does not tell apart so."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationReport:
     """A finished calibration in words and numbers."""
 
     fit: Fit
     lines: tuple[Line, ...]
+    table: TableLine | None
+    """None where the reduced model was fitted."""
 
     def as_json(self) -> dict[str, object]:
         """Plain values for machines; what was not measured is null."""
@@ -73,8 +106,8 @@ class CalibrationReport:
             "date": evidence.date,
             "data_sha256": evidence.data_sha256,
             "touches": evidence.touches,
-            "noise_force": force,
-            "noise_depth": depth,
+            "noise_force": _or_none(force),
+            "noise_depth": _or_none(depth),
             "noise_field_uT": _or_none(_in_unit(field, "uT")),
             "numbers": [
                 {
@@ -91,18 +124,26 @@ class CalibrationReport:
                  _or_none(_in_unit(one.rms, one.unit))}
                 for one in evidence.residuals
             ],
+            "press_table": None if self.table is None else {
+                "cells": self.table.cells,
+                "drags_measured": self.table.drags_measured,
+                "hardest_pair": [[n + 1, m + 1] for n, m in self.table.hardest.pair],
+                "hardest_pair_from_N": self.table.hardest.force,
+                "pairs_confused_at_0.5_N": self.table.confused,
+            },
         }  # fmt: skip
 
     def tables(self) -> "list[Table]":
-        """The numbers and the residuals, for people."""
+        """The numbers, the residuals and the press table, for people."""
         from rich.table import Table
 
         numbers = Table(title="Calibration (+- at 90 % confidence)")
         for name in ("number", "value", "+-", "as designed"):
             numbers.add_column(name, justify="left" if name == "number" else "right")
         for line in self.lines:
-            known = math.isfinite(line.half_width)
-            width = f"{line.half_width:.2g}" if known else "not measured"
+            width = f"{line.half_width:.2g}"
+            if not math.isfinite(line.half_width):
+                width = "not measured" if math.isnan(line.half_width) else "no effect seen"
             numbers.add_row(line.name, f"{line.value:.5g}", width, f"{line.nominal:.5g}")
         residuals = Table(title="What the model leaves")
         for name in ("measured", "values", "rms", "unit"):
@@ -112,7 +153,18 @@ class CalibrationReport:
         for one in evidence.residuals:
             rms = _in_unit(one.rms, one.unit)
             residuals.add_row(one.group, str(one.values), f"{rms:.3g}", one.unit)
-        return [numbers, residuals]
+        if self.table is None:
+            return [numbers, residuals]
+        worth = Table(title="Press table", show_header=False)
+        for name, value in (
+            ("cells measured", str(self.table.cells)),
+            ("drags", "measured on each cell" if self.table.drags_measured
+             else "not measured: taken to move the sheet as a whole"),
+            ("hardest to tell apart", str(self.table.hardest)),
+            (f"pairs confused at {_FORCE:g} N", str(self.table.confused)),
+        ):  # fmt: skip
+            worth.add_row(name, value)
+        return [numbers, residuals, worth]
 
 
 def calibrate(
@@ -123,8 +175,9 @@ def calibrate(
     date: str,
     recording: str | os.PathLike[str] | None = None,
     attenuation: Attenuation = "equal",
+    method: Method = "auto",
 ) -> CalibrationReport:
-    """Fit a skin's calibration to a bench's table and write it.
+    """Find a skin's calibration from a bench's table and write it.
 
     Parameters
     ----------
@@ -138,32 +191,68 @@ def calibrate(
     recording : path, optional
         MCAP file with the chips' readings, where the table says only when each touch was held.
     attenuation : {"equal", "separate"}
-        Whether v_a is one number or one each in X and Y.
+        Whether v_a of the reduced model is one number or one each in X and Y.
+    method : {"auto", "table", "reduced"}
+        Whether the calibration rests on the skin's own answers or on a fit of the reduced
+        model; by default on the answers where the touches hold a straight press on every cell.
 
     Raises
     ------
     RecordingError
         If the table or the recording cannot be read.
     ArgumentError, ModelError
-        As `fit_calibration`.
+        As `fit_press_table` and `fit_calibration`.
     """
     touches, digest = read_touches(table)
     if recording is not None:
         touches = touches.with_readings(open_recording(recording).readings())
         both = digest + hashlib.sha256(Path(recording).read_bytes()).hexdigest()
         digest = hashlib.sha256(both.encode()).hexdigest()
-    fit = fit_calibration(design, touches, date=date, data_sha256=digest, attenuation=attenuation)
+    if method == "auto":
+        method = "table" if presses_every_cell(design, touches) else "reduced"
+    if method == "table":
+        fit = fit_press_table(design, touches, date=date, data_sha256=digest)
+    else:
+        fit = fit_calibration(
+            design, touches, date=date, data_sha256=digest, attenuation=attenuation
+        )
     Path(output).write_text(format_calibration(fit.calibration), encoding="utf-8")
     return report(design, fit)
 
 
 def write_virtual_bench(
-    design: SkinDesign, output: str | os.PathLike[str], *, seed: int
-) -> MadeSkin:
-    """Write the table that a bench would make of a virtual skin that differs from its design."""
+    design: SkinDesign, output: str | os.PathLike[str], *, seed: int, sheet: Sheet = "whole"
+) -> BenchSkin:
+    """Write the table that a bench would make of a virtual skin that differs from its design.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    output : path
+        The CSV to write.
+    seed : int
+        Of the skin and of the bench's noise.
+    sheet : {"whole", "reduced"}
+        Whether the skin is the whole sheet's twin, every cell of which is pressed and dragged,
+        or one of the reduced model, whose coefficients the loads of SI Text S5 tell.
+
+    Raises
+    ------
+    MissingExtraError
+        If the whole sheet is asked for without the extra ``twin``.
+    """
     rng = np.random.default_rng(seed)
-    skin = made_skin(design, rng)
-    write_touches(output, measure(skin, calibration_loads(design), rng))
+    if sheet == "reduced":
+        skin: BenchSkin = made_skin(design, rng)
+        loads = calibration_loads(design)
+    elif sheet == "whole":
+        from smoskin.twin.skin import Twin
+
+        skin = TwinSkin(Twin(design, seed=seed, manufactured=True))
+        loads = table_loads(design)
+    else:
+        raise ArgumentError(f"sheet must be 'whole' or 'reduced'; got {sheet!r}")
+    write_touches(output, measure(skin, loads, rng))
     return skin
 
 
@@ -189,7 +278,20 @@ def report(design: SkinDesign, fit: Fit) -> CalibrationReport:
                 half_width=factor * _in_unit(deviation, suffix),
             )
         )
-    return CalibrationReport(fit=fit, lines=tuple(lines))
+    return CalibrationReport(fit=fit, lines=tuple(lines), table=_table_line(design, fit))
+
+
+def _table_line(design: SkinDesign, fit: Fit) -> TableLine | None:
+    """What the fit's press table is worth."""
+    if fit.calibration.press_table is None:
+        return None
+    pairs = ambiguities(design, calibration=fit.calibration, force=1e-6)
+    return TableLine(
+        cells=design.cells[0] * design.cells[1],
+        drags_measured=drags_every_cell(design, fit.touches),
+        hardest=pairs[0],
+        confused=sum(pair.force > _FORCE for pair in pairs),
+    )
 
 
 def residual_plot(fit: Fit) -> ResidualPlot:
@@ -225,7 +327,8 @@ def residual_figure(fit: Fit) -> "Figure":
         (depth, shown.depth_residual, "depth", fit.noise[1]),
     ):
         axes.plot(shown.force, 100 * values, ".", markersize=4)
-        axes.axhspan(-100 * level, 100 * level, alpha=0.15)
+        if math.isfinite(level):
+            axes.axhspan(-100 * level, 100 * level, alpha=0.15)
         axes.set_xlabel("press force (N)")
         axes.set_ylabel(f"{name}: measured less model (%)")
     for s in range(shown.field_residual.shape[1]):

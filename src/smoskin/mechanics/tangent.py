@@ -152,10 +152,17 @@ class Tangent:
         self._check_stable(band, factor)
         size = lattice.nodes.size
         if size <= _WHOLE:
-            # SuperLU gives the same digits on any number of threads, which LAPACK does not.
+            # SuperLU in the band's own order gives the same digits on any number of threads;
+            # LAPACK does not.
             below = dia_array((band, -np.arange(len(band))), (size, size))
             above = dia_array((band[1:], -np.arange(1, len(band))), (size, size)).T
-            whole = splu(csc_array(below + above)).solve(np.eye(size))[None]
+            lower_upper = splu(
+                csc_array(below + above),
+                permc_spec="NATURAL",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
+            whole = lower_upper.solve(np.eye(size))[None]
             return RestInverse(
                 order=self.order, inverse=whole, forward=whole[:0], backward=whole[:0]
             )

@@ -1,7 +1,8 @@
 """What distinguishes one skin from its design: the numbers an estimator works with, and its file.
 
-Decides what a calibration holds: the coefficients of the reduced model, two stiffnesses, and how
-each chip's reading becomes the field of the magnet as designed (its turn, and k_c, c_c of S6).
+Decides what a calibration holds: the coefficients of the reduced model, two stiffnesses, how each
+chip's reading becomes the field of the magnet as designed (its turn, and k_c, c_c of S6), and how
+the sheet answers on each cell, if that was measured.
 The file is TOML with units in its keys, bound to the design by its hash.
 """
 
@@ -15,9 +16,11 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
+from smoskin.arrays import Floats
 from smoskin.design.skin import Coefficients, SkinDesign
-from smoskin.errors import DesignError, MissingExtraError, ModelError
+from smoskin.errors import ArgumentError, DesignError, MissingExtraError, ModelError
 from smoskin.mechanics.stiffness import board_stiffness, sheet_stiffness
+from smoskin.sensing.press_table import PressTable
 from smoskin.units import SI_PER_SUFFIX, from_si, to_si
 
 Triple = tuple[float, float, float]
@@ -120,6 +123,8 @@ class Calibration:
     """k_c of S of them: the designed magnet's field over the real one's, all axes alike."""
     field_offset: tuple[Triple, ...]
     """c_c, T: added after the factor, in the skin's axes."""
+    press_table: PressTable | None = None
+    """How the sheet answers on each cell; None where theory is to say it."""
     evidence: Evidence | None = None
     """What it rests on; None for a nominal calibration."""
 
@@ -169,6 +174,8 @@ class Calibration:
                 f"calibration must hold {len(design.halls)} chips, as the design has; "
                 f"got {len(self.field_factor)}"
             )
+        if self.press_table is not None:
+            self.press_table.check_fits(design)
 
 
 #: Key and unit suffix of each number in the file; () is plain.
@@ -184,6 +191,7 @@ _NUMBERS: Final = (
     ("field_offset", "uT"),
 )
 _COEFFICIENTS: Final = tuple(name for name, _ in _NUMBERS[:4])
+_TABLE: Final = (("press", "um_per_N"), ("drag", "um_per_N"))
 _EVIDENCE: Final = ("date", "data_sha256", "touches", "freedom", "uncertainty", "residuals")
 
 
@@ -203,6 +211,12 @@ def format_calibration(calibration: Calibration) -> str:
     for name, suffix in _NUMBERS:
         owner = calibration.coefficients if name in _COEFFICIENTS else calibration
         document[_key(name, suffix)] = _written(getattr(owner, name), suffix)
+    table = calibration.press_table
+    if table is not None:
+        document["press_table"] = {
+            _key(name, suffix): _written(_tuples(getattr(table, name)), suffix)
+            for name, suffix in _TABLE
+        }
     evidence = calibration.evidence
     if evidence is not None:
         document["evidence"] = {
@@ -236,9 +250,13 @@ def parse_calibration(text: str) -> Calibration:
     except tomllib.TOMLDecodeError as error:
         raise ModelError(f"not a TOML document: {error}") from error
     keys = [_key(name, suffix) for name, suffix in _NUMBERS]
-    _refuse("", document, ["design_hash", *keys], ["evidence"])
+    _refuse("", document, ["design_hash", *keys], ["press_table", "evidence"])
     values = _numbers("", document)
     values["coefficients"] = _made(Coefficients, {name: values.pop(name) for name in _COEFFICIENTS})
+    table = document.get("press_table")
+    if table is not None:
+        _refuse("press_table", table, [_key(name, suffix) for name, suffix in _TABLE], [])
+        table = _made(PressTable, _numbers("press_table.", table, _TABLE))
     evidence = document.get("evidence")
     if evidence is not None:
         _refuse("evidence", evidence, list(_EVIDENCE), [])
@@ -260,7 +278,13 @@ def parse_calibration(text: str) -> Calibration:
             },
         )
     return _made(
-        Calibration, {**values, "design_hash": str(document["design_hash"]), "evidence": evidence}
+        Calibration,
+        {
+            **values,
+            "design_hash": str(document["design_hash"]),
+            "press_table": table,
+            "evidence": evidence,
+        },
     )
 
 
@@ -291,10 +315,15 @@ def _written(value: Any, suffix: str) -> Any:
     return from_si(value, suffix) if suffix and math.isfinite(value) else value
 
 
-def _numbers(path: str, table: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        name: _read(path + name, table[_key(name, suffix)], suffix) for name, suffix in _NUMBERS
-    }
+def _tuples(array: Floats) -> Any:
+    """An array as nested tuples of numbers."""
+    return tuple(map(_tuples, array)) if array.ndim else float(array)
+
+
+def _numbers(
+    path: str, table: Mapping[str, Any], numbers: tuple[tuple[str, str], ...] = _NUMBERS
+) -> dict[str, Any]:
+    return {name: _read(path + name, table[_key(name, suffix)], suffix) for name, suffix in numbers}
 
 
 def _read(path: str, value: Any, suffix: str) -> Any:
@@ -334,5 +363,5 @@ def _made(cls: type[_Record], values: dict[str, Any]) -> _Record:
     """A record of values from a file, whose faults are the file's."""
     try:
         return cls(**values)
-    except (TypeError, DesignError) as error:
+    except (TypeError, ArgumentError, DesignError) as error:
         raise ModelError(f"a value is of the wrong kind ({error})") from error

@@ -3,7 +3,8 @@
 Every rule of `smoskin.sensing.location` gives a cell all displacements within a cone: faces
 through the origin part it from its neighbours. Noise carries a displacement over a face with a
 probability that its distance from the face decides. Summed over the faces it is the doubt in one
-decision; solved for the force it says from which press on a design tells two cells apart.
+decision; solved for the force it says from which press on a design, or on a skin whose answers
+were measured, tells two cells apart.
 """
 
 import math
@@ -22,20 +23,32 @@ from smoskin.mechanics.stiffness import stiffness_map
 from smoskin.origami.layout import chip_offset
 from smoskin.sensing.calibration import Calibration
 from smoskin.sensing.location import (
-    Directions,
     Divisions,
     Rule,
-    ideal_directions,
+    directions,
     ideal_rule,
-    measured_rule,
     readout,
     unit_press,
 )
+from smoskin.sensing.press_table import PressTable
+from smoskin.sensing.subspaces import Subspaces
 
 Axis = Literal["x", "y", "both"]
 
 _ALIKE: Final = 1e-6
 """rad: directions closer than this are one; their cosines differ by less than rounding."""
+
+
+def motion_noise(design: SkinDesign) -> Floats:
+    """Variance that one reading's noise makes in the chips' motions, shape (3S,), m^2."""
+    setting = design.hall_setting
+    of_chip = hall.noise(setting) ** 2 + hall.sensitivity(setting) ** 2 / 12
+    turned = np.stack([np.abs(hall.rotation(site)) @ of_chip for site in design.halls])
+    magnets = [design.magnet(site.magnet) for site in design.halls]
+    rest = np.zeros((len(magnets), 3))
+    rest[:, 2] = [chip_offset(design, site) for site in design.halls]
+    slope = charge_field_and_gradient(*point_charges(magnets), rest)[1]
+    return np.asarray((turned / np.einsum("sii->si", slope) ** 2).ravel())
 
 
 def readout_noise(design: SkinDesign, matrix: Floats) -> Floats:
@@ -53,15 +66,7 @@ def readout_noise(design: SkinDesign, matrix: Floats) -> Floats:
         m^2, and of the drag N^2. The drag is taken off all magnets alike, so that the lower chip's
         noise is common to them.
     """
-    setting = design.hall_setting
-    of_chip = hall.noise(setting) ** 2 + hall.sensitivity(setting) ** 2 / 12
-    turned = np.stack([np.abs(hall.rotation(site)) @ of_chip for site in design.halls])
-    magnets = [design.magnet(site.magnet) for site in design.halls]
-    rest = np.zeros((len(magnets), 3))
-    rest[:, 2] = [chip_offset(design, site) for site in design.halls]
-    slope = charge_field_and_gradient(*point_charges(magnets), rest)[1][:, 0, 0]
-    variance = (turned / slope[:, None] ** 2).ravel()
-    return np.asarray((matrix.T * variance) @ matrix)
+    return np.asarray((matrix.T * motion_noise(design)) @ matrix)
 
 
 class Faces(NamedTuple):
@@ -148,7 +153,7 @@ class Ambiguity:
     ratios: tuple[float, float]
     """First over second magnet's displacement along the axis; NaN unless there are two."""
     angle: float
-    """rad, between the directions of the displacements."""
+    """rad, between the directions of the displacements; of measured answers in units of noise."""
     force: float
     """N, from which they are told apart at the stated error rate; inf where never."""
 
@@ -173,7 +178,6 @@ def ambiguities(
     design: SkinDesign,
     *,
     calibration: Calibration | None = None,
-    table: Floats | None = None,
     force: float = 0.5,
     error_rate: float = 0.01,
 ) -> tuple[Ambiguity, ...]:
@@ -183,9 +187,7 @@ def ambiguities(
     ----------
     design : SkinDesign
     calibration : Calibration, optional
-        As designed by default.
-    table : Floats, shape (N, M, G, 2), optional
-        Measured displacements per unit of press, m/m; theory's by default.
+        As designed by default. Its press table decides where it has one, theory otherwise.
     force : float
         N: a pair that a straight press of this force tells apart is left out.
     error_rate : float
@@ -198,7 +200,7 @@ def ambiguities(
 
     Notes
     -----
-    By the SI's lines only neighbours are confused; by directions any two may be.
+    By the SI's lines only neighbours are confused; by directions and by a table any two may be.
     Valid for the chips' noise alone: a skin unlike its design confuses more.
 
     Examples
@@ -207,22 +209,31 @@ def ambiguities(
     >>> ambiguities(read_design("planar"))
     ()
     >>> print(ambiguities(read_design("planar"), force=1e-3)[0])
-    columns 1 and 2: the same signs and ratios 1.088 and 1.562, told apart from 0.0117 N
+    columns 1 and 2: the same signs and ratios 1.088 and 1.562, told apart from 0.017 N
     """
     if not force > 0:
         raise ArgumentError(f"force must be positive; got {force} N")
     if not 0 < error_rate < 0.5:
         raise ArgumentError(f"error_rate must lie in (0, 0.5); got {error_rate}")
     calibration = calibration or Calibration.nominal(design)
-    unit = unit_press(design, calibration.coefficients) if table is None else table
-    rule = ideal_rule(unit) if table is None else measured_rule(unit)
-    matrix = readout(design, calibration)[:, :-2]
-    noise = readout_noise(design, matrix)
-    stiffness = stiffness_map(design, calibration.coefficients).ravel()
+    calibration.check_fits(design)
     least = -NormalDist().inv_cdf(error_rate)
+    if calibration.press_table is not None:
+        listed = _measured(design, calibration.press_table, least)
+    else:
+        listed = _theoretical(design, calibration, least)
+    needing = [one for one in listed if one.force > force]
+    return tuple(sorted(needing, key=lambda one: (-one.force, one.axis, one.pair)))
+
+
+def _theoretical(design: SkinDesign, calibration: Calibration, least: float) -> list[Ambiguity]:
+    """Every pair by the rule of an ideal sheet, told apart at so many standard deviations."""
+    unit = unit_press(design, calibration.coefficients)
+    noise = readout_noise(design, readout(design, calibration)[:, :-2])
+    stiffness = stiffness_map(design, calibration.coefficients).ravel()
     flat = unit.reshape(len(stiffness), -1)
     needed: dict[tuple[Axis, int, int], tuple[float, int, int]] = {}
-    for part in _partings(rule, unit, noise):
+    for part in _partings(ideal_rule(unit), unit, noise):
         pairs = [(int(a), int(b), np.inf, 0) for a, b in np.argwhere(np.triu(part.alike, 1))]
         for wall in part.walls:
             inside = flat[part.members[wall.own]] @ wall.normal
@@ -232,8 +243,31 @@ def ambiguities(
             key = part.axis, min(a, b), max(a, b)
             one = most, int(part.members[key[1], k]), int(part.members[key[2], k])
             needed[key] = max(needed.get(key, one), one)
-    listed = [_ambiguity(unit, axis, one) for (axis, _, _), one in needed.items() if one[0] > force]
-    return tuple(sorted(listed, key=lambda one: (-one.force, one.axis, one.pair)))
+    return [_ambiguity(unit, axis, one) for (axis, _, _), one in needed.items()]
+
+
+def _measured(design: SkinDesign, table: PressTable, least: float) -> list[Ambiguity]:
+    """Every pair of cells by their measured answers."""
+    count = design.cells[0] * design.cells[1]
+    cells = Subspaces(table.answers.reshape(count, -1, 3), np.diag(motion_noise(design)))
+    deviations, alike = cells.separations()
+    forces = np.where(alike, np.inf, least / np.where(alike, 1.0, deviations))
+    signs = np.sign(table.press.reshape(count, -1))
+    lengths = 2 * deviations / np.linalg.norm(cells.press, axis=1)[:, None]
+    listed = []
+    for a in range(count):
+        for b in range(a + 1, count):
+            listed.append(
+                Ambiguity(
+                    axis="both",
+                    pair=(divmod(a, design.cells[1]), divmod(b, design.cells[1])),
+                    same_signs=bool((signs[a] == signs[b]).all()),
+                    ratios=(math.nan, math.nan),
+                    angle=float(np.arcsin(np.minimum(lengths[[a, b], [b, a]], 1.0)).min()),
+                    force=float(max(forces[a, b], forces[b, a])),
+                )
+            )
+    return listed
 
 
 class _Wall(NamedTuple):
@@ -246,7 +280,7 @@ class _Wall(NamedTuple):
 
 
 class _Parting(NamedTuple):
-    """Classes of cells that one part of a rule tells apart: columns, rows, or single cells."""
+    """Classes of cells that one part of a rule tells apart: columns or rows."""
 
     axis: Axis
     members: Ints
@@ -260,21 +294,18 @@ class _Parting(NamedTuple):
 def _partings(rule: Rule, unit: Floats, noise: Floats) -> list[_Parting]:
     """Every part of a rule."""
     cells = np.arange(unit.shape[0] * unit.shape[1]).reshape(unit.shape[:2])
-    if isinstance(rule, Directions) and len(rule.units) == 1:
-        classes: list[tuple[Axis, Ints, Floats]] = [("both", cells.reshape(-1, 1), rule.units[0])]
-    else:
-        columns, rows = ideal_directions(unit)
-        classes = [("x", cells, columns), ("y", cells.T, rows)]
+    columns, rows = directions(unit)
+    classes: list[tuple[Axis, Ints, Floats]] = [("x", cells, columns), ("y", cells.T, rows)]
     partings = []
-    for axis, members, directions in classes:
-        apart = np.linalg.norm(directions[:, None] - directions, axis=-1)
+    for axis, members, units in classes:
+        apart = np.linalg.norm(units[:, None] - units, axis=-1)
         alike = apart < _ALIKE
         if isinstance(rule, Divisions):
             bare = _line_walls(rule, axis)
         else:
             first = np.flatnonzero(~np.tril(alike, -1).any(axis=1)).tolist()
-            bare = [_Wall(own, other, directions[own] - directions[other])
-                    for own in range(len(directions)) for other in first
+            bare = [_Wall(own, other, units[own] - units[other])
+                    for own in range(len(units)) for other in first
                     if not alike[own, other]]  # fmt: skip
         normals = np.reshape([wall.normal for wall in bare], (-1, len(noise)))
         normals /= np.sqrt(np.einsum("wk,kl,wl->w", normals, noise, normals))[:, None]

@@ -42,6 +42,14 @@ _ROUNDS: Final = 3
 """Fits, each with the noise that the one before has found."""
 _ATTENUATIONS: Final = ((0.02,), (0.9999,))
 """Least and largest v_a that is looked for; 1 is a rigid sheet."""
+_RATIO: Final = 50.0
+"""By how much a stiffness or a v_f may be off its nominal value, either way."""
+_FACTORS: Final = ((0.1,), (10.0,))
+"""k_c."""
+_TURNS: Final = ((-0.5,), (0.5,))
+"""rad, of a chip."""
+_OFFSETS: Final = ((-0.02,), (0.02,))
+"""T: c_c."""
 _OWN_STEPS: Final = 6
 """Newton steps, at most, on the touches' own depth and drag."""
 _OWN_SETTLED: Final = 1e-3
@@ -131,7 +139,7 @@ def fit_calibration(
     """
     from scipy.optimize import least_squares
 
-    _check_table(design, touches)
+    check_touches(design, touches)
     model = PressModel(design, touches, 1 if attenuation == "equal" else 2)
     _check_loads(model)
     nominal = Calibration.nominal(design)
@@ -140,9 +148,7 @@ def fit_calibration(
     levels = np.array([_RELATIVE, _RELATIVE, 1.0])
     group = _groups(model)
     prior = _prior(model)
-    bounds = np.full((2, model.size), [[-np.inf], [np.inf]])
-    bounds[:, model.layout.attenuation] = _ATTENUATIONS
-    bounds[0, model.layout.factor] = 0.1
+    bounds = _bounds(model, nominal)
 
     sigma = _sigmas(model, levels, chip, 0.0)
     values = _start(model, nominal, sigma)
@@ -239,8 +245,13 @@ class _Problem:
         return np.where(self._prior > 0, values, 0.0)
 
 
-def _check_table(design: SkinDesign, touches: TouchTable) -> None:
-    """Cells and chips that the design has."""
+def check_touches(design: SkinDesign, touches: TouchTable) -> None:
+    """Raise unless the touches lie on cells, and come from chips, that the design has.
+
+    Raises
+    ------
+    ArgumentError
+    """
     outside = touches.touched & (touches.cell >= design.cells).any(axis=1)
     if outside.any():
         row = int(np.argmax(outside))
@@ -333,6 +344,20 @@ def _prior(model: PressModel) -> Floats:
     chips = model.touches.field.shape[1]
     weight[model.layout.offset] = np.tile(1 / np.array(_OFFSET_PRIOR), chips)
     return weight
+
+
+def _bounds(model: PressModel, nominal: Calibration) -> Floats:
+    """Least and largest of each number, shape (2, P)."""
+    at = model.layout
+    bounds = np.log(_RATIO) * np.array([[-1.0], [1.0]]) + model.start(nominal)
+    for part, limits in (
+        (at.attenuation, _ATTENUATIONS),
+        (at.rotation, _TURNS),
+        (at.factor, _FACTORS),
+        (at.offset, _OFFSETS),
+    ):
+        bounds[:, part] = limits
+    return np.asarray(bounds)
 
 
 def _start(model: PressModel, nominal: Calibration, sigma: Floats) -> Floats:

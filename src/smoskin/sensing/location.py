@@ -2,9 +2,9 @@
 
 Decides by the SI's own rule where two magnets ride on an ideal sheet: their signs name a zone
 (Table S1), the ratio of their displacements a column and a row in it (S12, Figure S5). For any
-other number of magnets, and for a table measured on a real skin, it takes the cell whose
-displacements point most nearly the same way. Every rule ignores a common factor, so that the
-force need not be known.
+other number of magnets it takes the column and the row whose displacements point most nearly the
+same way. Every rule ignores a common factor, so that the force need not be known. All of it is
+theory's; a skin whose answers were measured is told by `smoskin.sensing.subspaces`.
 """
 
 from dataclasses import dataclass
@@ -122,12 +122,12 @@ class Divisions(NamedTuple):
 
 
 class Directions(NamedTuple):
-    """Which way the displacements of each column and row, or of each cell, point."""
+    """Which way the displacements of each column along x, and of each row along y, point."""
 
-    units: tuple[Floats, ...]
-    """Unit vectors: of the columns (N, 2G) and of the rows (M, 2G), or of all cells (N M, 2G)."""
-    cells: tuple[int, int]
-    """(N, M)."""
+    columns: Floats
+    """(N, 2G): unit vectors."""
+    rows: Floats
+    """(M, 2G): unit vectors."""
 
 
 Rule = Divisions | Directions
@@ -144,29 +144,12 @@ def ideal_rule(unit: Floats) -> Rule:
     """
     if unit.shape[2] == 2:
         return divisions(unit)
-    return Directions(ideal_directions(unit), (unit.shape[0], unit.shape[1]))
+    return directions(unit)
 
 
-def ideal_directions(unit: Floats) -> tuple[Floats, Floats]:
-    """Unit vectors (N, 2G) of the columns' displacements along x, and (M, 2G) of the rows' in y."""
-    return _units(unit[:, :1] * (1.0, 0.0)), _units(unit[:1] * (0.0, 1.0))
-
-
-def measured_rule(table: Floats) -> Directions:
-    """The rule for a table that need not separate into columns and rows: nearest direction.
-
-    Parameters
-    ----------
-    table : Floats, shape (N, M, G, 2)
-        Displacement of each magnet, in x and y, for a press on each cell; a factor a cell does
-        not matter.
-
-    Notes
-    -----
-    A press on a cell moves all magnets in proportion: its displacements are one direction in
-    2G dimensions, and the cell with the largest cosine is the likeliest if all have equal noise.
-    """
-    return Directions((_units(table),), (table.shape[0], table.shape[1]))
+def directions(unit: Floats) -> Directions:
+    """Unit vectors of what each column moves along x, and each row along y."""
+    return Directions(_units(unit[:, :1] * (1.0, 0.0)), _units(unit[:1] * (0.0, 1.0)))
 
 
 def divisions(unit: Floats) -> Divisions:
@@ -224,10 +207,7 @@ def decide(rule: Rule, displacements: Floats) -> Ints:
         sector = rule.lines.searchsorted(direction + _AXIS_TURNS, side="right")
         return np.asarray(rule.cells.take(sector))
     flat = displacements.reshape(*displacements.shape[:-2], -1)
-    nearest = [(flat @ units.T).argmax(axis=-1) for units in rule.units]
-    if len(nearest) == 1:
-        nearest = list(np.unravel_index(nearest[0], rule.cells))
-    return np.stack(nearest, axis=-1)
+    return np.stack([(flat @ units.T).argmax(axis=-1) for units in rule], axis=-1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
