@@ -8,13 +8,19 @@ import pytest
 from smoskin.errors import ArgumentError
 from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
+from smoskin.sensing.bayes import BayesEstimator
 from smoskin.sensing.closed_form import ClosedFormEstimator
 from smoskin.twin.reduced import ReducedTwin
+from tables_of_response import reduced_table
 
 TOUCH = Contact(position=(0.05, 0.0667), force=(0.0, 0.0, -0.5))
 
 
-@pytest.fixture(params=[ClosedFormEstimator], ids=lambda make: make.__name__)
+def bayes_estimator(design) -> Estimator:
+    return BayesEstimator(design, reduced_table(design))
+
+
+@pytest.fixture(params=[ClosedFormEstimator, bayes_estimator], ids=lambda make: make.__name__)
 def make(request, planar) -> Callable[[], Estimator]:
     return lambda: request.param(planar)
 

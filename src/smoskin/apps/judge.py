@@ -1,0 +1,330 @@
+"""How good an estimator is on made skins that it has not seen: sessions of touches, and figures.
+
+A session is one skin at one temperature: touches one after the other, each held for a moment, on
+rubber that creeps, under chips that drift and make noise. Decides how such a session goes and
+which figures are taken from it; every touch counts. Nothing here knows what is inside an
+estimator.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from typing import Final
+
+import numpy as np
+
+from smoskin.arrays import Bools, Floats, Ints
+from smoskin.design.skin import SkinDesign
+from smoskin.magnetics import hall
+from smoskin.mechanics.contact import Touches
+from smoskin.mechanics.relaxation import creep, elastomer_prony
+from smoskin.records import Contact, Reading, Status
+from smoskin.roles import Estimator
+from smoskin.sensing.few_touch import LabelledTouches, Target
+from smoskin.sensing.signals import Signals
+from smoskin.twin.readout import Motion
+from smoskin.twin.skin import Twin
+
+_RAMP: Final = 0.02
+"""s, in which a touch comes and goes."""
+_HOLD: Final = 0.3
+"""s after which it is judged and goes."""
+_PERIOD: Final = 1.0
+"""s from touch to touch."""
+_MOMENTS: Final = (0.0, _RAMP, _HOLD, _HOLD + _RAMP)
+_JUDGED: Final = 2
+"""Of the moments at which a touch is read, the one at which it counts."""
+_ZEROS: Final = 20
+"""Readings of the untouched skin before the first touch."""
+FORCES: Final = tuple(k / 10 for k in range(1, 11))
+"""N: normal forces of a judgement."""
+_INSIDE: Final = 4.605170185988092
+"""Squared deviations that hold 90 % of a normal in the plane."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Disturbance:
+    """What spoils a session besides the chips' noise."""
+
+    creep: bool = True
+    """Whether the rubber creeps."""
+    drift: float = 0.3e-6
+    """T: how far each axis walks in a second, at random; in four seconds twice as far."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Session:
+    """Touches of one skin at one temperature, and where they hold its magnets once settled."""
+
+    touches: Touches
+    """(B, K)."""
+    motion: Motion
+    """(B,), elastic."""
+    temperature: float
+    """degC."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Judged:
+    """What an estimator has said of B touches with K places each."""
+
+    truth: Floats
+    """(B, K, 5): x, y, Fx, Fy, Fz."""
+    error: Floats
+    """(B, K, 5): said less true; NaN where it did not say as many touches."""
+    spread: Floats
+    """(B, K, 5, 5): covariance that it stated."""
+    count: Ints
+    """(B,): touches that it said; -1 where it said that it could not tell."""
+    idle: Ints
+    """(B,): likewise just before each touch, where there is none."""
+
+    @property
+    def distance(self) -> Floats:
+        """Of the place from the true one, (B, K), m."""
+        return np.asarray(np.hypot(self.error[..., 0], self.error[..., 1]))
+
+    @property
+    def inside(self) -> Bools:
+        """Whether the truth lies in the stated 90 % region of place, (B, K)."""
+        place = self.error[..., :2]
+        said = np.isfinite(place).all(axis=-1)
+        inside = np.zeros(said.shape, dtype=bool)
+        sure = np.linalg.solve(self.spread[said][:, :2, :2], place[said][..., None])[..., 0]
+        inside[said] = np.einsum("ti,ti->t", place[said], sure) <= _INSIDE
+        return inside
+
+    def __add__(self, other: "Judged") -> "Judged":
+        """Both together."""
+        joined = (
+            np.concatenate([getattr(part, one.name) for part in (self, other)])
+            for one in fields(Judged)
+        )
+        return Judged(**dict(zip((one.name for one in fields(Judged)), joined, strict=True)))
+
+
+def press(twin: Twin, touches: Touches, temperature: float) -> Session:
+    """A session of these touches in this order."""
+    return Session(
+        touches=touches,
+        motion=twin.motions(touches, temperature=temperature),
+        temperature=temperature,
+    )
+
+
+def grid_sessions(
+    twin: Twin,
+    rng: np.random.Generator,
+    *,
+    places: tuple[int, int] = (25, 33),
+    forces: Sequence[float] = FORCES,
+    temperatures: tuple[float, float] = (15.0, 35.0),
+    drag: float = 0.0,
+    count: int | None = None,
+) -> Iterator[Session]:
+    """A session a force: every place from rim to rim once, in random order, at one temperature.
+
+    Parameters
+    ----------
+    twin : Twin
+    rng : numpy.random.Generator
+        Of order, temperatures and drags.
+    places : tuple of int
+        Along x and y.
+    forces : sequence of float
+        N, normal.
+    temperatures : tuple of float
+        degC, from and to.
+    drag : float
+        N: largest drag, of any direction; evenly spread.
+    count : int, optional
+        How many of the places, drawn anew for each force; all by default.
+    """
+    extent = _extent(twin.design)
+    lines = [np.linspace(0, end, n) for end, n in zip(extent, places, strict=True)]
+    grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 1, 2)
+    for force in forces:
+        push = np.zeros((len(grid), 1, 3))
+        push[..., 2] = -force
+        size, angle = rng.uniform(0, drag, len(grid)), rng.uniform(0, 2 * np.pi, len(grid))
+        push[:, 0, 0], push[:, 0, 1] = size * np.cos(angle), size * np.sin(angle)
+        touches = Touches(position=rng.permutation(grid)[:count], force=push[:count])
+        yield press(twin, touches, float(rng.uniform(*temperatures)))
+
+
+def pair_session(
+    twin: Twin,
+    rng: np.random.Generator,
+    count: int,
+    *,
+    forces: tuple[float, float] = (0.3, 1.0),
+    apart: float = 0.04,
+    temperature: float = 25.0,
+) -> Session:
+    """Pairs of straight touches at once, anywhere but so far apart."""
+    extent = _extent(twin.design)
+    position = np.empty((0, 2, 2))
+    while len(position) < count:
+        drawn = rng.uniform(0, extent, (4 * count, 2, 2))
+        far = np.hypot(*(drawn[:, 0] - drawn[:, 1]).T) >= apart
+        position = np.concatenate([position, drawn[far]])
+    push = np.zeros((count, 2, 3))
+    push[..., 2] = -rng.uniform(*forces, (count, 2))
+    return press(twin, Touches(position=position[:count], force=push), temperature)
+
+
+def readings(
+    twin: Twin, session: Session, rng: np.random.Generator, disturbance: Disturbance
+) -> list[Reading]:
+    """All that the chips read in a session: first untouched, then four times a touch."""
+    moments = len(_MOMENTS)
+    total = _ZEROS + moments * len(session.touches)
+    starts = _PERIOD * np.arange(1, len(session.touches) + 1)
+    times = np.concatenate([np.linspace(-1.0, 0.0, _ZEROS), np.add.outer(starts, _MOMENTS).ravel()])
+    held = np.zeros((len(session.touches), moments), dtype=bool)
+    held[:, 1 : _JUDGED + 1] = True
+    held = np.concatenate([np.zeros(_ZEROS, dtype=bool), held.ravel()])
+    flat = np.concatenate(
+        [session.motion.magnets.reshape(len(starts), -1), session.motion.board], axis=1
+    )
+    history = np.zeros((total, flat.shape[1]))
+    history[held] = np.repeat(flat, _JUDGED, axis=0)
+    if disturbance.creep:
+        # Pillars and columns are taken to be of one rubber.
+        history = creep(elastomer_prony(twin.design.columns.material), times, history)
+    motion = Motion(
+        magnets=history[:, :-3].reshape(total, -1, 6),
+        board=history[:, -3:],
+        valid=np.asarray(np.isfinite(history).all(axis=1)),
+    )
+    sample = twin.sample(motion, rng, temperature=np.full(total, session.temperature))
+    field = hall.tesla(sample.counts, twin.design.hall_setting)
+    steps = np.sqrt(np.diff(times, prepend=times[0]))[:, None, None]
+    field = field + np.cumsum(disturbance.drift * steps * rng.normal(size=field.shape), axis=0)
+    degrees = hall.degrees(sample.temperature_counts)
+    return [
+        Reading(time=float(t), field=f, temperature=d, flags=g)
+        for t, f, d, g in zip(times, field, degrees, sample.flags, strict=True)
+    ]
+
+
+def judge(
+    estimator: Estimator,
+    twin: Twin,
+    session: Session,
+    rng: np.random.Generator,
+    disturbance: Disturbance | None = None,
+) -> Judged:
+    """What an estimator with a method `zero` says in a session, against the truth."""
+    said = readings(twin, session, rng, disturbance or Disturbance())
+    estimator.reset()
+    _zero(estimator, said[:_ZEROS])
+    touches = session.touches
+    count, places = touches.force.shape[:2]
+    truth = np.concatenate([touches.position, touches.force], axis=-1)
+    error = np.full((count, places, 5), np.nan)
+    spread = np.full((count, places, 5, 5), np.nan)
+    counts, idle = np.full(count, -1), np.full(count, -1)
+    moments = len(_MOMENTS)
+    for k, reading in enumerate(said):
+        estimate = estimator.step(reading)
+        row, moment = divmod(k - _ZEROS, moments)
+        known = estimate.status in (Status.CONTACT, Status.NO_CONTACT)
+        number = len(estimate.contacts) if known else -1
+        if row < 0:
+            continue
+        if moment == 0:
+            idle[row] = number
+        elif moment == _JUDGED:
+            counts[row] = number
+            if number == places:
+                values = np.stack([_vector(one) for one in estimate.contacts])
+                order = _matched(values, truth[row])
+                error[row] = values[order] - truth[row]
+                spread[row] = estimate.covariance[order]
+    return Judged(truth=truth, error=error, spread=spread, count=counts, idle=idle)
+
+
+def label(
+    twin: Twin,
+    plan: Sequence[Target],
+    rng: np.random.Generator,
+    *,
+    temperature: float = 25.0,
+    chips: Sequence[int] | None = None,
+    disturbance: Disturbance | None = None,
+    stage: float = 20e-6,
+    gauge: float = 2e-3,
+) -> LabelledTouches:
+    """The labelled touches that a rig would make of a plan, on this skin.
+
+    Touches under which a chip reaches the end of its range are left out.
+
+    Parameters
+    ----------
+    twin : Twin
+        The skin.
+    plan : sequence of Target
+    rng : numpy.random.Generator
+        Of noise, drift, and the rig's errors.
+    temperature : float
+        degC.
+    chips : sequence of int, optional
+        Which chips' signals are kept; all by default.
+    disturbance : Disturbance, optional
+    stage, gauge : float
+        m and N: standard deviations of where the rig's stage stands and its gauge reads.
+    """
+    position = np.stack([one.position for one in plan])
+    force = np.stack([one.force for one in plan])
+    session = press(twin, Touches(position=position[:, None], force=force[:, None]), temperature)
+    spoilt = disturbance or Disturbance()
+    rubber = elastomer_prony(twin.design.columns.material) if spoilt.creep else None
+    signals = Signals(twin.design, creep=rubber)
+    said = readings(twin, session, rng, spoilt)
+    signals.zero(said[:_ZEROS])
+    values = np.full((len(plan), 2, len(twin.design.halls), 3), np.nan)
+    for k, reading in enumerate(said):
+        signal = signals.step(reading)
+        row, moment = divmod(k - _ZEROS, len(_MOMENTS))
+        if row >= 0 and moment in (0, _JUDGED) and signal.status is None:
+            values[row, int(moment == _JUDGED)] = signal.values
+    used = list(range(len(twin.design.halls))) if chips is None else list(chips)
+    rise = (values[:, 1] - values[:, 0])[:, used]
+    good = np.isfinite(rise).all(axis=(1, 2))
+    return LabelledTouches(
+        position=(position + stage * rng.normal(size=position.shape))[good],
+        force=(force + gauge * rng.normal(size=force.shape))[good],
+        signals=rise[good],
+        temperature=temperature,
+        place_spread=stage,
+        force_spread=gauge,
+    )
+
+
+def _zero(estimator: Estimator, untouched: Sequence[Reading]) -> None:
+    """Give an estimator its zero; those of the package that track one have a method for it."""
+    zero = getattr(estimator, "zero", None)
+    if zero is not None:
+        zero(untouched)
+
+
+def _matched(values: Floats, truth: Floats) -> Ints:
+    """Order of the touches said in which they lie nearest to the true ones; at most two."""
+    order = np.arange(len(values))
+    if len(values) == 2:
+        straight, crossed = (
+            np.hypot(*(values[turn, :2] - truth[:, :2]).T).sum() for turn in ([0, 1], [1, 0])
+        )
+        order = order if straight <= crossed else order[::-1]
+    return np.asarray(order)
+
+
+def _vector(contact: Contact) -> Floats:
+    return np.concatenate([contact.position, contact.force])
+
+
+def _extent(design: SkinDesign) -> Floats:
+    from smoskin.origami.cell import size
+
+    cell = size(design.cell)
+    return np.multiply(design.cells, [cell.length, cell.width])

@@ -1,0 +1,84 @@
+"""Response tables of the reduced model, quickly made, for tests of what is done with them."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from smoskin.magnetics import hall
+from smoskin.origami.cell import size
+from smoskin.records import Contact
+from smoskin.sensing.response_fit import add_modes, fit_response_table
+from smoskin.twin.readout import Motion, Readout
+from smoskin.twin.reduced import ReducedTwin
+
+POINT = 1e-4
+"""m: the reduced model knows points of touch only."""
+
+
+def plain(design):
+    """The design without the SI's stiffening by drags, whose cusp no table can follow."""
+    none = (1e6,) * len(design.coefficients.folding_correction_x)
+    stiff = replace(design.coefficients, folding_correction_x=none, folding_correction_y=none)
+    return replace(design, coefficients=stiff)
+
+
+def extent(design):
+    cell = size(design.cell)
+    return np.multiply(design.cells, [cell.length, cell.width])
+
+
+def presses(design, count, seed=0, drag=0.3):
+    """Places and forces all over the skin."""
+    rng = np.random.default_rng(seed)
+    where = rng.uniform(0, extent(design), (count, 2))
+    push = np.empty((count, 3))
+    push[:, 2] = -rng.uniform(0.05, 1.2, count)
+    push[:, :2] = rng.uniform(-drag, drag, (count, 2))
+    return where, push
+
+
+def motions(design, where, push):
+    """Of the reduced model."""
+    twin = ReducedTwin(design, seed=None)
+    states = [twin.motion([Contact(position=p, force=f)]) for p, f in zip(where, push, strict=True)]
+    return Motion(
+        magnets=np.stack([one.magnets for one in states]),
+        board=np.stack([one.board for one in states]),
+        valid=np.ones(len(states), dtype=bool),
+    )
+
+
+def signals(design, readout, motion):
+    """Turned as designed, less those at rest."""
+    rest = Motion(
+        magnets=np.zeros((1, *motion.magnets.shape[1:])),
+        board=np.zeros((1, 3)),
+        valid=np.ones(1, dtype=bool),
+    )
+    turns = np.stack([hall.rotation(site) for site in design.halls])
+    return np.einsum("sij,bsj->bsi", turns, readout.seen(motion) - readout.seen(rest))
+
+
+@cache
+def reduced_table(design):
+    """The table of the design's reduced model."""
+    where, push = presses(design, 4000)
+    said = signals(design, Readout(design), motions(design, where, push))
+    return fit_response_table(design, where, push, said, radius=POINT)
+
+
+@cache
+def table_with_modes(design, skins=40):
+    """The same with how skins with other magnets and chips differ."""
+    from smoskin.twin.manufacture import draw
+
+    where, push = presses(design, 600, seed=1)
+    motion = motions(design, where, push)
+    designed = signals(design, Readout(design), motion)
+    ways = [
+        signals(design, Readout(design, draw(design, np.random.default_rng([9, k]))), motion)
+        - designed
+        for k in range(skins)
+    ]
+    return add_modes(reduced_table(design), where, push, np.stack(ways))
