@@ -1,4 +1,4 @@
-"""Recordings of the eFlesh layout: what is read, and that damage is never read as data."""
+"""Recordings of both layouts: what is read, and that damage is never read as data."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smoskin.errors import RecordingError
-from smoskin.service.bridge import EFLESH_SETS, read_eflesh
+from smoskin.service.bridge import EFLESH_SETS, read_eflesh, read_recordings, read_touches
 
 ROWS = 40
 
@@ -174,3 +174,137 @@ def test_the_published_recordings(recordings):
     loads = [np.isfinite(run.load).sum() for run in runs]
     assert loads == [0, 1860, 1860, 3725]
     assert np.nanmax(runs[1].load) == pytest.approx(34.17, abs=0.01)
+
+
+AXES = [f"mag{chip}_{axis}" for chip in range(5) for axis in "xyz"]
+ONE = ["timestamp", "position", "x_pos", "y_pos", "fx", "fy", "fz", "tx", "ty", "tz", *AXES]
+TWO = ["timestamp", "fz", "ty", "pos1_x", "pos1_y", "pos2_x", "pos2_y", *AXES]
+
+
+def touch_table(names, rows=ROWS, dropped=()):
+    """One file's columns: cells (3, 1) and (1, 2), a load that grows, all-zero rows."""
+    rng = np.random.default_rng(len(names))
+    fixed = {"position": 3, "x_pos": 3, "y_pos": 1, "pos1_x": 3, "pos1_y": 1, "pos2_x": 1,
+             "pos2_y": 2}  # fmt: skip
+    table = {name: rng.normal(size=rows) for name in names}
+    table |= {name: np.full(rows, value) for name, value in fixed.items() if name in names}
+    table["timestamp"] = 1.76e9 + np.cumsum(rng.exponential(0.1, rows))
+    table["fz"] = 0.25 - 0.1 * np.arange(rows)
+    for name in AXES:
+        table[name] = rng.normal(0.0, 300.0, rows)
+        table[name][list(dropped)] = 0.0
+    return {name: table[name] for name in names}
+
+
+def touch_file(path, table, *, comma=",", line="\r\n", mark="", zeros="0.0"):
+    """The bytes of such a file as a logger writes it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    rows = [
+        comma.join(zeros if name in AXES and not value else repr(float(value))
+                   for name, value in zip(table, row, strict=True))
+        for row in zip(*table.values(), strict=True)
+    ]  # fmt: skip
+    path.write_bytes((mark + line.join([comma.join(table), *rows]) + line).encode())
+
+
+WRITTEN = {
+    "as a spreadsheet": {},
+    "as on Linux": {"line": "\n"},
+    "a space after commas": {"comma": ", "},
+    "a byte order mark": {"mark": "\ufeff"},
+    "whole zeros": {"zeros": "0"},
+}
+
+
+@pytest.mark.parametrize("style", WRITTEN)
+@pytest.mark.parametrize(
+    ("names", "file"), [(ONE, "position_3_a.csv"), (TWO, "multi_touch_3_4.csv")]
+)
+def test_touches_come_back_in_si_without_dropouts(tmp_path, names, file, style):
+    table = touch_table(names, dropped=(4, 17, ROWS - 1))
+    touch_file(tmp_path / "data" / file, table, **WRITTEN[style])
+    (run,) = read_touches(tmp_path)
+    kept = np.delete(np.arange(ROWS), [4, 17, ROWS - 1])
+    assert (run.name, run.dropouts) == (file.removesuffix(".csv"), 3)
+    assert run.field.shape == (ROWS - 3, 5, 3)
+    field = np.column_stack([table[name] for name in AXES])
+    np.testing.assert_allclose(run.field.reshape(-1, 15) * 1e6, field[kept])
+    np.testing.assert_allclose(run.load, -table["fz"][kept])
+    np.testing.assert_array_equal(run.time, table["timestamp"][kept])
+    cells = [[3, 1]] if names is ONE else [[3, 1], [1, 2]]
+    np.testing.assert_array_equal(run.cells, np.tile(cells, (ROWS - 3, 1, 1)))
+
+
+def test_columns_may_stand_in_any_order_and_be_more(tmp_path):
+    table = touch_table(TWO)
+    touch_file(tmp_path / "multi_touch_1.csv", table)
+    touch_file(
+        tmp_path / "multi_touch_2.csv", dict(reversed(table.items())) | {"note": table["ty"]}
+    )
+    one, other = read_touches(str(tmp_path))
+    for name in ("time", "field", "load", "cells"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+def without(names, *gone):
+    return [name for name in names if name not in gone]
+
+
+def header_of(names):
+    def change(data):
+        return b"\r\n".join([",".join(names).encode(), *data.split(b"\r\n")[1:]])
+
+    return change
+
+
+TOUCH_CASES = {
+    "no force": (header_of([*without(TWO, "fz"), "f"]), ":1: the header must name fz"),
+    "no place": (
+        header_of([name.replace("pos", "at") for name in TWO]),
+        ":1: the header must name x_pos, y_pos",
+    ),
+    "half a place": (header_of([*without(TWO, "pos2_y"), "y2"]), "must name pos2_y"),
+    "a chip's axis gone": (header_of([*without(TWO, "mag2_y"), "m"]), "must name mag2_y"),
+    "no chip": (header_of([name.replace("mag", "b") for name in TWO]), "must name mag0_x"),
+    "a name twice": (header_of([*without(TWO, "ty"), "fz"]), "the names of columns must differ"),
+    "a header alone": (lambda d: d[: d.index(b"\n") + 1], "must hold rows of numbers; it has none"),
+    "cut within a row": (lambda d: d[:-9], "the last line must end in a line break"),
+    "a row cut short": (
+        lambda d: b"\r\n".join([*d.split(b"\r\n")[:9], b"1.7e9,1", b""]),
+        r":10: a row must have 22 columns, as line 1 has; got 2",
+    ),
+    "a word": (lambda d: d.replace(b"\r\n17", b"\r\nx7", 1), ":2: could not convert .*'x"),
+    "time backwards": (
+        lambda d: b"\r\n".join([*(d.split(b"\r\n")[k] for k in (0, 2, 1)), b""]),
+        ":3: time must not run backwards",
+    ),
+    "no file of text": (lambda d: b"\xff\xfe" + d, ":1: not a text file of numbers"),
+}
+
+
+@pytest.mark.parametrize("case", TOUCH_CASES)
+def test_a_damaged_file_of_touches_is_an_error_that_names_it(tmp_path, case):
+    change, words = TOUCH_CASES[case]
+    touch_file(tmp_path / "multi_touch_3_4.csv", touch_table(TWO))
+    path = tmp_path / "multi_touch_3_4.csv"
+    path.write_bytes(change(path.read_bytes()))
+    with pytest.raises(RecordingError, match=rf"multi_touch_3_4\.csv.*{words}"):
+        read_touches(tmp_path)
+
+
+def test_a_file_of_dropouts_alone_is_an_error(tmp_path):
+    touch_file(tmp_path / "position_1.csv", touch_table(ONE, dropped=range(ROWS)))
+    with pytest.raises(RecordingError, match="every row is zeros"):
+        read_touches(tmp_path)
+
+
+def test_each_layout_is_found_wherever_it_is(tmp_path):
+    touch_file(tmp_path / "touches" / "position_1.csv", touch_table(ONE))
+    probed, touched = read_recordings(tmp_path)
+    assert (probed, len(touched)) == ((), 1)
+    write(tmp_path, tables())
+    probed, touched = read_recordings(tmp_path)
+    assert (len(probed), len(touched)) == (1, 1)
+    assert read_touches(tmp_path / "datasets") == ()
+    with pytest.raises(RecordingError, match=r"or hold files of touches \(position_\*\.csv"):
+        read_recordings(tmp_path / "nowhere")

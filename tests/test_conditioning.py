@@ -8,7 +8,8 @@ import pytest
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.inversion import FieldInverse, rest_cross_talk
 from smoskin.records import ChipFlag, Contact, Reading, Status
-from smoskin.sensing.conditioning import Conditioner, ZeroTracking
+from smoskin.sensing.conditioning import Conditioner, IdleZero, ZeroTracking
+from smoskin.service.bridge import read_eflesh
 from smoskin.twin.reduced import ReducedTwin
 
 TOUCH = [Contact(position=(0.05, 0.0667), force=(0.0, 0.0, -0.5))]
@@ -39,8 +40,9 @@ def test_an_untouched_ideal_skin_reads_its_rest_field(planar, twin):
 
 @pytest.mark.parametrize("temperature", [0.0, 25.0, 60.0])
 def test_temperature_is_taken_out(planar, twin, temperature):
-    warm = conditioner(planar).step(twin.read(TOUCH, temperature=temperature)).field
-    reference = conditioner(planar).step(twin.read(TOUCH)).field
+    held = twin.motion(TOUCH)  # the same motion: warm rubber would move less
+    warm = conditioner(planar).step(twin.sense(held, temperature=temperature)).field
+    reference = conditioner(planar).step(twin.sense(held)).field
     np.testing.assert_allclose(warm, reference, atol=1e-9)
 
 
@@ -144,3 +146,69 @@ def test_wrong_use_is_named(planar, twin):
         seen.zero([changed(twin.read(), flags=[1, 0, 0])])
     with pytest.raises(ArgumentError, match="time_constant must be positive; got 0"):
         ZeroTracking(time_constant=0)
+    with pytest.raises(ArgumentError, match="widening_rate must be >= 0; got -1"):
+        ZeroTracking(widening_rate=-1)
+
+
+def followed(zero: IdleZero, time, read) -> np.ndarray:
+    """Which readings are idle, one after the other."""
+    return np.array([zero.step(float(t), row) for t, row in zip(time, read, strict=True)])
+
+
+@pytest.mark.parametrize("rate", [5.0, 100.0])
+def test_a_zero_that_moved_under_a_touch_is_found_again(rate):
+    # A rubber that does not come back whole: 60 uT stay after a touch, over the idle band.
+    time = np.arange(0.0, 120.0, 1 / rate)
+    read = np.zeros((len(time), 3))
+    read[time >= 10] = [4e-4, 0.0, 0.0]
+    read[time >= 20] = [6e-5, 0.0, 0.0]
+    fixed = IdleZero(ZeroTracking(widening_rate=0.0), np.zeros(3))
+    widening = IdleZero(ZeroTracking(), np.zeros(3))
+    assert not followed(fixed, time, read)[time >= 20].any()
+    idle = followed(widening, time, read)
+    assert idle[time < 10].all()
+    assert not idle[(time >= 10) & (time < 20)].any()
+    assert idle[time >= 31].all()
+    np.testing.assert_allclose(widening.offset, [6e-5, 0.0, 0.0], atol=1e-6)
+
+
+def test_a_touch_stronger_than_the_widest_band_is_never_taken_for_the_zero():
+    zero = IdleZero(ZeroTracking(), np.zeros(3))
+    time = np.arange(0.0, 3600.0, 0.5)
+    assert not followed(zero, time, np.tile([0.0, 81e-6, 0.0], (len(time), 1))).any()
+    assert not zero.drift.any()
+
+
+def test_a_still_zero_neither_moves_nor_widens_its_band():
+    zero = IdleZero(ZeroTracking(hold=0.0, time_constant=np.inf), np.zeros(3))
+    time = np.arange(0.0, 200.0, 0.5)
+    read = np.where(time[:, None] < 100, 45e-6, 35e-6) * np.ones(3)
+    np.testing.assert_array_equal(followed(zero, time, read), time >= 100)
+    assert not zero.drift.any()
+
+
+def test_after_a_reading_not_believed_idleness_holds_anew():
+    zero = IdleZero(ZeroTracking(hold=1.0), np.zeros(3))
+    for k in range(30):
+        zero.step(0.1 * k, np.full(3, 2e-5))
+    moved = zero.drift.copy()
+    assert (moved > 0).all()
+    zero.interrupt(3.0)
+    for k in range(31, 40):
+        zero.step(0.1 * k, np.full(3, 2e-5))
+    np.testing.assert_array_equal(zero.drift, moved)
+
+
+@pytest.mark.recordings
+def test_idle_moments_of_a_real_recording_are_found_among_presses(recordings):
+    (run,) = (one for one in read_eflesh(recordings) if one.set == "spatial_resolution")
+    rest = run.field - run.field_rezeroed
+    zero = IdleZero(ZeroTracking(hold=0.0, time_constant=30.0), rest[0])
+    idle = [
+        (zero.step(float(t) - 2.0, a), zero.step(float(t), b))
+        for t, a, b in zip(run.time, rest, run.field, strict=True)
+    ]
+    at_rest, pressed = np.sum(idle, axis=0)
+    assert at_rest > 0.99 * len(rest)
+    assert pressed == 0
+    assert zero.believed

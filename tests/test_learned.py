@@ -11,7 +11,8 @@ from safetensors.numpy import load_file, save_file
 
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.records import ChipFlag, Reading, Status
-from smoskin.sensing.encoding import Encoding, Form
+from smoskin.sensing.conditioning import ZeroTracking
+from smoskin.sensing.encoding import Encoding, Form, Past
 from smoskin.sensing.learned import (
     LearnedEstimator,
     LearnedModel,
@@ -100,6 +101,68 @@ def test_batch_and_step_agree_and_only_the_outputs_are_numbers(outputs, form, me
         assert np.flatnonzero(finite.any(axis=0)).tolist() == known
         assert finite.sum() == len(known) ** 2
         assert np.isnan(np.delete(whole, [*known, 0, 1])).all()
+
+
+def test_memory_of_strength_is_the_same_in_batch_and_live():
+    memory = Encoding(
+        chips=(0, 1),
+        form=Form.DIRECTION,
+        time_constants=(0.3, 2.0),
+        past=Past.STRENGTH,
+        floor=1e-4,
+    )
+    stream = readings()
+    inputs = memory.encode(np.array([r.time for r in stream]), np.stack([r.field for r in stream]))
+    this = replace(
+        model(form=Form.DIRECTION, chips=(0, 1)),
+        encoding=memory,
+        centre=np.zeros(9),
+        scale=np.ones(9),
+        support=inputs,
+        weights=np.ones((len(inputs), 2)),
+        slope=np.ones((9, 2)),
+        reach=1e3,
+    )
+    places = [e.contacts[0].position for e in LearnedEstimator(this, ZERO).batch(stream)]
+    np.testing.assert_allclose(places, this.predict(inputs).values, rtol=1e-12)
+
+
+def test_a_zero_that_follows_takes_drift_out_and_a_still_one_does_not():
+    rng = np.random.default_rng(3)
+    touch = 1e-3 * rng.normal(size=(CHIPS, 3))
+    this = replace(model(), reach=1e6)
+    tracking = ZeroTracking(hold=0.5, time_constant=2.0)
+    moving, still = LearnedEstimator(this, ZERO, tracking=tracking), LearnedEstimator(this, ZERO)
+    (expected,) = LearnedEstimator(this, ZERO).step(Reading(time=0.0, field=touch)).contacts
+    for k in range(900):  # 1 uT a second on every axis
+        reading = Reading(time=0.1 * k, field=np.full((CHIPS, 3), 1e-7 * k))
+        assert moving.step(reading).status is Status.NO_CONTACT
+        still.step(reading)
+    pressed = Reading(time=90.0, field=touch + 9e-5)
+    errors = [
+        np.linalg.norm(one.step(pressed).contacts[0].position - expected.position)
+        for one in (moving, still)
+    ]
+    assert errors[0] < 0.1 * errors[1]
+    moving.reset()
+    (again,) = moving.step(Reading(time=0.0, field=touch)).contacts
+    np.testing.assert_allclose(again.position, expected.position)
+
+
+def test_a_zero_that_moved_too_far_is_not_believed():
+    tracking = ZeroTracking(hold=0.0, time_constant=0.1, drift_bound=20e-6)
+    estimator = LearnedEstimator(model(), ZERO, tracking=tracking)
+    statuses = [
+        estimator.step(Reading(time=0.1 * k, field=np.full((CHIPS, 3), 1e-6 * k))).status
+        for k in range(1, 60)
+    ]
+    assert statuses[0] is Status.NO_CONTACT
+    assert statuses[-1] is Status.NOT_CALIBRATED
+
+
+def test_a_model_of_several_touches_is_not_for_this_estimator():
+    with pytest.raises(ArgumentError, match="must give one touch; got one of X, Y, XX"):
+        LearnedEstimator(model(outputs=(Output.X, Output.Y, Output.XX)))
 
 
 def test_statuses():
@@ -208,6 +271,8 @@ def rewritten(path, change):
         (lambda spec, arrays: spec.update(format=2), "format must be 1; got 2"),
         (lambda spec, arrays: spec.pop("outputs"), "description is damaged: KeyError"),
         (lambda spec, arrays: spec["input"].update(form="MAGIC"), "description is damaged"),
+        (lambda spec, arrays: spec["input"].pop("past"), "description is damaged"),
+        (lambda spec, arrays: spec["input"].update(floor_T=0), "description is damaged"),
         (
             lambda spec, arrays: spec["input"].update(chips=[0]),
             r"centre must have shape \(..., 4\)",

@@ -9,7 +9,13 @@ from scipy.stats import multivariate_normal
 from smoskin.errors import ArgumentError
 from smoskin.sensing.encoding import Encoding, Form
 from smoskin.sensing.learned import Output
-from smoskin.sensing.training import Effort, Examples, negative_log_posterior, train
+from smoskin.sensing.training import (
+    Effort,
+    Examples,
+    choose_encoding,
+    negative_log_posterior,
+    train,
+)
 
 LITTLE = Effort(rows=600, evidence_rows=150, iterations=15)
 CHIPS = np.array([[0.0, 0.0], [0.02, 0.0], [0.01, 0.02]])
@@ -175,6 +181,38 @@ def test_progress_ends_complete():
     assert heard[-1] == ("final fit", 1.0)
     assert all(0 <= share <= 1 for _, share in heard)
     assert ("lengths and noise", 0.0) in heard
+
+
+@pytest.mark.slow
+def test_the_encoding_that_knows_what_matters_is_chosen():
+    examples = cycles(runs=1)
+    chips = (0, 2)
+    blind, seeing, other = (
+        Encoding(chips=chips, time_constants=times) for times in ((), (1.0,), (50.0,))
+    )
+    for order in ((blind, seeing, other), (other, seeing, blind)):
+        assert choose_encoding(examples, order, effort=LITTLE) is seeing
+    assert choose_encoding(examples, (blind,), effort=LITTLE) is blind
+
+
+@pytest.mark.slow
+def test_rows_without_an_answer_and_other_runs_have_no_say_in_the_choice():
+    examples = cycles(runs=2)
+    wrong = np.where(examples.run[:, None] == 1, np.nan, examples.targets)
+    encodings = [Encoding(chips=(0, 2), time_constants=times) for times in ((), (1.0,))]
+    assert (
+        choose_encoding(replace(examples, targets=wrong), encodings, effort=LITTLE)
+        is (encodings[1])
+    )
+
+
+def test_nothing_to_choose_from_is_refused():
+    examples = cycles(runs=1)
+    two = [Encoding(chips=(0,)), Encoding(chips=(1,))]
+    with pytest.raises(ArgumentError, match="encodings must hold at least one; got none"):
+        choose_encoding(examples, [])
+    with pytest.raises(ArgumentError, match="runs of at least three groups"):
+        choose_encoding(replace(examples, group=np.minimum(examples.group, 1)), two)
 
 
 def test_wrong_examples_are_refused():

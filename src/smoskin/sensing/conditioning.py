@@ -4,7 +4,9 @@ A chip reads ``f(T) (B + X) + e``: the field B of its own magnet and X of the ot
 weakened by f as they warm, plus an offset e of electronics and surroundings. A calibration turns
 what a chip says, as it is mounted, and scales it to the magnet as designed (S6). The zero is the
 offset found while the skin is untouched; it is followed slowly while the skin stays idle, up to
-a bound past which the zero is no longer believed. Source: SI Text S11 (5 % per 10 degC).
+a bound past which the zero is no longer believed. What counts as idle widens for a while with the
+time that nothing did, so that a zero that moved under a touch is found again. Source: SI Text S11
+(5 % per 10 degC).
 """
 
 import functools
@@ -36,6 +38,10 @@ class ZeroTracking:
 
     idle_field: float = 40e-6
     """T: a change below this on every axis counts as idle."""
+    widening_rate: float = 1e-6
+    """T/s that are added to it while nothing is idle: drift and recovery move the zero unseen."""
+    widening_limit: float = 40e-6
+    """T that are added to it at most; a steady touch fainter than the sum is taken for the zero."""
     hold: float = 1.0
     """s of idleness before the zero starts to follow."""
     time_constant: float = 10.0
@@ -49,6 +55,80 @@ class ZeroTracking:
                 raise ArgumentError(f"{name} must be positive; got {getattr(self, name)}")
         if not self.hold >= 0:
             raise ArgumentError(f"hold must be >= 0 s; got {self.hold}")
+        for name in ("widening_rate", "widening_limit"):
+            if not getattr(self, name) >= 0:
+                raise ArgumentError(f"{name} must be >= 0; got {getattr(self, name)}")
+
+
+class IdleZero:
+    """An offset that follows what is read while nothing touches.
+
+    Parameters
+    ----------
+    tracking : ZeroTracking
+    offset : Floats, any shape
+        T: the zero to start from.
+
+    Examples
+    --------
+    >>> zero = IdleZero(ZeroTracking(hold=0.0, time_constant=1.0), np.zeros(3))
+    >>> [zero.step(float(t), np.full(3, 2e-5)) for t in range(9)] == [True] * 9
+    True
+    >>> bool(np.allclose(zero.offset, 2e-5, rtol=1e-3))
+    True
+    """
+
+    def __init__(self, tracking: ZeroTracking, offset: Floats) -> None:
+        self.tracking = tracking
+        self.offset = offset
+        """T, the present zero."""
+        self.believed = True
+        """Whether it has stayed within its bound."""
+        self._start = offset
+        self._widening = 0.0
+        self._last_time: float | None = None
+        self._idle_since: float | None = None
+
+    @property
+    def drift(self) -> Floats:
+        """How far it has moved since the start, T."""
+        return np.asarray(self.offset - self._start)
+
+    def step(self, time: float, read: Floats) -> bool:
+        """Whether a reading, in T, is idle; the zero follows it once idleness has held."""
+        elapsed = self._elapsed(time)
+        tracking = self.tracking
+        band = tracking.idle_field + self._widening
+        # Plain numbers: for nine of them NumPy takes longer to start than Python to finish.
+        if not all(abs(change) < band for change in (read - self.offset).ravel().tolist()):
+            self._lose(elapsed)
+            return False
+        if self._idle_since is None:
+            self._idle_since = time
+        if time - self._idle_since >= tracking.hold:
+            kept = math.exp(-elapsed / tracking.time_constant)
+            self.offset = read + kept * (self.offset - read)
+            # At the zero's own pace: sooner, and the zero would run out of the band.
+            self._widening *= kept
+            self.believed = float(np.abs(self.drift).max()) <= tracking.drift_bound
+        return True
+
+    def interrupt(self, time: float) -> None:
+        """A reading came that cannot be believed: idleness has to hold anew."""
+        self._lose(self._elapsed(time))
+
+    def _elapsed(self, time: float) -> float:
+        """Seconds since the last reading of any kind."""
+        elapsed = 0.0 if self._last_time is None else time - self._last_time
+        self._last_time = time
+        return elapsed
+
+    def _lose(self, elapsed: float) -> None:
+        """Widen what counts as idle: nothing did, and the zero may move unseen."""
+        self._idle_since = None
+        if self.tracking.time_constant < math.inf:
+            wider = self._widening + self.tracking.widening_rate * elapsed
+            self._widening = min(wider, self.tracking.widening_limit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -100,22 +180,19 @@ class Conditioner:
         self._limit = 1.01 * float(hall.full_scale(setting).max())  # no chip says more than this
         self._jump = hall.full_scale(setting) if hall.wraps(setting) else None
         self._cross_talk = cross_talk - np.array(calibration.field_offset)
-        self._zero: Floats = np.zeros_like(rest_field)
-        self._offset: Floats = self._zero
         self.reset()
 
     @property
     def drift(self) -> Floats:
         """How far the zero has followed since it was set, shape (S, 3), T."""
-        return np.asarray(self._offset - self._zero)
+        return self._zero.drift
 
     def reset(self) -> None:
         """Return to the design's zero and forget earlier readings."""
-        self._set_zero(np.zeros_like(self._rest))
+        self._zero = IdleZero(self.tracking, np.zeros_like(self._rest))
         self._last_time = -np.inf
         self._last_raw: Floats | None = None
         self._last_degrees = [REFERENCE_TEMPERATURE] * len(self._rest)
-        self._idle_since: float | None = None
 
     def zero(self, readings: Sequence[Reading]) -> None:
         """Take the mean of these readings, made while nothing touches, as the zero.
@@ -137,7 +214,7 @@ class Conditioner:
             self._in_skin(r.field) - self._factors(r.temperature) * (self._rest + self._cross_talk)
             for r in good
         ]
-        self._set_zero(np.mean(offsets, axis=0))
+        self._zero = IdleZero(self.tracking, np.mean(offsets, axis=0))
 
     def step(self, reading: Reading) -> Conditioned:
         """Condition the next reading.
@@ -152,22 +229,17 @@ class Conditioner:
         status = Status.STALE if stale else self._fault(reading)
         if stale:
             return Conditioned(field=self._rest, status=status)
-        elapsed = reading.time - self._last_time
         self._last_time = reading.time
         if status is not None:
-            self._idle_since = None
+            self._zero.interrupt(reading.time)
             return Conditioned(field=self._rest, status=status)
         self._last_raw = reading.field
         seen = self._in_skin(reading.field)
         factors = self._factors(reading.temperature)
-        field = (seen - self._offset) / factors - self._cross_talk
-        changes = (field - self._rest).ravel().tolist()
-        if all(abs(change) < self.tracking.idle_field for change in changes):
+        field = (seen - self._zero.offset) / factors - self._cross_talk
+        if self._zero.step(reading.time, seen - factors * (self._rest + self._cross_talk)):
             status = Status.NO_CONTACT
-            self._follow(reading.time, elapsed, seen - factors * (self._rest + self._cross_talk))
-        else:
-            self._idle_since = None
-        if self._drifted:
+        if not self._zero.believed:
             status = Status.NOT_CALIBRATED
         return Conditioned(field=field, status=status)
 
@@ -213,18 +285,3 @@ class Conditioner:
             for now, before in zip(temperature.tolist(), self._last_degrees, strict=True)
         ]
         return temperature_factor(self._last_degrees)[:, None]
-
-    def _follow(self, time: float, elapsed: float, offset: Floats) -> None:
-        """Let the zero follow an idle reading."""
-        if self._idle_since is None:
-            self._idle_since = time
-        if time - self._idle_since >= self.tracking.hold:
-            weight = -np.expm1(-elapsed / self.tracking.time_constant)
-            self._offset = self._offset + weight * (offset - self._offset)
-            self._drifted = bool(np.abs(self.drift).max() > self.tracking.drift_bound)
-
-    def _set_zero(self, offset: Floats) -> None:
-        self._zero = offset
-        self._offset = offset
-        self._drifted = False
-        self._idle_since = None

@@ -1,8 +1,8 @@
 """How zeroed fields are laid out as the inputs of a learned model.
 
 Decides which chips are used, whether strength is told apart from direction, and how much of the
-past is shown; training and run time share it, so that both see the same numbers. History is
-causal: an input depends on its own field and on earlier ones alone.
+past is shown, in what form; training and run time share it, so that both see the same numbers.
+History is causal: an input depends on its own field and on earlier ones alone.
 """
 
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ import numpy as np
 from smoskin.arrays import Floats, floats
 from smoskin.errors import ArgumentError
 
-_FAINT: Final = 1e-6
-"""T, added in quadrature so that the logarithm of no field at all stays finite."""
+_FLOOR: Final = 1e-6
+"""T, a fraction of a chip's step: faint fields keep their direction."""
 
 
 class Form(Enum):
@@ -28,6 +28,16 @@ class Form(Enum):
     )
 
 
+class Past(Enum):
+    """What of the field is set against its past; the value is a sentence for people."""
+
+    COMPONENTS = "Every component of the used chips' zeroed field, in T."
+    STRENGTH = (
+        "The logarithm of the field's length alone: a rubber's hysteresis is a share of its load, "
+        "so that what is learned of it holds at any load."
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Encoding:
     """What a model is fed: fields of some chips, now and against their recent past."""
@@ -37,19 +47,27 @@ class Encoding:
     form: Form = Form.COMPONENTS
     """Layout of the present field."""
     time_constants: tuple[float, ...] = ()
-    """s: for each, the field less its trailing exponential mean is fed too (hysteresis)."""
+    """s: for each, `past` less its trailing exponential mean is fed too (hysteresis, creep)."""
+    past: Past = Past.COMPONENTS
+    """What the time constants apply to."""
+    floor: float = _FLOOR
+    """T, added to the length in quadrature: a much fainter field has no direction, and its
+    logarithm stays finite."""
 
     def __post_init__(self) -> None:
         if not self.chips or min(self.chips) < 0 or len(set(self.chips)) != len(self.chips):
             raise ArgumentError(f"chips must be distinct indices from 0; got {self.chips}")
         if not all(0 < tau < np.inf for tau in self.time_constants):
             raise ArgumentError(f"time_constants must be positive; got {self.time_constants}")
+        if not 0 < self.floor < np.inf:
+            raise ArgumentError(f"floor must be positive; got {self.floor}")
 
     @property
     def columns(self) -> int:
         """Number of inputs that a model with this encoding has."""
         present = 3 * len(self.chips)
-        return present * (1 + len(self.time_constants)) + (self.form is Form.DIRECTION)
+        followed = present if self.past is Past.COMPONENTS else 1
+        return present + (self.form is Form.DIRECTION) + followed * len(self.time_constants)
 
     def encode(self, time: Floats, field: Floats) -> Floats:
         """Inputs of consecutive zeroed fields, which see only what came before them.
@@ -76,14 +94,22 @@ class Encoding:
                 f"field must have the chips {self.chips}; got {field.shape[1]} chips"
             )
         used = field[:, list(self.chips)].reshape(len(field), -1)
-        return self.lay_out(used, History(self.time_constants).lags(time, used))
+        return self.lay_out(used, History(self.time_constants).lags(time, self.followed(used)))
+
+    def followed(self, used: Floats) -> Floats:
+        """What a history follows of the used chips' fields (T, C)."""
+        return used if self.past is Past.COMPONENTS else np.log(self._length(used))
 
     def lay_out(self, used: Floats, lags: Floats) -> Floats:
-        """Inputs (T, D) from the used chips' fields (T, C) and their lags (T, L * C)."""
+        """Inputs (T, D) from the used chips' fields (T, C) and the lags of what is followed."""
         if self.form is Form.COMPONENTS:
             return np.concatenate([used, lags], axis=1)
-        length = np.sqrt((used**2).sum(axis=1, keepdims=True) + _FAINT**2)
+        length = self._length(used)
         return np.concatenate([used / length, np.log(length), lags], axis=1)
+
+    def _length(self, used: Floats) -> Floats:
+        """Length of the field across the used chips, (T, 1), T, at least the floor."""
+        return np.asarray(np.sqrt((used**2).sum(axis=1, keepdims=True) + self.floor**2))
 
     def faintness(self, inputs: Floats) -> Floats:
         """One over the squared length of each row's field, shape (T,), T^-2; 0 where not told."""
@@ -93,24 +119,24 @@ class Encoding:
 
 
 class History:
-    """Trailing exponential means of a field, one for each time constant."""
+    """Trailing exponential means of a quantity, one for each time constant."""
 
     def __init__(self, time_constants: tuple[float, ...]) -> None:
         self._time_constants = np.array(time_constants)[:, None]
         self._means: Floats | None = None
         self._time = 0.0
 
-    def step(self, time: float, field: Floats) -> Floats:
-        """The field less each mean, shape (L * C,); the first field starts the means."""
+    def step(self, time: float, now: Floats) -> Floats:
+        """What is now, (C,), less each mean, shape (L * C,); the first call starts the means."""
         if self._means is None:
-            self._means = np.tile(field, (len(self._time_constants), 1))
+            self._means = np.tile(now, (len(self._time_constants), 1))
         weight = -np.expm1(-(time - self._time) / self._time_constants)
         self._time = time
-        self._means = self._means + weight * (field - self._means)
-        return np.asarray((field - self._means).reshape(-1))
+        self._means = self._means + weight * (now - self._means)
+        return np.asarray((now - self._means).reshape(-1))
 
-    def lags(self, time: Floats, field: Floats) -> Floats:
-        """The same for consecutive fields, shape (T, L * C)."""
+    def lags(self, time: Floats, values: Floats) -> Floats:
+        """The same for consecutive values (T, C), shape (T, L * C)."""
         if not self._time_constants.size:
-            return np.zeros((len(field), 0))
-        return np.stack([self.step(float(t), row) for t, row in zip(time, field, strict=True)])
+            return np.zeros((len(values), 0))
+        return np.stack([self.step(float(t), row) for t, row in zip(time, values, strict=True)])

@@ -20,12 +20,17 @@ from smoskin.arrays import Floats, floats, frozen
 from smoskin.errors import ArgumentError, MissingExtraError, ModelError
 from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
-from smoskin.sensing.encoding import Encoding, Form, History
+from smoskin.sensing.conditioning import IdleZero, ZeroTracking
+from smoskin.sensing.encoding import Encoding, Form, History, Past
 
 _FORMAT: Final = 1
 _KEY: Final = "smoskin_model"
 _BAD: Final = int(ChipFlag.MISSING | ChipFlag.INVALID)
 _FULL: Final = int(ChipFlag.SATURATED | ChipFlag.WRAPPED)
+_ROWS: Final = 5
+"""Of an estimate's covariance."""
+_STILL: Final = ZeroTracking(idle_field=np.finfo(float).tiny, time_constant=np.inf)
+"""No reading counts as idle, so that the zero stays as it was given."""
 _TENSORS: Final = (
     "centre",
     "scale",
@@ -40,18 +45,24 @@ _TENSORS: Final = (
 
 
 class Output(Enum):
-    """What a model may give; the value is its row in an estimate's covariance."""
+    """What a model may give; the value is its row in an estimate's covariance, if it is below 5."""
 
     X = 0
     Y = 1
     FX = 2
     FY = 3
     FZ = 4
+    XX = 5
+    """Mean square of x about X over all touches; X and Y are then the touches' centre."""
+    XY = 6
+    """Mean product of x and y about X and Y."""
+    YY = 7
+    """Mean square of y about Y."""
 
     @property
     def unit(self) -> str:
         """SI unit."""
-        return "m" if self.value < 2 else "N"
+        return "m" if self.value < 2 else "N" if self.value < 5 else "m^2"
 
 
 class Metric(NamedTuple):
@@ -205,6 +216,8 @@ class LearnedModel:
                 "zero": "less the mean of readings of the untouched skin",
                 "form": self.encoding.form.name,
                 "time_constants_s": list(self.encoding.time_constants),
+                "past": self.encoding.past.name,
+                "floor_T": self.encoding.floor,
             },
             "outputs": [{"name": one.name, "unit": one.unit} for one in self.outputs],
             "touch_field_T": self.touch_field,
@@ -247,6 +260,8 @@ def load_model(path: Path | str) -> LearnedModel:
                 chips=tuple(int(chip) for chip in given["chips"]),
                 form=Form[given["form"]],
                 time_constants=tuple(float(tau) for tau in given["time_constants_s"]),
+                past=Past[given["past"]],
+                floor=float(given["floor_T"]),
             ),
             chips_in_reading=int(given["chips_in_reading"]),
             outputs=tuple(Output[one["name"]] for one in spec["outputs"]),
@@ -273,15 +288,34 @@ class LearnedEstimator(Estimator):
     zero : Floats, shape (S, 3), optional
         T: the untouched skin's field, where it is known; zeros for a source that takes its
         own zero off. Without it every estimate says `NOT_CALIBRATED` until `zero` is called.
+    tracking : ZeroTracking, optional
+        How the zero follows drift while the skin is idle; by default it stays.
 
     Notes
     -----
     Quantities that the model does not give are NaN, in contacts and in the covariance; a model
     of force alone gives the place that it was trained at.
+
+    Raises
+    ------
+    ArgumentError
+        If the zero is not finite, or the model tells several touches by their spread.
     """
 
-    def __init__(self, model: LearnedModel, zero: Floats | None = None) -> None:
+    def __init__(
+        self,
+        model: LearnedModel,
+        zero: Floats | None = None,
+        *,
+        tracking: ZeroTracking | None = None,
+    ) -> None:
+        if any(one.value >= _ROWS for one in model.outputs):
+            raise ArgumentError(
+                "model must give one touch; got one of "
+                + ", ".join(one.name for one in model.outputs)
+            )
         self.model = model
+        self._tracking = tracking or _STILL
         self._chips = list(model.encoding.chips)
         shape = (model.chips_in_reading, 3)
         self._given = None if zero is None else frozen("zero", zero, shape)
@@ -291,9 +325,8 @@ class LearnedEstimator(Estimator):
 
     def reset(self) -> None:
         """Return to the zero given at the start, and forget earlier readings."""
-        self._zero = None if self._given is None else self._given[self._chips].reshape(-1)
         self._last_time = -np.inf
-        self._history = History(self.model.encoding.time_constants)
+        self._set_zero(None if self._given is None else self._given[self._chips].reshape(-1))
 
     def zero(self, readings: Sequence[Reading]) -> None:
         """Take the mean of these readings, made while nothing touches, as the zero.
@@ -309,8 +342,7 @@ class LearnedEstimator(Estimator):
                 "readings must hold at least one in which the used chips are good; "
                 f"got {len(readings)} readings"
             )
-        self._zero = np.mean(good, axis=0)
-        self._history = History(self.model.encoding.time_constants)
+        self._set_zero(np.mean(good, axis=0))
 
     def step(self, reading: Reading) -> Estimate:
         """The touch that one reading shows.
@@ -350,6 +382,11 @@ class LearnedEstimator(Estimator):
                 f"examples did; got {len(reading.field)}"
             )
 
+    def _set_zero(self, zero: Floats | None) -> None:
+        """Start from this zero, with no past."""
+        self._zero = None if zero is None else IdleZero(self._tracking, zero)
+        self._history = History(self.model.encoding.time_constants)
+
     def _used(self, reading: Reading) -> Floats:
         """Field of the used chips in a row."""
         return reading.field[self._chips].reshape(-1)
@@ -370,24 +407,30 @@ class LearnedEstimator(Estimator):
             return Status.STALE
         self._last_time = reading.time
         fault = self._fault(reading)
-        if fault is not None:
-            return fault
         if self._zero is None:
+            return fault or Status.NOT_CALIBRATED
+        if fault is not None:
+            self._zero.interrupt(reading.time)
+            return fault
+        read = self._used(reading)
+        used = read - self._zero.offset
+        idle = self._zero.step(reading.time, read)
+        encoding = self.model.encoding
+        lags = self._history.step(reading.time, encoding.followed(used[None])[0])
+        if not self._zero.believed:
             return Status.NOT_CALIBRATED
-        used = self._used(reading) - self._zero
-        lags = self._history.step(reading.time, used)
-        if np.sqrt(used @ used) < self.model.touch_field:
+        if idle or np.sqrt(used @ used) < self.model.touch_field:
             return Status.NO_CONTACT
-        return np.asarray(self.model.encoding.lay_out(used[None], lags[None])[0])
+        return np.asarray(encoding.lay_out(used[None], lags[None])[0])
 
     def _answers(self, inputs: Floats) -> list[tuple[Floats, Floats, float]]:
         """(x, y, Fx, Fy, Fz), its covariance and the novelty, for each row."""
         said = self.model.predict(inputs)
         at = [one.value for one in self.model.outputs]
-        values = np.full((len(inputs), 5), np.nan)
+        values = np.full((len(inputs), _ROWS), np.nan)
         values[:, :2] = self.model.place
         values[:, at] = said.values
-        spread = np.full((len(inputs), 5, 5), np.nan)
+        spread = np.full((len(inputs), _ROWS, _ROWS), np.nan)
         spread[np.ix_(range(len(inputs)), at, at)] = said.covariance
         return list(zip(values, spread, said.novelty.tolist(), strict=True))
 

@@ -1,13 +1,14 @@
 """Trains the models that `smoskin.sensing.learned` runs: Gaussian processes of encoded fields.
 
-Decides how examples are held out (whole groups: a place, a cycle, never single rows), how the
-lengths, amplitudes and noise are found (the most probable ones, by the gradient of the marginal
-likelihood), and what a model is told about its own accuracy (residuals on what was held out).
-The noise has a part that grows as the field gets faint. Needs NumPy and SciPy alone.
+Decides how examples are held out (whole groups: a place, a cycle, never single rows), which of
+several encodings suits them, how the lengths, amplitudes and noise are found (the most probable
+ones, by the gradient of the marginal likelihood), and what a model is told about its own accuracy
+(residuals on what was held out). The noise has a part that grows as the field gets faint. Needs
+NumPy and SciPy alone.
 """
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple, TypeAlias
 
@@ -28,6 +29,7 @@ Progress: TypeAlias = Callable[[str, float], None]
 
 _JITTER: Final = 1e-8
 _HELD_OUT: Final = 0.15
+_STRETCHES: Final = 3
 _BELIEVED_SHARE: Final = 0.99
 _BEYOND: Final = 2.0
 """A model is believed to this multiple of the distance that holds the believed share."""
@@ -207,6 +209,74 @@ def train(
     final = _solve(problem, parameters, inputs[rows], targets[rows])
     report("final fit", 1.0)
     return replace(judged, **final._asdict())
+
+
+def choose_encoding(
+    examples: Examples,
+    encodings: Sequence[Encoding],
+    *,
+    seed: int = 0,
+    effort: Effort | None = None,
+) -> Encoding:
+    """The encoding that errs least on stretches of time that training did not see.
+
+    Parameters
+    ----------
+    examples : Examples
+        Of one run or several, each of at least three groups one after the other.
+    encodings : sequence of Encoding
+        To choose from; the first of equals is taken.
+    seed : int, optional
+        Of each training.
+    effort : Effort, optional
+        Of each training, of which there are three for every encoding.
+
+    Returns
+    -------
+    Encoding
+
+    Raises
+    ------
+    ArgumentError
+        If there is no encoding, or no group to hold out.
+
+    Notes
+    -----
+    A third of each run's groups, consecutive in time, is held out in turn. The first group of a
+    run is always trained on: histories start empty there, as they do wherever a model is used.
+    """
+    if not encodings:
+        raise ArgumentError("encodings must hold at least one; got none")
+    if len(encodings) == 1:
+        return encodings[0]
+    stretch = _stretches(examples)
+    held = [stretch == k for k in range(_STRETCHES) if (stretch == k).any()]
+    if len(held) < 2:
+        raise ArgumentError("examples must hold runs of at least three groups with known answers")
+
+    def error(encoding: Encoding) -> float:
+        inputs = examples.encode(encoding)
+        errors = []
+        for rows in held:
+            model = train(examples.where(~rows), encoding, seed=seed, effort=effort)
+            miss = model.predict(inputs[rows]).values - examples.targets[rows]
+            errors.append(np.sqrt((miss**2).mean(axis=0)))
+        return float((np.mean(errors, axis=0) / np.nanstd(examples.targets, axis=0)).mean())
+
+    return min(encodings, key=error)
+
+
+def _stretches(examples: Examples) -> Ints:
+    """Which stretch of its run a row with a known answer belongs to; -1 is never held out."""
+    stretch = np.full(len(examples.time), -1)
+    for run in np.unique(examples.run):
+        rows = np.flatnonzero((examples.run == run) & examples.known)
+        groups, first, member = np.unique(
+            examples.group[rows], return_index=True, return_inverse=True
+        )
+        order = np.argsort(np.argsort(first))[member.reshape(-1)]
+        stretch[rows] = (order - 1) * _STRETCHES // max(len(groups) - 1, 1)
+    return stretch
 
 
 class _Problem(NamedTuple):

@@ -1,11 +1,13 @@
 """Recordings that others made, read from the layouts that they published them in.
 
-Decides how the folders of the eFlesh characterisation become arrays in SI: which sets and runs
-there are, how rows of several files pair up in time, and which marks mean "no reading". Hides
-the files; a file that is cut short, of another width or not numeric is an error that names the
-line, never a guess.
+Decides how two layouts become arrays in SI: the folders of the eFlesh characterisation, and files
+of one and two touches on a grid of cells. Which runs there are, how rows of several files pair up
+in time, and which marks mean "no reading". Hides the files; a file that is cut short, of another
+width or not numeric is an error that names the line, never a guess.
 """
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -22,6 +24,7 @@ _GRAM_FORCE: Final = 9.81e-3
 _NO_LOAD: Final = -1.0
 _MOST_UNPAIRED: Final = 0.05
 """Share of rows that may lack a partner in another file before the run is refused."""
+_TOUCH_FILES: Final = ("position_*.csv", "multi_touch_*.csv")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,6 +61,61 @@ class ProbeRun:
             object.__setattr__(self, name, frozen(name, getattr(self, name), shape))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TouchRun:
+    """One file of touches held on known cells of a grid."""
+
+    name: str
+    """The file's, without its ending."""
+    time: Floats
+    """(T,), s, unix time, not decreasing."""
+    field: Floats
+    """(T, S, 3), T, less a zero that was taken before the run."""
+    load: Floats
+    """(T,), N, of all touches together; pressing is positive."""
+    cells: Floats
+    """(T, C, 2): column and row of each of the C touches, as the file counts them."""
+    dropouts: int
+    """Rows left out because every chip read nothing but zeros."""
+
+    def __post_init__(self) -> None:
+        rows, chips = self.field.shape[:2]
+        shapes: dict[str, tuple[int, ...]] = {
+            "time": (rows,),
+            "field": (rows, chips, 3),
+            "load": (rows,),
+            "cells": (rows, self.cells.shape[1], 2),
+        }
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, frozen(name, getattr(self, name), shape))
+
+
+def read_recordings(
+    directory: Path | str,
+) -> tuple[tuple[ProbeRun, ...], tuple[TouchRun, ...]]:
+    """All recordings under a folder, of whatever known layout.
+
+    Parameters
+    ----------
+    directory : Path or str
+        As `read_eflesh` or `read_touches` takes it.
+
+    Returns
+    -------
+    tuple of ProbeRun, tuple of TouchRun
+        Not both empty.
+
+    Raises
+    ------
+    RecordingError
+        If there is none, or a file cannot be believed.
+    """
+    touches = read_touches(directory)
+    if touches and _eflesh_folder(Path(directory)) is None:
+        return (), touches
+    return read_eflesh(directory), touches
+
+
 def read_eflesh(directory: Path | str) -> tuple[ProbeRun, ...]:
     """All runs of the eFlesh characterisation under a folder.
 
@@ -80,16 +138,92 @@ def read_eflesh(directory: Path | str) -> tuple[ProbeRun, ...]:
     -----
     Source: arXiv:2506.09994, public data of its characterisation.
     """
+    place = _eflesh_folder(Path(directory))
+    if place is None:
+        raise RecordingError(
+            f"directory must hold one of {', '.join(EFLESH_SETS)}, or be a folder above them "
+            "(eflesh, characterization or datasets), or hold files of touches "
+            f"({' and '.join(_TOUCH_FILES)}); got {directory}"
+        )
+    sets = [place / name for name in EFLESH_SETS if (place / name).is_dir()]
+    return tuple(run for folder in sets for run in _read_set(folder))
+
+
+def read_touches(directory: Path | str) -> tuple[TouchRun, ...]:
+    """All files of touches on a grid of cells under a folder.
+
+    Parameters
+    ----------
+    directory : Path or str
+        Files `position_*.csv` (one touch) and `multi_touch_*.csv` are looked for in it and in
+        all folders below it.
+
+    Returns
+    -------
+    tuple of TouchRun
+        In the order of their paths; empty if there is none.
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be believed.
+
+    Notes
+    -----
+    A file opens with the names of its columns: `timestamp` in s, `fz` in N with pressing
+    negative, `mag0_x` to `mag<n>_z` in uT, and cells in `x_pos` and `y_pos` or, for several
+    touches, `pos1_x`, `pos1_y`, `pos2_x`, and so on. Further columns are not used.
+    """
     root = Path(directory)
-    places = [root, root / "datasets", root / "characterization" / "datasets"]
-    for place in places:
-        found = [name for name in EFLESH_SETS if (place / name).is_dir()]
-        if found:
-            return tuple(run for name in found for run in _read_set(place / name))
-    raise RecordingError(
-        f"directory must hold one of {', '.join(EFLESH_SETS)}, or be a folder above them "
-        f"(eflesh, characterization or datasets); got {root}"
+    return tuple(
+        _read_touch_run(path)
+        for path in sorted(path for pattern in _TOUCH_FILES for path in root.rglob(pattern))
     )
+
+
+def _eflesh_folder(root: Path) -> Path | None:
+    """The folder at or below a root that holds sets of the eFlesh characterisation."""
+    for place in (root, root / "datasets", root / "characterization" / "datasets"):
+        if any((place / name).is_dir() for name in EFLESH_SETS):
+            return place
+    return None
+
+
+def _read_touch_run(path: Path) -> TouchRun:
+    """One file of touches, its dropouts left out."""
+    lines = _lines(path)
+    names = [name.strip().lower() for name in lines[0].removeprefix("\ufeff").split(",")]
+    if len(set(names)) != len(names):
+        raise RecordingError(f"{path}:1: the names of columns must differ; got {lines[0]!r}")
+    chips = _counted(names, r"mag(\d+)_[xyz]", first=0)
+    touches = _counted(names, r"pos(\d+)_[xy]", first=1)
+    cells = [f"pos{k + 1}_{axis}" for k in range(touches) for axis in "xy"] or ["x_pos", "y_pos"]
+    fields = [f"mag{chip}_{axis}" for chip in range(chips) for axis in "xyz"] or ["mag0_x"]
+    wanted = ["timestamp", "fz", *cells, *fields]
+    absent = [name for name in wanted if name not in names]
+    if absent:
+        raise RecordingError(f"{path}:1: the header must name {', '.join(absent)}")
+    table = _numbers(path, lines, header=1, time=names.index("timestamp"))
+    table = table[:, [names.index(name) for name in wanted]]
+    read = table[:, len(wanted) - len(fields) :]
+    kept = (read != 0).any(axis=1)
+    if not kept.any():
+        raise RecordingError(f"{path}: a run must have readings; every row is zeros")
+    table, read = table[kept], read[kept]
+    return TouchRun(
+        name=path.stem,
+        time=table[:, 0],
+        field=read.reshape(len(read), -1, 3) * 1e-6,
+        load=-table[:, 1],
+        cells=table[:, 2 : 2 + len(cells)].reshape(len(table), -1, 2),
+        dropouts=int((~kept).sum()),
+    )
+
+
+def _counted(names: Sequence[str], pattern: str, *, first: int) -> int:
+    """How many things columns speak of whose names carry a running number from the first."""
+    numbers = [int(match[1]) for name in names if (match := re.fullmatch(pattern, name))]
+    return max(numbers, default=first - 1) - first + 1
 
 
 def _read_set(folder: Path) -> list[ProbeRun]:
@@ -169,8 +303,13 @@ def _pair(time: Floats, other: Floats, path: Path, other_path: Path) -> tuple[In
 
 def _read_table(path: Path) -> Floats:
     """A CSV file of numbers without a header, its first column an increasing time."""
+    return _numbers(path, _lines(path), header=0, time=0)
+
+
+def _lines(path: Path) -> list[str]:
+    """The lines of a text file that is whole."""
     try:
-        text = path.read_text(encoding="ascii")
+        text = path.read_text(encoding="utf-8")
     except FileNotFoundError as error:
         raise RecordingError(f"{path}: a run must have this file; it is missing") from error
     except UnicodeDecodeError as error:
@@ -186,23 +325,30 @@ def _read_table(path: Path) -> Floats:
         )
     if not lines:
         raise RecordingError(f"{path}: must hold rows of numbers; it is empty")
+    return lines
+
+
+def _numbers(path: Path, lines: Sequence[str], *, header: int, time: int) -> Floats:
+    """Rows of numbers after so many lines of header, with time in one of the columns."""
     rows: list[list[float]] = []
-    for number, line in enumerate(lines, start=1):
+    columns = lines[0].count(",") + 1
+    for number, line in enumerate(lines[header:], start=header + 1):
         try:
             row = [float(cell) for cell in line.split(",")]
         except ValueError as error:
             raise RecordingError(f"{path}:{number}: {error}") from error
-        if rows and len(row) != len(rows[0]):
+        if len(row) != columns:
             raise RecordingError(
-                f"{path}:{number}: a row must have {len(rows[0])} columns, as line 1 has; "
-                f"got {len(row)}"
+                f"{path}:{number}: a row must have {columns} columns, as line 1 has; got {len(row)}"
             )
         rows.append(row)
+    if not rows:
+        raise RecordingError(f"{path}: must hold rows of numbers; it has none")
     table = np.array(rows)
     faulty = np.flatnonzero(~np.isfinite(table).all(axis=1))
     if len(faulty):
-        raise RecordingError(f"{path}:{faulty[0] + 1}: numbers must be finite")
-    back = np.flatnonzero(np.diff(table[:, 0]) < 0)
+        raise RecordingError(f"{path}:{faulty[0] + header + 1}: numbers must be finite")
+    back = np.flatnonzero(np.diff(table[:, time]) < 0)
     if len(back):
-        raise RecordingError(f"{path}:{back[0] + 2}: time must not run backwards")
+        raise RecordingError(f"{path}:{back[0] + header + 2}: time must not run backwards")
     return table
