@@ -90,6 +90,7 @@ def test_a_bench_calibrates_a_skin_and_the_skin_runs_with_it(tmp_path):
     assert "touches.csv" in refused("calibrate", str(table), "--out", str(file))
 
 
+@pytest.mark.slow
 def test_report_writes_its_files_and_says_how_many_rows_hold(tmp_path):
     done = smoskin("report", "--out", str(tmp_path / "report"))
     assert done.returncode == 0, done.stderr
