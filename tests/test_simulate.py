@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from chunk_work import contents
 from smoskin.apps.simulate import (
     parse_engine,
     parse_grip,
@@ -212,8 +213,7 @@ def test_the_command_sweeps_resumes_and_exports(simulate, tmp_path):
     assert f"in one file: {one_file}" in said
     names = sorted(one.name for one in broken.glob("chunk-*"))
     assert len(names) == 26
-    for name in names:
-        assert (broken / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    assert contents(broken) == contents(tmp_path / "whole")
     message = simulate(*words, "--seed", "1", "--out", str(broken), code=1)
     assert "another sweep: seed is 0 there and 1 here; use another folder" in message
     assert "\n" not in message
@@ -250,7 +250,7 @@ def test_the_whole_sheet_fills_a_set_bit_for_bit(planar, tmp_path):
         process.wait()
     assert not open_dataset(tmp_path / "killed").complete
     sets.append(run_sweep(planar, sweep, tmp_path / "killed").dataset)
-    images = [[one.read_bytes() for one in sorted(s.path.glob("chunk-*"))] for s in sets]
+    images = [contents(one.path) for one in sets]
     assert images[0] == images[1] == images[2]
     field = sets[0].column("field_T")
     assert np.isfinite(field[sets[0].column("valid")]).all()
