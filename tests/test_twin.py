@@ -220,3 +220,14 @@ def test_impossible_touches_are_refused(ideal, contact, message):
 def test_a_made_skin_needs_a_seed(planar):
     with pytest.raises(ArgumentError, match="seed must be a whole number"):
         Twin(planar, seed=None, manufactured=True)
+
+
+def test_two_touches_on_one_patch_are_one(ideal):
+    """Beyond the outermost vertices every touch has the same shares."""
+    half = (0.0, 0.0, -0.25)
+    one = ideal.motion([Contact(position=(0.0, 0.0), force=(0.0, 0.0, -0.5))])
+    two = ideal.motion(
+        [Contact(position=place, force=half) for place in ((0.0, 0.0), (2e-3, 1e-3))]
+    )
+    assert two.valid
+    assert_allclose(two.magnets, one.magnets, atol=1e-9)

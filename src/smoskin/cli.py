@@ -368,7 +368,9 @@ def virtual_bench(
 
 @bench.command()
 def recordings(
-    directory: Annotated[Path, typer.Argument(help="A folder of eFlesh or EFlashTeam7 recordings.")],
+    directory: Annotated[
+        Path, typer.Argument(help="A folder of eFlesh or EFlashTeam7 recordings.")
+    ],
     chips: Annotated[
         int | None, typer.Option(min=1, help="Judge this many chips, best on training data.")
     ] = None,

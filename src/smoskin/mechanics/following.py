@@ -93,7 +93,8 @@ def constrained_solve(
     yielding = tangent.solve(place, press.pulls)
     give = np.einsum("vdr,vds->rs", press.pulls, yielding) + press.link
     gap = closing - np.tensordot(press.pulls, free, axes=((0, 1), (0, 1)))
-    reaction = np.linalg.solve(give, gap.reshape(len(gap), -1)).reshape(gap.shape)
+    # Two touches on one patch share what holds it: the least of all reactions that would do.
+    reaction = np.linalg.lstsq(give, gap.reshape(len(gap), -1), rcond=None)[0].reshape(gap.shape)
     return free + np.tensordot(yielding, reaction, axes=1), reaction
 
 
