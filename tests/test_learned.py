@@ -268,7 +268,7 @@ def rewritten(path, change):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda spec, arrays: spec.update(format=2), "format must be 1; got 2"),
+        (lambda spec, arrays: spec.update(format=3), "format must be 2; got 3"),
         (lambda spec, arrays: spec.pop("outputs"), "description is damaged: KeyError"),
         (lambda spec, arrays: spec["input"].update(form="MAGIC"), "description is damaged"),
         (lambda spec, arrays: spec["input"].pop("past"), "description is damaged"),

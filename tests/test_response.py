@@ -7,8 +7,9 @@ import pytest
 
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.hall import noise
+from smoskin.magnetics.material import REFERENCE_TEMPERATURE
 from smoskin.mechanics.contact import Touches, patch_shares
-from smoskin.sensing.response import REFERENCE, ResponseTable, load_response_table
+from smoskin.sensing.response import ResponseTable, load_response_table
 from smoskin.sensing.response_fit import add_coupling, add_warmth, fit_response_table
 from smoskin.sensing.touch_basis import TouchBasis
 from smoskin.twin.readout import Readout
@@ -46,7 +47,7 @@ def test_slopes_are_derivatives(skin):
         assert slopes[..., k] == pytest.approx(change / (2 * step), rel=1e-4, abs=1e-6)
 
 
-@pytest.mark.parametrize("temperature", [REFERENCE, 15.0])
+@pytest.mark.parametrize("temperature", [REFERENCE_TEMPERATURE, 15.0])
 def test_one_touch_at_a_time_says_the_same_as_a_batch(skin, temperature):
     table = reduced_table(skin)
     table = replace(table, warmth=0.001 * table.mean)
@@ -82,12 +83,16 @@ def test_warmer_rubber_takes_its_share_off_the_force(skin):
     table = reduced_table(skin)
     factor = 1 + 10 * table.softening
     assert factor > 1.02
-    cool, warm = table.signals(AT, PUSH / factor), table.signals(AT, PUSH, REFERENCE + 10)
+    cool, warm = (
+        table.signals(AT, PUSH / factor),
+        table.signals(AT, PUSH, REFERENCE_TEMPERATURE + 10),
+    )
     assert warm == pytest.approx(cool, abs=1e-12)
     # What a degree changes besides is fitted to what is left.
     where, push = presses(skin, 300, seed=3)
     per_degree = (
-        table.signals(where, push, REFERENCE + 1) - table.signals(where, push, REFERENCE - 1)
+        table.signals(where, push, REFERENCE_TEMPERATURE + 1)
+        - table.signals(where, push, REFERENCE_TEMPERATURE - 1)
     ) / 2
     same = add_warmth(table, where, push, per_degree.reshape(300, 3, 3))
     assert np.abs(same.warmth).max() < 1e-3 * np.abs(table.mean).max()

@@ -20,7 +20,7 @@ import numpy as np
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.origami.cell import size
-from smoskin.origami.layout import hall_positions, magnet_positions
+from smoskin.origami.layout import hall_positions, magnet_positions, skin_extent
 from smoskin.origami.sheet import build_sheet, loaded_positions
 from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Sink
@@ -42,8 +42,7 @@ _HOLD: Final = 0.35
 """s: a touch starts every period, rises and falls in a ramp, and is held between."""
 _PRESS: Final = (0.2, 0.6)
 _DRAG: Final = (0.1, 0.3)
-"""N: of the scripted touches. A harder press takes the magnets of some made skins so near to their
-chips that these stand at the end of their range, and say so."""
+"""N: of the scripted touches, as light as a hand's that explores."""
 _LIGHTEST: Final = 1e-6
 """Share of a scripted touch below which it is none."""
 _OFF_VERTEX: Final = 0.2
@@ -264,7 +263,8 @@ class _Hand:
 
     def contacts(self, time: float) -> tuple[Contact, ...]:
         """What touches the skin at a time; the mouse pushes the hand aside."""
-        number, since = self._turn(time)
+        # Times that differ in their last bits alone are one, lest the twin be solved for each.
+        number, since = self._turn(round(time, 6))
         mouse = self.mouse
         if mouse is not None:
             self._spoilt.add(number)
@@ -380,6 +380,7 @@ class _Page(Sink):
 def _shape(design: SkinDesign) -> SkinShape:
     """What the page draws of a design."""
     sheet = build_sheet(design.cell, design.cells)
+    length, width = skin_extent(design).tolist()
     return SkinShape(
         vertices=sheet.vertices,
         facets=sheet.facets,
@@ -389,8 +390,5 @@ def _shape(design: SkinDesign) -> SkinShape:
         magnet_radius=design.magnets[0].radius,
         magnet_height=design.magnets[0].height,
         board=-design.columns.height,
-        extent=(
-            float(design.cells[0] * size(design.cell).length),
-            float(design.cells[1] * size(design.cell).width),
-        ),
+        extent=(length, width),
     )

@@ -13,16 +13,18 @@ from typing import Final
 import numpy as np
 
 from smoskin.arrays import Bools, Floats, Ints
-from smoskin.design.skin import SkinDesign
 from smoskin.magnetics import hall
 from smoskin.mechanics.contact import Touches
-from smoskin.mechanics.relaxation import creep, elastomer_prony
+from smoskin.mechanics.relaxation import elastomer_prony
+from smoskin.origami.layout import skin_extent
 from smoskin.records import Contact, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.few_touch import LabelledTouches, Target
 from smoskin.sensing.signals import Signals
+from smoskin.twin.creep import creeping
 from smoskin.twin.readout import Motion
 from smoskin.twin.skin import Twin
+from smoskin.twin.sweep import far_pairs
 
 _RAMP: Final = 0.02
 """s, in which a touch comes and goes."""
@@ -139,7 +141,7 @@ def grid_sessions(
     count : int, optional
         How many of the places, drawn anew for each force; all by default.
     """
-    extent = _extent(twin.design)
+    extent = skin_extent(twin.design)
     lines = [np.linspace(0, end, n) for end, n in zip(extent, places, strict=True)]
     grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 1, 2)
     for force in forces:
@@ -161,15 +163,10 @@ def pair_session(
     temperature: float = 25.0,
 ) -> Session:
     """Pairs of straight touches at once, anywhere but so far apart."""
-    extent = _extent(twin.design)
-    position = np.empty((0, 2, 2))
-    while len(position) < count:
-        drawn = rng.uniform(0, extent, (4 * count, 2, 2))
-        far = np.hypot(*(drawn[:, 0] - drawn[:, 1]).T) >= apart
-        position = np.concatenate([position, drawn[far]])
+    position = far_pairs(skin_extent(twin.design), apart, count, rng)
     push = np.zeros((count, 2, 3))
     push[..., 2] = -rng.uniform(*forces, (count, 2))
-    return press(twin, Touches(position=position[:count], force=push), temperature)
+    return press(twin, Touches(position=position, force=push), temperature)
 
 
 def readings(
@@ -183,23 +180,20 @@ def readings(
     held = np.zeros((len(session.touches), moments), dtype=bool)
     held[:, 1 : _JUDGED + 1] = True
     held = np.concatenate([np.zeros(_ZEROS, dtype=bool), held.ravel()])
-    flat = np.concatenate(
-        [session.motion.magnets.reshape(len(starts), -1), session.motion.board], axis=1
-    )
-    history = np.zeros((total, flat.shape[1]))
-    history[held] = np.repeat(flat, _JUDGED, axis=0)
+    steps = np.diff(times, prepend=times[0])
+    magnets = np.zeros((total, *session.motion.magnets.shape[1:]))
+    board = np.zeros((total, 3))
+    magnets[held] = np.repeat(session.motion.magnets, _JUDGED, axis=0)
+    board[held] = np.repeat(session.motion.board, _JUDGED, axis=0)
+    valid = np.ones(total, dtype=bool)
+    valid[held] = np.repeat(session.motion.valid, _JUDGED)
+    motion = Motion(magnets=magnets, board=board, valid=valid)
     if disturbance.creep:
-        # Pillars and columns are taken to be of one rubber.
-        history = creep(elastomer_prony(twin.design.columns.material), times, history)
-    motion = Motion(
-        magnets=history[:, :-3].reshape(total, -1, 6),
-        board=history[:, -3:],
-        valid=np.asarray(np.isfinite(history).all(axis=1)),
-    )
+        motion = creeping(twin.design, steps, motion)
     sample = twin.sample(motion, rng, temperature=np.full(total, session.temperature))
     field = hall.tesla(sample.counts, twin.design.hall_setting)
-    steps = np.sqrt(np.diff(times, prepend=times[0]))[:, None, None]
-    field = field + np.cumsum(disturbance.drift * steps * rng.normal(size=field.shape), axis=0)
+    walk = disturbance.drift * np.sqrt(steps)[:, None, None] * rng.normal(size=field.shape)
+    field = field + np.cumsum(walk, axis=0)
     degrees = hall.degrees(sample.temperature_counts)
     return [
         Reading(time=float(t), field=f, temperature=d, flags=g)
@@ -321,10 +315,3 @@ def _matched(values: Floats, truth: Floats) -> Ints:
 
 def _vector(contact: Contact) -> Floats:
     return np.concatenate([contact.position, contact.force])
-
-
-def _extent(design: SkinDesign) -> Floats:
-    from smoskin.origami.cell import size
-
-    cell = size(design.cell)
-    return np.multiply(design.cells, [cell.length, cell.width])

@@ -15,13 +15,16 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import hall
+from smoskin.magnetics.material import REFERENCE_TEMPERATURE
 from smoskin.mechanics.contact import Touches
 from smoskin.origami.cell import size
-from smoskin.sensing.response import REFERENCE, ResponseTable, load_response_table
+from smoskin.origami.layout import skin_extent
+from smoskin.sensing.response import ResponseTable, load_response_table
 from smoskin.sensing.response_fit import add_coupling, add_modes, add_warmth, fit_response_table
 from smoskin.twin.manufacture import Tolerances, draw
 from smoskin.twin.readout import Motion, Readout
 from smoskin.twin.skin import Twin
+from smoskin.twin.sweep import far_pairs
 
 Progress = Callable[[str, float], None]
 """Is told what is being pressed, and the share of the whole work that is done."""
@@ -96,7 +99,7 @@ def make_response_table(
     progress("warm and cold rubber", 0.2)
     where, push = _draw_presses(design, work, rng, work.presses_a_skin)
     cold, hot = (
-        _signals(design, ideal, _pressed(twin, where, push, REFERENCE + degrees))
+        _signals(design, ideal, _pressed(twin, where, push, REFERENCE_TEMPERATURE + degrees))
         for degrees in (-10.0, 10.0)
     )
     table = add_warmth(table, where, push, (hot - cold) / 20)
@@ -143,7 +146,7 @@ def _draw_presses(
     design: SkinDesign, work: Effort, rng: np.random.Generator, count: int
 ) -> tuple[Floats, Floats]:
     """Places (B, 2) and forces (B, 3) all over the skin; two in five are straight."""
-    where = rng.uniform(0, _extent(design), (count, 2))
+    where = rng.uniform(0, skin_extent(design), (count, 2))
     push = np.zeros((count, 3))
     push[:, 2] = -rng.uniform(*work.force, count)
     drag = work.drag * np.sqrt(rng.uniform(0, 1, count)) * (rng.uniform(0, 1, count) > 0.4)
@@ -156,18 +159,17 @@ def _draw_pairs(
     design: SkinDesign, work: Effort, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
     """Places (B, 2, 2) and forces (B, 2, 3) of straight pairs, more than a cell apart."""
-    extent, cell = _extent(design), size(design.cell)
-    where = np.empty((0, 2, 2))
-    while len(where) < work.pairs:
-        drawn = rng.uniform(0, extent, (work.pairs, 2, 2))
-        far = np.hypot(*(drawn[:, 0] - drawn[:, 1]).T) > max(cell.length, cell.width)
-        where = np.concatenate([where, drawn[far]])
+    cell = size(design.cell)
+    apart = float(max(cell.length, cell.width))
+    where = far_pairs(skin_extent(design), apart, work.pairs, rng)
     push = np.zeros((work.pairs, 2, 3))
     push[..., 2] = -rng.uniform(*work.force, (work.pairs, 2))
-    return where[: work.pairs], push
+    return where, push
 
 
-def _pressed(twin: Twin, where: Floats, push: Floats, temperature: float = REFERENCE) -> Motion:
+def _pressed(
+    twin: Twin, where: Floats, push: Floats, temperature: float = REFERENCE_TEMPERATURE
+) -> Motion:
     return twin.motions(
         Touches(position=where[:, None], force=push[:, None]), temperature=temperature
     )
@@ -179,11 +181,6 @@ def _signals(design: SkinDesign, readout: Readout, motion: Motion) -> Floats:
     rest = Motion(
         magnets=np.zeros_like(magnets[:1]), board=np.zeros_like(board[:1]), valid=np.ones(1, bool)
     )
-    turns = np.stack([hall.rotation(site) for site in design.halls])
+    turns = hall.rotations(design.halls)
     said = readout.seen(motion) - readout.seen(rest)
     return np.asarray(np.einsum("sij,bsj->bsi", turns, said))
-
-
-def _extent(design: SkinDesign) -> Floats:
-    cell = size(design.cell)
-    return np.multiply(design.cells, [cell.length, cell.width])

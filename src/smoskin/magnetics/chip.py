@@ -97,7 +97,7 @@ def mounting(sites: Sequence[HallSite], pose: ChipPose) -> Floats:
     >>> (mounting([site], quarter)[0] @ [1.0, 0.0, 0.0]).round(12)
     array([0., 1., 0.])
     """
-    designed = np.stack([hall.rotation(site) for site in sites])
+    designed = hall.rotations(sites)
     if pose.turn.shape not in ((3,), (len(sites), 3)):
         raise ArgumentError(
             f"pose must be of one chip or of {len(sites)}; its arrays have shape {pose.turn.shape}"

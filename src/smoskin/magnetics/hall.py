@@ -5,6 +5,7 @@ setting; hides the arithmetic of the converter, of whose bits 16 are read. Field
 the chip's own axes; `rotation` leads from there to the skin's. Register HALLCONF is 0xC.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -433,6 +434,11 @@ def choose_setting(
             f"got {np.round(extent * 1e3, 1)} mT"
         )
     return min(holding, key=lambda one: float(sensitivity(one)[0]))
+
+
+def rotations(sites: Sequence[HallSite]) -> Floats:
+    """`rotation` of each site, shape (S, 3, 3)."""
+    return np.stack([rotation(site) for site in sites])
 
 
 def rotation(site: HallSite) -> Floats:

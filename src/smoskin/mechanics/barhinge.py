@@ -35,7 +35,7 @@ from smoskin.mechanics.following import constrained_solve
 from smoskin.mechanics.lattice import Lattice, build_lattice
 from smoskin.mechanics.stiffness import board_stiffness
 from smoskin.mechanics.tangent import Place
-from smoskin.origami.cell import size
+from smoskin.origami.layout import skin_extent
 from smoskin.origami.sheet import loaded_positions
 
 STIFFNESSES: Final = (
@@ -320,8 +320,7 @@ class BarHinge:
         covered = isinstance(self.grip, Covered)
         weigh = cover_shares if covered else patch_shares
         shares = weigh(self.design, touches).reshape(rows, places, -1)
-        extent = size(self.design.cell)
-        middle = np.multiply(self.design.cells, [extent.length, extent.width]) / 2
+        middle = skin_extent(self.design) / 2
         arms = shares @ (loaded_positions(self.design).reshape(-1, 2) - middle)
         link = np.broadcast_to(_PAD * np.eye(2 * places), (rows, 2 * places, 2 * places)).copy()
         if not covered:
@@ -403,8 +402,7 @@ def yaw_stiffness(design: SkinDesign) -> float:
     >>> round(yaw_stiffness(read_design("planar")), 3)
     6.283
     """
-    extent = size(design.cell)
-    x, y = design.cells[0] * extent.length, design.cells[1] * extent.width
+    x, y = skin_extent(design)
     return float(board_stiffness(design) * (x**2 + y**2) / 12)
 
 

@@ -18,6 +18,7 @@ from smoskin.arrays import Bools, Floats, floats, frozen
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.origami.cell import size
+from smoskin.origami.layout import skin_extent
 from smoskin.origami.sheet import loaded_positions
 from smoskin.records import Contact
 
@@ -261,8 +262,7 @@ def _line_slopes(vertices: Floats, where: Floats) -> Floats:
 
 def _check_on_skin(design: SkinDesign, where: Floats) -> None:
     """Refuse positions off the skin."""
-    extent = size(design.cell)
-    whole = np.array([design.cells[0] * extent.length, design.cells[1] * extent.width])
+    whole = skin_extent(design)
     off = ~((where >= -_SLACK) & (where <= whole + _SLACK)).all(axis=-1)
     if off.any():
         x, y = where[off][0] * 1e3

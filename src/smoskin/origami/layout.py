@@ -12,6 +12,19 @@ from smoskin.design.skin import HallSite, SkinDesign
 from smoskin.origami.cell import size
 
 
+def skin_extent(design: SkinDesign) -> Floats:
+    """Length and width of the sensing area, shape (2,), m.
+
+    Examples
+    --------
+    >>> from smoskin.design.document import read_design
+    >>> (skin_extent(read_design("planar")) * 1e3).round(1)
+    array([120., 160.])
+    """
+    cell = size(design.cell)
+    return np.multiply(design.cells, [cell.length, cell.width])
+
+
 def chip_offset(design: SkinDesign, site: HallSite) -> float:
     """Height of a chip's sensing point over the middle of its magnet at rest, m.
 

@@ -171,7 +171,7 @@ class Conditioner:
 
         self.tracking = tracking or ZeroTracking()
         calibration = calibration or Calibration.nominal(design)
-        mounts = np.stack([hall.rotation(site) for site in design.halls])
+        mounts = hall.rotations(design.halls)
         turns = Rotation.from_rotvec(calibration.chip_rotation).as_matrix()
         # Turn and factor in one; what is added to the field leaves with the cross-talk.
         self._to_field = np.array(calibration.field_factor)[:, None, None] * turns @ mounts

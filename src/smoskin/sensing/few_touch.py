@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 
 from smoskin.arrays import Floats, floats, frozen
 from smoskin.errors import ArgumentError
-from smoskin.sensing.response import REFERENCE, ResponseTable
+from smoskin.magnetics.material import REFERENCE_TEMPERATURE
+from smoskin.sensing.response import ResponseTable
 
 DEFAULT_COUNT: Final = 60
 """Touches of a calibration."""
@@ -57,7 +58,7 @@ class LabelledTouches:
         position: ArrayLike,
         force: ArrayLike,
         signals: ArrayLike,
-        temperature: ArrayLike = REFERENCE,
+        temperature: ArrayLike = REFERENCE_TEMPERATURE,
         place_spread: float = 0.0,
         force_spread: float = 0.0,
     ) -> None:

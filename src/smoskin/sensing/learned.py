@@ -7,24 +7,23 @@ format. Needs NumPy and SciPy alone; reading and writing files needs `safetensor
 no code. Training lives in `smoskin.sensing.training`.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from smoskin.arrays import Floats, floats, frozen
-from smoskin.errors import ArgumentError, MissingExtraError, ModelError
+from smoskin.errors import ArgumentError, ModelError
 from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.conditioning import IdleZero, ZeroTracking
 from smoskin.sensing.encoding import Encoding, Form, History, Past
+from smoskin.sensing.tensor_file import TensorFile
 
-_FORMAT: Final = 1
-_KEY: Final = "smoskin_model"
+_FILE: Final = TensorFile("a model file", "smoskin_model", 2)
 _BAD: Final = int(ChipFlag.MISSING | ChipFlag.INVALID)
 _FULL: Final = int(ChipFlag.SATURATED | ChipFlag.WRAPPED)
 _ROWS: Final = 5
@@ -197,17 +196,12 @@ class LearnedModel:
         MissingExtraError
             If `safetensors` is not installed.
         """
-        try:
-            from safetensors.numpy import save_file
-        except ImportError as error:
-            raise MissingExtraError("writing a trained model", "learned") from error
-        arrays = {name: np.ascontiguousarray(getattr(self, name)) for name in _TENSORS}
-        save_file(arrays, str(path), metadata={_KEY: json.dumps(self._specification())})
+        arrays = {name: getattr(self, name) for name in _TENSORS}
+        _FILE.write(path, arrays, self._specification())
 
     def _specification(self) -> dict[str, object]:
         """The JSON part of the file."""
         return {
-            "format": _FORMAT,
             "input": {
                 "chips_in_reading": self.chips_in_reading,
                 "chips": list(self.encoding.chips),
@@ -238,44 +232,29 @@ def load_model(path: Path | str) -> LearnedModel:
     MissingExtraError
         If `safetensors` is not installed.
     """
-    try:
-        from safetensors import SafetensorError, safe_open
-    except ImportError as error:
-        raise MissingExtraError("reading a trained model", "learned") from error
-    try:
-        with safe_open(str(path), framework="numpy") as file:
-            header = (file.metadata() or {}).get(_KEY)
-            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (SafetensorError, OSError) as error:
-        raise ModelError(f"{path}: cannot be read as a model file: {error}") from error
-    if header is None or set(arrays) != set(_TENSORS):
-        raise ModelError(f"{path}: a model file of this package must be given; got another")
-    try:
-        spec = json.loads(header)
-        if spec["format"] != _FORMAT:
-            raise ModelError(f"{path}: format must be {_FORMAT}; got {spec['format']!r}")
-        given = spec["input"]
-        return LearnedModel(
-            encoding=Encoding(
-                chips=tuple(int(chip) for chip in given["chips"]),
-                form=Form[given["form"]],
-                time_constants=tuple(float(tau) for tau in given["time_constants_s"]),
-                past=Past[given["past"]],
-                floor=float(given["floor_T"]),
-            ),
-            chips_in_reading=int(given["chips_in_reading"]),
-            outputs=tuple(Output[one["name"]] for one in spec["outputs"]),
-            touch_field=float(spec["touch_field_T"]),
-            reach=float(spec["reach"]),
-            data_sha256=str(spec["data_sha256"]),
-            split=str(spec["split"]),
-            metrics=tuple(Metric(**one) for one in spec["metrics"]),
-            **arrays,
-        )
-    except ModelError:
-        raise
-    except (KeyError, TypeError, ValueError) as error:
-        raise ModelError(f"{path}: its description is damaged: {error!r}") from error
+    return _FILE.read(path, _TENSORS, _model)
+
+
+def _model(arrays: dict[str, Floats], spec: dict[str, Any]) -> LearnedModel:
+    """The model of a file's arrays and its specification."""
+    given = spec["input"]
+    return LearnedModel(
+        encoding=Encoding(
+            chips=tuple(int(chip) for chip in given["chips"]),
+            form=Form[given["form"]],
+            time_constants=tuple(float(tau) for tau in given["time_constants_s"]),
+            past=Past[given["past"]],
+            floor=float(given["floor_T"]),
+        ),
+        chips_in_reading=int(given["chips_in_reading"]),
+        outputs=tuple(Output[one["name"]] for one in spec["outputs"]),
+        touch_field=float(spec["touch_field_T"]),
+        reach=float(spec["reach"]),
+        data_sha256=str(spec["data_sha256"]),
+        split=str(spec["split"]),
+        metrics=tuple(Metric(**one) for one in spec["metrics"]),
+        **arrays,
+    )
 
 
 class LearnedEstimator(Estimator):

@@ -15,7 +15,8 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.errors import ArgumentError
-from smoskin.sensing.response import REFERENCE, ResponseTable
+from smoskin.magnetics.material import REFERENCE_TEMPERATURE
+from smoskin.sensing.response import ResponseTable
 from smoskin.sensing.touch_basis import PointLine
 from smoskin.sensing.touch_priors import TouchPosterior, TouchPriors
 
@@ -83,7 +84,7 @@ class TouchSolver:
                 for line, end in zip(lines, self._extent, strict=True)
             ]
         ).T
-        self.warm_to(REFERENCE)
+        self.warm_to(REFERENCE_TEMPERATURE)
 
     def warm_to(self, temperature: float) -> None:
         """Take the rubber to be this warm, degC."""

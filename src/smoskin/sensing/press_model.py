@@ -204,7 +204,7 @@ class PressModel:
         self._places, self._charges = point_charges(magnets)
         self._rest = np.zeros((len(magnets), 3))
         self._rest[:, 2] = [chip_offset(design, site) for site in design.halls]
-        mounts = np.stack([hall.rotation(site) for site in design.halls])
+        mounts = hall.rotations(design.halls)
         warmth = temperature_factor(touches.temperature)[..., None]
         seen = np.where(self.read[..., None], touches.field, 0.0)
         self._seen = np.einsum("sij,tsj->tsi", mounts, seen) / warmth

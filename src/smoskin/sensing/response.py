@@ -7,27 +7,25 @@ at once do beyond adding up. Decides what a table holds and its file; hides the 
 single touches. Files carry no code; they need `safetensors`.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from smoskin.arrays import Floats, floats, frozen
-from smoskin.errors import ArgumentError, MissingExtraError, ModelError
+from smoskin.errors import ArgumentError, ModelError
+from smoskin.magnetics.material import REFERENCE_TEMPERATURE
+from smoskin.sensing.tensor_file import TensorFile
 from smoskin.sensing.touch_basis import PointLine, TouchBasis
 
-_FORMAT: Final = 1
-_KEY: Final = "smoskin_response_table"
+_FILE: Final = TensorFile("a response table", "smoskin_response_table", 1)
 _TENSORS: Final = ("mean", "warmth", "modes", "coupling", "misfit", "pair_misfit")
 _LINES: Final = ("extent", "lines_x", "lines_y")
 _CHUNK: Final = 2048
 """Touches whose functions are laid out at once."""
-REFERENCE: Final = 25.0
-"""degC: of a table's rubber."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -90,7 +88,7 @@ class ResponseTable:
             raise ModelError("response table: must have chips and rising positive forces")
 
     def signals(
-        self, position: ArrayLike, force: ArrayLike, temperature: ArrayLike = REFERENCE
+        self, position: ArrayLike, force: ArrayLike, temperature: ArrayLike = REFERENCE_TEMPERATURE
     ) -> Floats:
         """What the chips read under each of B touches.
 
@@ -109,7 +107,9 @@ class ResponseTable:
             T.
         """
         where, push = _touches(position, force)
-        warmer = np.broadcast_to(floats("temperature", temperature) - REFERENCE, len(where))
+        warmer = np.broadcast_to(
+            floats("temperature", temperature) - REFERENCE_TEMPERATURE, len(where)
+        )
         push = push / (1 + self.softening * warmer)[:, None]
         both = np.concatenate([self.mean, self.warmth], axis=-1).reshape(-1, 2 * self.count)
         out = np.concatenate(
@@ -187,9 +187,9 @@ class ResponseTable:
             pair_misfit=self.pair_misfit[np.ix_(at, at)],
         )
 
-    def point_table(self, temperature: float = REFERENCE) -> "PointTable":
+    def point_table(self, temperature: float = REFERENCE_TEMPERATURE) -> "PointTable":
         """The same for one touch at a time, fast, with the rubber at this temperature."""
-        warmer = temperature - REFERENCE
+        warmer = temperature - REFERENCE_TEMPERATURE
         order = self.basis.exponents.sum(axis=1)[:, None]
         both = self.mean + warmer * self.warmth
         return PointTable(self.basis, both / (1 + self.softening * warmer) ** order)
@@ -202,20 +202,13 @@ class ResponseTable:
         MissingExtraError
             If `safetensors` is not installed.
         """
-        try:
-            from safetensors.numpy import save_file
-        except ImportError as error:
-            raise MissingExtraError("writing a response table", "learned") from error
         arrays = {
-            name: np.ascontiguousarray(
-                getattr(self, name), dtype=np.float32 if name == "modes" else np.float64
-            )
+            name: np.asarray(getattr(self, name), np.float32 if name == "modes" else np.float64)
             for name in _TENSORS
         }
-        arrays |= {name: np.ascontiguousarray(getattr(self.basis, name)) for name in _LINES}
-        arrays["exponents"] = np.ascontiguousarray(self.basis.exponents)
+        arrays |= {name: getattr(self.basis, name) for name in _LINES}
+        arrays["exponents"] = self.basis.exponents
         header = {
-            "format": _FORMAT,
             "design": self.design_hash,
             "chips": list(self.chips),
             "forces_N": list(self.forces),
@@ -223,7 +216,7 @@ class ResponseTable:
             "radius_m": self.basis.radius,
             "signals": "x, y, z of each chip in turn, in the skin's axes, T, less the rest field",
         }
-        save_file(arrays, str(path), metadata={_KEY: json.dumps(header)})
+        _FILE.write(path, arrays, header)
 
 
 def load_response_table(path: Path | str) -> ResponseTable:
@@ -236,39 +229,24 @@ def load_response_table(path: Path | str) -> ResponseTable:
     MissingExtraError
         If `safetensors` is not installed.
     """
-    try:
-        from safetensors import SafetensorError, safe_open
-    except ImportError as error:
-        raise MissingExtraError("reading a response table", "learned") from error
-    try:
-        with safe_open(str(path), framework="numpy") as file:
-            text = (file.metadata() or {}).get(_KEY)
-            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (SafetensorError, OSError) as error:
-        raise ModelError(f"{path}: cannot be read as a response table: {error}") from error
-    if text is None or set(arrays) != {*_TENSORS, *_LINES, "exponents"}:
-        raise ModelError(f"{path}: a response table of this package must be given; got another")
-    try:
-        header = json.loads(text)
-        if header["format"] != _FORMAT:
-            raise ModelError(f"{path}: format must be {_FORMAT}; got {header['format']!r}")
-        low, high = (float(one) for one in header["forces_N"])
-        return ResponseTable(
-            design_hash=str(header["design"]),
-            basis=TouchBasis(
-                radius=float(header["radius_m"]),
-                exponents=arrays["exponents"],
-                **{name: arrays[name] for name in _LINES},
-            ),
-            chips=tuple(int(chip) for chip in header["chips"]),
-            forces=(low, high),
-            softening=float(header["softening_per_K"]),
-            **{name: arrays[name] for name in _TENSORS},
-        )
-    except ModelError:
-        raise
-    except (KeyError, TypeError, ValueError) as error:
-        raise ModelError(f"{path}: its description is damaged: {error!r}") from error
+    return _FILE.read(path, (*_TENSORS, *_LINES, "exponents"), _table)
+
+
+def _table(arrays: dict[str, Floats], header: dict[str, Any]) -> ResponseTable:
+    """The table of a file's arrays and header."""
+    low, high = (float(one) for one in header["forces_N"])
+    return ResponseTable(
+        design_hash=str(header["design"]),
+        basis=TouchBasis(
+            radius=float(header["radius_m"]),
+            exponents=arrays["exponents"],
+            **{name: arrays[name] for name in _LINES},
+        ),
+        chips=tuple(int(chip) for chip in header["chips"]),
+        forces=(low, high),
+        softening=float(header["softening_per_K"]),
+        **{name: arrays[name] for name in _TENSORS},
+    )
 
 
 class PointTable:

@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike
 from smoskin.arrays import Bools, Floats, floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
+from smoskin.magnetics.material import REFERENCE_TEMPERATURE
 from smoskin.mechanics.contact import FINGERTIP
 from smoskin.mechanics.relaxation import modulus_factor
-from smoskin.sensing.response import REFERENCE, ResponseTable
+from smoskin.sensing.response import ResponseTable
 from smoskin.sensing.touch_basis import TouchBasis
 
 _HELD_OUT: Final = 10
@@ -98,7 +99,7 @@ def fit_response_table(
         chips=tuple(range(chips)),
         forces=(float(-push[:, 2].max()), float(-push[:, 2].min())),
         mean=coefficients.reshape(shape),
-        softening=modulus_factor(design.columns.material, REFERENCE + 1.0).item() - 1.0,
+        softening=modulus_factor(design.columns.material, REFERENCE_TEMPERATURE + 1.0).item() - 1.0,
         warmth=np.zeros(shape),
         modes=np.zeros((0, *shape)),
         coupling=np.zeros((2, vertices, vertices, 3 * chips)),
@@ -113,7 +114,7 @@ def add_warmth(
     """The table with what a degree of the rubber changes in B presses, (B, S, 3), T/K."""
     where, push = floats("position", position, (None, 2)), floats("force", force, (None, 3))
     known = replace(table, warmth=np.zeros_like(table.warmth))
-    said = [known.signals(where, push, REFERENCE + degree) for degree in (-1.0, 1.0)]
+    said = [known.signals(where, push, REFERENCE_TEMPERATURE + degree) for degree in (-1.0, 1.0)]
     change = floats("per_degree", per_degree, (None, 3)).reshape(-1, table.count)
     fitted = _deviation_fit(table, where, push, change - (said[1] - said[0]) / 2)
     return replace(table, warmth=fitted.reshape(table.mean.shape))

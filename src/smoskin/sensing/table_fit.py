@@ -252,7 +252,7 @@ def _fields(design: SkinDesign, touches: TouchTable) -> tuple[Floats, Bools]:
     limit = _FULL * hall.full_scale(design.hall_setting)
     with np.errstate(invalid="ignore"):
         whole = (np.abs(touches.field) < limit).all(axis=(1, 2))
-    mounts = np.stack([hall.rotation(site) for site in design.halls])
+    mounts = hall.rotations(design.halls)
     seen = np.einsum("sij,tsj->tsi", mounts, touches.field)
     return seen / temperature_factor(touches.temperature)[..., None], np.asarray(whole)
 

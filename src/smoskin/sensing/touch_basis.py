@@ -17,7 +17,7 @@ from smoskin.arrays import Floats, Ints, floats, frozen
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.mechanics.contact import FINGERTIP
-from smoskin.origami.cell import size
+from smoskin.origami.layout import skin_extent
 from smoskin.origami.sheet import loaded_positions
 
 _EXPONENTS = (
@@ -81,9 +81,9 @@ class TouchBasis:
     @classmethod
     def of(cls, design: SkinDesign, radius: float = FINGERTIP) -> "TouchBasis":
         """The functions for a design."""
-        places, cell = loaded_positions(design), size(design.cell)
+        places = loaded_positions(design)
         return cls(
-            extent=np.multiply(design.cells, [cell.length, cell.width]),
+            extent=skin_extent(design),
             lines_x=places[:, 0, 0],
             lines_y=places[0, :, 1],
             radius=radius,

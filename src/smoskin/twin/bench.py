@@ -97,7 +97,7 @@ class MadeSkin:
         self.design = design
         self.chip_rotation = frozen("chip_rotation", chip_rotation, (chips, 3))  # type: ignore[arg-type]
         self.chip_offset = frozen("chip_offset", chip_offset, (chips, 3))  # type: ignore[arg-type]
-        mounts = np.stack([hall.rotation(site) for site in design.halls])
+        mounts = hall.rotations(design.halls)
         self._to_skin = Rotation.from_rotvec(self.chip_rotation.copy()).as_matrix() @ mounts
         self._twin = ReducedTwin(design, seed=None)
 

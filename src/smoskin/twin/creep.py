@@ -5,7 +5,9 @@ shear layer. How rubber creeps is `smoskin.mechanics.relaxation`'s.
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from smoskin.arrays import floats
 from smoskin.design.skin import SkinDesign
 from smoskin.mechanics.relaxation import Memory, elastomer_prony
 from smoskin.twin.readout import Motion
@@ -57,3 +59,33 @@ class Creep:
             board=self._board.step(duration, motion.board),
             valid=motion.valid,
         )
+
+
+def creeping(design: SkinDesign, durations: ArrayLike, motion: Motion) -> Motion:
+    """What an untouched skin goes through while one motion after the other holds it.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    durations : array_like, shape (T,)
+        s from the state before to each state.
+    motion : Motion
+        (T,) states in which the skin would come to rest.
+
+    Returns
+    -------
+    Motion
+        (T,).
+
+    Raises
+    ------
+    ArgumentError
+        If time runs backwards.
+    """
+    memory = Creep(design)
+    magnets, board = np.empty_like(motion.magnets), np.empty_like(motion.board)
+    for k, duration in enumerate(floats("durations", durations)):
+        still = Motion(magnets=motion.magnets[k], board=motion.board[k], valid=motion.valid[k])
+        now = memory.step(float(duration), still)
+        magnets[k], board[k] = now.magnets, now.board
+    return Motion(magnets=magnets, board=board, valid=motion.valid)

@@ -17,17 +17,13 @@ from smoskin.magnetics.arrangement import arrangement_field, rotation_matrix
 from smoskin.magnetics.chip import answered, mounting
 from smoskin.magnetics.material import (
     REFERENCE_TEMPERATURE,
-    SERVICE_LIMITS,
     check_temperature,
     temperature_factor,
 )
-from smoskin.origami.cell import size
-from smoskin.origami.layout import hall_positions, magnet_positions
+from smoskin.origami.layout import hall_positions, magnet_positions, skin_extent
 from smoskin.records import ChipFlag, Reading
 from smoskin.twin.manufacture import Deviations, as_designed
 from smoskin.twin.surroundings import Surroundings
-
-COLDEST, HOTTEST = SERVICE_LIMITS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -76,10 +72,7 @@ class Readout:
         self._chips = hall_positions(design) + made.chip_pose.offset
         self._to_skin = mounting(design.halls, made.chip_pose)
         self._errors = made.chip_errors
-        extent = size(design.cell)
-        self._middle = np.array(
-            [design.cells[0] * extent.length / 2, design.cells[1] * extent.width / 2, 0.0]
-        )
+        self._middle = np.append(skin_extent(design) / 2, 0.0)
         self._earth = around.earth
         self._neighbours = [
             (one.place + magnet_positions(design) @ turn.T, turn)

@@ -28,7 +28,7 @@ from smoskin.mechanics.contact import (
     Sticking,
     Touches,
 )
-from smoskin.origami.cell import size
+from smoskin.origami.layout import skin_extent
 from smoskin.units import from_si, to_si
 
 LARGEST_FORCE: Final = 50.0
@@ -199,7 +199,7 @@ class Random:
 
     def touches(self, design: SkinDesign, index: Ints, rng: np.random.Generator) -> Touches:
         """As many presses as numbers are given."""
-        extent = _extent(design)
+        extent = skin_extent(design)
         if 2 * self.margin > extent.min():
             raise ArgumentError(
                 f"margin must be at most half the skin, {extent.min() / 2} m; got {self.margin}"
@@ -215,6 +215,36 @@ class Random:
         present = rng.integers(self.touches_at_once[0], most, len(index), endpoint=True)
         push[np.arange(most) >= present[:, None]] = 0.0
         return Touches(position=position, force=push, radius=radius)
+
+
+def far_pairs(extent: Floats, apart: float, count: int, rng: np.random.Generator) -> Floats:
+    """Pairs of places drawn evenly, of which none lie nearer to each other than `apart`.
+
+    Parameters
+    ----------
+    extent : Floats, shape (2,)
+        m, of the skin.
+    apart : float
+        m; less than the skin's diagonal.
+    count : int
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    Floats, shape (count, 2, 2)
+
+    Raises
+    ------
+    ArgumentError
+        If no two places lie so far apart.
+    """
+    if not apart < np.hypot(*extent):
+        raise ArgumentError(f"apart must be below {np.hypot(*extent):g} m; got {apart:g}")
+    kept = np.empty((0, 2, 2))
+    while len(kept) < count:
+        drawn = rng.uniform(0, extent, (4 * count, 2, 2))
+        kept = np.concatenate([kept, drawn[np.hypot(*(drawn[:, 0] - drawn[:, 1]).T) >= apart]])
+    return kept[:count]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -421,15 +451,9 @@ def _read(value: Any, suffix: str | None) -> Any:
     return value if suffix is None else to_si(float(value), suffix)
 
 
-def _extent(design: SkinDesign) -> Floats:
-    """Length and width of the skin, m."""
-    cell = size(design.cell)
-    return np.array([design.cells[0] * cell.length, design.cells[1] * cell.width])
-
-
 def _places(design: SkinDesign, places: tuple[int, int]) -> Floats:
     """Of a grid, shape (P, 2), m; y changes fastest."""
-    lines = [np.linspace(0.0, end, n) for end, n in zip(_extent(design), places, strict=True)]
+    lines = [np.linspace(0.0, end, n) for end, n in zip(skin_extent(design), places, strict=True)]
     return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
 
 

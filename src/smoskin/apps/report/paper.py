@@ -20,7 +20,7 @@ from smoskin.magnetics.loop import OERSTED, MagnetisationLoop
 from smoskin.magnetics.material import temperature_factor
 from smoskin.measurement import TouchTable
 from smoskin.mechanics.stiffness import cell_layers
-from smoskin.origami.cell import size
+from smoskin.origami.layout import skin_extent
 from smoskin.origami.sheet import build_sheet
 from smoskin.records import Contact
 from smoskin.sensing.fitting import fit_calibration
@@ -252,11 +252,8 @@ def material_rows() -> list[Row]:
 
 def touch_rows(design: SkinDesign) -> list[Row]:
     """Counts of Text S8 on several touches at once."""
-    place, extent = "Text S8", size(design.cell)
-    columns, rows = (
-        round(count * float(length) / SWEEP_STEP) + 1
-        for count, length in zip(design.cells, (extent.length, extent.width), strict=True)
-    )
+    place = "Text S8"
+    columns, rows = (round(end / SWEEP_STEP) + 1 for end in skin_extent(design).tolist())
     points = columns * rows
     one = Contact(position=(0.0, 0.0), force=(0.0, 0.0, -1.0))
     unknowns = one.position.size + 1

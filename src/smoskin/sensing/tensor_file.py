@@ -1,0 +1,83 @@
+"""Files of what was learned: arrays, and what they mean as JSON in the file's header.
+
+Decides how such a file is written and which is refused; what stands in it is its owner's. The
+format is safetensors, which carries no code.
+"""
+
+import json
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smoskin.errors import MissingExtraError, ModelError
+
+_Content = TypeVar("_Content")
+
+
+class TensorFile(NamedTuple):
+    """One kind of file."""
+
+    kind: str
+    """What people call it, with its article."""
+    key: str
+    """Under which the header stands in the file."""
+    format: int
+    """The version that is written and read."""
+
+    def write(
+        self, path: Path | str, arrays: Mapping[str, NDArray[Any]], header: Mapping[str, object]
+    ) -> None:
+        """Write arrays and header.
+
+        Raises
+        ------
+        MissingExtraError
+            If `safetensors` is not installed.
+        """
+        try:
+            from safetensors.numpy import save_file
+        except ImportError as error:
+            raise MissingExtraError(f"writing {self.kind}", "learned") from error
+        text = json.dumps({"format": self.format, **header})
+        whole = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+        save_file(whole, str(path), metadata={self.key: text})
+
+    def read(
+        self,
+        path: Path | str,
+        names: Collection[str],
+        build: Callable[[dict[str, NDArray[Any]], dict[str, Any]], _Content],
+    ) -> _Content:
+        """What `build` makes of a file's arrays, which must have these names, and of its header.
+
+        Raises
+        ------
+        ModelError
+            If it cannot be read, is of another kind or format, or is damaged.
+        MissingExtraError
+            If `safetensors` is not installed.
+        """
+        try:
+            from safetensors import SafetensorError, safe_open
+        except ImportError as error:
+            raise MissingExtraError(f"reading {self.kind}", "learned") from error
+        try:
+            with safe_open(str(path), framework="numpy") as file:
+                text = (file.metadata() or {}).get(self.key)
+                arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        except (SafetensorError, OSError) as error:
+            raise ModelError(f"{path}: cannot be read as {self.kind}: {error}") from error
+        if text is None or set(arrays) != set(names):
+            raise ModelError(f"{path}: {self.kind} of this package must be given; got another")
+        try:
+            header = json.loads(text)
+            if header["format"] != self.format:
+                raise ModelError(f"{path}: format must be {self.format}; got {header['format']!r}")
+            return build(arrays, header)
+        except ModelError:
+            raise
+        except (KeyError, TypeError, ValueError) as error:
+            raise ModelError(f"{path}: its description is damaged: {error!r}") from error
