@@ -1,0 +1,14 @@
+"""The command line: thin commands over `smoskin.apps`, each in the module of its theme."""
+
+import sys
+
+from smoskin.errors import MissingExtraError
+
+try:
+    from smoskin.cli.frame import app, main
+except ImportError:
+    sys.exit(f"error: {MissingExtraError('the command line', 'cli')}")
+
+from smoskin.cli import learning, live, skins
+
+__all__ = ["app", "learning", "live", "main", "skins"]

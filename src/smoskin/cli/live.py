@@ -1,0 +1,106 @@
+"""Commands that run a skin: the demonstration, and any source of readings."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from smoskin.cli.frame import Design, Json, Record, Seconds, app, show
+
+if TYPE_CHECKING:
+    from smoskin.apps.demo import DemoResult
+
+
+@app.command()
+def demo(
+    design: Design = "planar",
+    seconds: Seconds = None,
+    headless: Annotated[bool, typer.Option("--headless", help="Without the live page.")] = False,
+    as_json: Json = False,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the page; 0: a free one.")] = 0,
+    rate: Annotated[float, typer.Option(help="Readings a second, Hz.")] = 100.0,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Of the skin, of all noise and of the hand.")
+    ] = 0,
+    record: Record = None,
+) -> None:
+    """Touch a simulated skin and see what its chips feel, live in a browser.
+
+    The skin is made and calibrated first, which takes some seconds. A scripted hand presses it all
+    over; in the page the mouse presses it too. At the end every touch of the hand is listed beside
+    its estimate; the exit code is 1 if one was missed.
+    """
+    from smoskin.apps.demo import run_demo
+    from smoskin.feasibility import load_design
+
+    if headless and seconds is None:
+        seconds = 10.0
+
+    def announce(url: str | None) -> None:
+        where = f"The skin is live at {url}" if url else "The hand is touching the skin"
+        until = f"for {seconds:g} s" if seconds is not None else "until Ctrl-C"
+        typer.echo(f"{where} {until}.", err=True)
+
+    result = run_demo(
+        load_design(design),
+        seconds=seconds,
+        page=not headless,
+        port=port,
+        rate=rate,
+        seed=seed,
+        record=record,
+        on_start=announce,
+        say=lambda sentence: typer.echo(sentence, err=True),
+    )
+    if as_json:
+        typer.echo(json.dumps(result.as_json()))
+    else:
+        _print_demo(result)
+    if result.summary.found < result.summary.touches:
+        raise typer.Exit(1)
+
+
+@app.command()
+def run(
+    source: Annotated[str, typer.Argument(help="twin://planar or replay:FILE, with ?options.")],
+    design: Annotated[str, typer.Option(help="Of the skin that the source reads.")] = "planar",
+    calibration: Annotated[
+        Path | None, typer.Option(help="Of this skin, as `smoskin calibrate` writes it.")
+    ] = None,
+    seconds: Seconds = None,
+    record: Record = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print each estimate as a line of JSON.")
+    ] = False,
+) -> None:
+    """Estimate touches from a source of readings and print them as they come."""
+    from smoskin.apps.watch import estimate_line, watch
+    from smoskin.feasibility import load_design
+
+    skin = load_design(design)
+    for estimate in watch(skin, source, calibration=calibration, seconds=seconds, record=record):
+        typer.echo(estimate_line(estimate, as_json=as_json))
+
+
+def _print_demo(result: "DemoResult") -> None:
+    """Every touch beside its estimate, and the summary."""
+    from rich.table import Table
+
+    table = Table(title="Touches of the hand")
+    for heading in ("true x, y (mm)", "estimated", "true Fx, Fy, Fz (N)", "estimated", "off"):
+        table.add_column(heading, justify="right")
+    for touch in result.touches:
+        true, seen = touch.true, touch.estimated
+        table.add_row(
+            f"{true.x_mm:.1f}, {true.y_mm:.1f}",
+            f"{seen.x_mm:.1f}, {seen.y_mm:.1f}" if seen else touch.status,
+            f"{true.fx_N:.2f}, {true.fy_N:.2f}, {true.fz_N:.2f}",
+            f"{seen.fx_N:.2f}, {seen.fy_N:.2f}, {seen.fz_N:.2f}" if seen else "",
+            f"{touch.position_error_mm:.1f} mm, {touch.force_error_percent:.1f} %" if seen else "",
+            style="" if touch.found else "red",
+        )
+    show(table)
+    for name, value in asdict(result.summary).items():
+        typer.echo(f"{name}: {value}")
