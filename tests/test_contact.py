@@ -1,5 +1,7 @@
 """Touches: their patches on the vertices, and what they may be."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -31,8 +33,23 @@ def one(position, radius=FINGERTIP):
 def test_a_patch_shares_its_touch_out_whole(planar, position, radius):
     shares = patch_shares(planar, one(position, radius))
     assert shares.shape == (1, 1, 6, 6)
-    assert shares.min() >= 0
     assert shares.sum() == pytest.approx(1, abs=1e-12)
+
+
+@given(position=on_skin, radius=st.floats(1e-4, 2e-2))
+def test_the_loads_of_a_touch_have_its_moment(planar, position, radius):
+    """On the vertices they turn the skin as the touch does, even past the outermost vertices."""
+    shares = patch_shares(planar, one(position, radius))[0, 0]
+    middle = np.einsum("nm,nmk->k", shares, loaded_positions(planar))
+    np.testing.assert_allclose(middle, position, atol=1e-12)
+
+
+def test_along_a_single_row_its_vertices_take_everything(planar):
+    magnets = (replace(planar.magnets[0], corner=(0, 3)),)
+    row = replace(planar, cells=(1, 6), magnets=magnets, halls=planar.halls[:1])
+    shares = vertex_shares(row, [[0.0, 0.08], [0.02, 0.08]])
+    np.testing.assert_array_equal(shares[0], shares[1])
+    assert not patch_slopes(row, one((0.005, 0.08)))[0, 0, 0].any()
 
 
 @given(position=on_skin)

@@ -23,7 +23,8 @@ def press(x: float, y: float, force: float = 0.5) -> Contact:
 def test_a_press_is_shared_without_loss(planar, x, y, force):
     twin = ReducedTwin(planar, seed=None)
     depths = twin.press_depths([press(x, y, force)])
-    assert np.all(depths >= 0)
+    within = (0.01 <= x <= 0.11) and (0.0134 <= y <= 0.146)
+    assert np.all(depths >= 0) or not within  # past the outermost vertices the scales are levers
     assert (depths * twin_stiffness(twin)).sum() == pytest.approx(force, abs=1e-12)
 
 

@@ -1,10 +1,10 @@
 """How touches anywhere on the skin become loads on top vertices, and how they grip it.
 
 The SI loads top vertices only. A touch between them presses the four round it through the
-elastomer scales, in shares that fall off linearly along each axis; past the outermost vertices
-the outermost take it all. A touch of some radius takes the mean of that over its disc. What
-presses sticks to the scales, slides on them, or meets them without friction; cover panels take a
-cell's touches to its own vertex.
+elastomer scales, in shares that keep its force and its moment: linear along each axis. Past the
+outermost vertices the scales are a lever over the last two, so that the inner one is pulled. A
+touch of some radius takes the mean of that over its disc. What presses sticks to the scales, slides
+on them, or meets them without friction; cover panels take a cell's touches to its own vertex.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Bools, Floats, floats, frozen
+from smoskin.arrays import Bools, Floats, Ints, floats, frozen
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.origami.cell import size
@@ -149,7 +149,8 @@ def vertex_shares(design: SkinDesign, positions: ArrayLike) -> Floats:
     Returns
     -------
     Floats, shape (..., N, M)
-        Their sum over the cells is 1.
+        Their sum over the cells is 1, their mean place the touch's own; along an axis with a
+        single cell that one takes it all.
 
     Raises
     ------
@@ -159,9 +160,9 @@ def vertex_shares(design: SkinDesign, positions: ArrayLike) -> Floats:
     Examples
     --------
     >>> from smoskin.design.document import read_design
-    >>> shares = vertex_shares(read_design("planar"), [0.015, 0.160 / 12])
-    >>> shares[:3, 0].round(3).tolist()
-    [0.75, 0.25, 0.0]
+    >>> shares = vertex_shares(read_design("planar"), [[0.015, 0.160 / 12], [0.0, 0.160 / 12]])
+    >>> shares[:, :3, 0].round(3).tolist()
+    [[0.75, 0.25, 0.0], [1.5, -0.5, 0.0]]
     """
     where = floats("positions", positions, (2,))
     _check_on_skin(design, where)
@@ -182,7 +183,7 @@ def patch_shares(design: SkinDesign, touches: Touches) -> Floats:
     Returns
     -------
     Floats, shape (B, K, N, M)
-        Their sum over the cells is 1; what of a disc lies past the rim counts as on the rim.
+        Their sum over the cells is 1; a disc counts whole where it reaches past the rim.
 
     Raises
     ------
@@ -240,24 +241,30 @@ def _patch_points(design: SkinDesign, touches: Touches) -> tuple[Floats, tuple[F
 
 
 def _line_shares(vertices: Floats, where: Floats) -> Floats:
-    """Hat functions over the vertices on a line, level past its ends, (..., L)."""
-    cells = np.arange(len(vertices))
-    within = np.interp(where, vertices, cells)
-    return np.asarray(np.maximum(1 - np.abs(cells - within[..., None]), 0))
+    """Shares of the vertices on a line, (..., L), that keep a load's force and moment."""
+    if len(vertices) == 1:
+        return np.ones((*where.shape, 1))
+    before = _before(vertices, where)
+    pitch = np.diff(vertices)[before]
+    past = ((where - vertices[before]) / pitch)[..., None]
+    line = np.arange(len(vertices))
+    here, after = line == before[..., None], line == before[..., None] + 1
+    return np.asarray(here * (1 - past) + after * past)
 
 
 def _line_slopes(vertices: Floats, where: Floats) -> Floats:
     """Derivatives of `_line_shares` by `where`, 1/m."""
-    last = len(vertices) - 1
-    before = np.searchsorted(vertices, where, side="right") - 1
-    inside = (before >= 0) & (before < last)
-    before = np.clip(before, 0, max(last - 1, 0))
-    pitch = vertices[min(1, last)] - vertices[0]
-    rise = np.where(inside, 1 / pitch if last else 0.0, 0.0)[..., None]
-    cells = np.arange(last + 1)
-    return np.asarray(
-        rise * ((cells == before[..., None] + 1) * 1.0 - (cells == before[..., None]))
-    )
+    if len(vertices) == 1:
+        return np.zeros((*where.shape, 1))
+    before = _before(vertices, where)
+    line = np.arange(len(vertices))
+    here, after = line == before[..., None], line == before[..., None] + 1
+    return np.asarray((after * 1.0 - here) / np.diff(vertices)[before][..., None])
+
+
+def _before(vertices: Floats, where: Floats) -> Ints:
+    """The first of the two vertices on a line that carry a load at `where`."""
+    return np.clip(np.searchsorted(vertices, where, side="right") - 1, 0, len(vertices) - 2)
 
 
 def _check_on_skin(design: SkinDesign, where: Floats) -> None:

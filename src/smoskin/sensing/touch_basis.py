@@ -1,13 +1,14 @@
 """Smooth functions of where and how hard a skin is touched, in which its answers are written.
 
-A touch presses the vertices round it in shares that fall off linearly (`mechanics.contact`), and
-a patch of some radius takes the mean over its disc. What chips read is then nearly a sum over
-vertices of shares times force; products of neighbouring shares and of forces carry what is left.
-Decides these functions along each axis and of the force; hides their slopes. Past the outermost
-vertices nothing changes with place any more: the skin is blind there.
+A touch presses the vertices round it in linear shares (`mechanics.contact`), past the outermost by
+a lever over the last two, and a patch of some radius takes the mean over its disc. What chips read
+is then nearly a sum over vertices of shares times force; products of neighbouring shares and of
+forces carry what is left. Decides these functions along each axis and of the force; hides their
+slopes.
 """
 
 import math
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
 
 import numpy as np
@@ -147,22 +148,48 @@ class PointLine:
         self._pitch: list[float] = np.diff(lines).tolist()
         self._radius = radius
 
+    def near(self, where: float) -> tuple[int, Floats]:
+        """Shares of the few vertices that a touch there loads, and products of neighbours.
+
+        Returns
+        -------
+        first : int
+            Of those vertices.
+        rows : Floats, shape (2, 2 n - 1)
+            Shares and products in turn, and their slopes. Plain numbers start faster than arrays.
+        """
+        lines, radius = self._lines, self._radius
+        if len(lines) == 1:
+            return 0, np.array([[1.0], [0.0]])
+        first = min(max(bisect_right(lines, where - radius) - 1, 0), len(lines) - 2)
+        last = max(min(bisect_left(lines, where + radius), len(lines) - 1), first + 1)
+        # Before the first ramps are straight, at the last none has begun; so it is at the end
+        # vertices, which carry on as levers.
+        here, steep = where - lines[first], 1.0
+        shares, slopes = [1.0], [0.0]
+        for k in range(first, last):
+            after, steeper = (
+                _point_ramp(where - lines[k + 1], radius) if k + 1 < last else (0.0, 0.0)
+            )
+            rise, tilt = (here - after) / self._pitch[k], (steep - steeper) / self._pitch[k]
+            shares[-1] -= rise
+            slopes[-1] -= tilt
+            shares += (0.0, rise)
+            slopes += (0.0, tilt)
+            here, steep = after, steeper
+        for k in range(1, len(shares), 2):
+            shares[k] = shares[k - 1] * shares[k + 1]
+            slopes[k] = slopes[k - 1] * shares[k + 1] + shares[k - 1] * slopes[k + 1]
+        return first, np.array([shares, slopes])
+
     def at(self, where: float) -> Floats:
-        """The functions and their slopes, (2, 2 N - 1): plain numbers start faster than arrays."""
-        ramps = [_point_ramp(where - line, self._radius) for line in self._lines]
-        hats, tilts = [1.0], [0.0]
-        for (here, steep), (after, steeper), pitch in zip(
-            ramps[:-1], ramps[1:], self._pitch, strict=True
-        ):
-            rise, tilt = (here - after) / pitch, (steep - steeper) / pitch
-            hats[-1] -= rise
-            tilts[-1] -= tilt
-            hats.append(rise)
-            tilts.append(tilt)
-        pairs = range(len(self._pitch))
-        bubbles = [hats[k] * hats[k + 1] for k in pairs]
-        bends = [tilts[k] * hats[k + 1] + hats[k] * tilts[k + 1] for k in pairs]
-        return np.array([hats + bubbles, tilts + bends])
+        """All functions and their slopes, (2, 2 N - 1)."""
+        first, rows = self.near(where)
+        count, vertices = rows.shape[1] // 2, len(self._lines)
+        out = np.zeros((2, 2 * vertices - 1))
+        out[:, first : first + count + 1] = rows[:, ::2]
+        out[:, vertices + first : vertices + first + count] = rows[:, 1::2]
+        return out
 
 
 def _point_ramp(distance: float, radius: float) -> tuple[float, float]:
@@ -181,6 +208,9 @@ def _point_ramp(distance: float, radius: float) -> tuple[float, float]:
 def _line(where: Floats, lines: Floats, radius: float) -> tuple[Floats, Floats]:
     """Shares of the vertices on a line and products of neighbours, with their slopes."""
     ramp, slope = _ramp((where[..., None] - lines) / radius)
+    # The end vertices carry on as levers: no ramp begins at them.
+    ramp[..., 0], slope[..., 0] = (where - lines[0]) / radius, 1.0
+    ramp[..., -1] = slope[..., -1] = 0.0
     pitch = np.diff(lines)
     rise = radius * (ramp[..., :-1] - ramp[..., 1:]) / pitch
     steep = (slope[..., :-1] - slope[..., 1:]) / pitch
