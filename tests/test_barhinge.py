@@ -311,6 +311,17 @@ def test_a_start_near_the_answer_saves_steps(sheet, cases):
     np.testing.assert_array_equal(sheet.press(cases, start=lost).displacements, cold.displacements)
 
 
+def test_a_touch_lighter_than_rounding_is_solved_as_quickly(sheet):
+    touches = Touches(
+        position=np.full((3, 1, 2), 0.03), force=[[[0, 0, -f]] for f in (1e-17, 1e-9, 0.1)]
+    )
+    found = sheet.press(touches)
+    assert found.converged.all()
+    assert (found.iterations[:2] <= found.iterations[2]).all()
+    sunk = found.displacements[..., 2].min(axis=1)
+    assert sunk[1] == pytest.approx(1e-8 * sunk[2], rel=0.1)
+
+
 def test_no_touch_moves_nothing(sheet):
     touches = Touches(position=np.zeros((2, 2, 2)), force=np.zeros((2, 2, 3)))
     pressed = sheet.press(touches)

@@ -43,8 +43,6 @@ _HOLD: Final = 0.35
 _PRESS: Final = (0.2, 0.6)
 _DRAG: Final = (0.1, 0.3)
 """N: of the scripted touches, as light as a hand's that explores."""
-_LIGHTEST: Final = 1e-6
-"""Share of a scripted touch below which it is none."""
 _OFF_VERTEX: Final = 0.2
 """Share of a cell by which a scripted touch may lie off the top vertex, each way."""
 
@@ -271,7 +269,7 @@ class _Hand:
             return (mouse,)
         touch = self._touch(number)
         strength = min(since / _RAMP, 1.0, (_HOLD + 2 * _RAMP - since) / _RAMP)
-        if touch is None or strength <= _LIGHTEST:
+        if touch is None or strength <= 0:
             return ()
         return (Contact(position=touch.position, force=strength * touch.force),)
 

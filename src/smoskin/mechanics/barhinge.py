@@ -65,7 +65,7 @@ class Pressed:
     """(B, K, 2), N: sideways force of each touch on the sheet beyond the drag asked for; under
     cover panels, of the guide."""
     residual: Floats
-    """(B,): unbalanced force over load."""
+    """(B,): unbalanced force over the load, or over 10 mN where the load is less."""
     iterations: Ints
     """(B,): steps of the solver."""
     converged: Bools
@@ -164,7 +164,7 @@ class BarHinge:
         ----------
         touches : Touches
         tolerance : float
-            Unbalanced force over load up to which an answer counts.
+            Residual up to which an answer counts.
         start : Floats, shape (B, V, 3), optional
             Displacements near the answers, m, such as those of a moment ago.
 

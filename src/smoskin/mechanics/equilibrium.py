@@ -25,7 +25,7 @@ from jax import Array
 
 from smoskin.arrays import Bools, Floats, Ints
 from smoskin.mechanics import elements
-from smoskin.mechanics.following import Press, follow
+from smoskin.mechanics.following import LIGHTEST, Press, follow
 from smoskin.mechanics.lattice import Lattice
 from smoskin.mechanics.tangent import RestInverse, Tangent
 
@@ -199,7 +199,7 @@ def _outer(net: Net, loads: Loads, reaction: Array) -> tuple[Array, Array]:
     sideways = _spread(net, loads.shares[:held], reaction.reshape(held, 2, lanes))
     norm = jnp.sqrt((dead**2).sum(axis=(0, 1)))
     outer = dead + jnp.pad(sideways, ((0, 0), (0, 1), (0, 0)))
-    return outer, jnp.where(norm > 0, norm, 1.0)
+    return outer, jnp.maximum(norm, LIGHTEST)
 
 
 def _patch_motion(shares: Array, at_top: Array) -> Array:
@@ -328,7 +328,7 @@ class Equilibrium:
         link : Floats, shape (B, 2K, 2K)
             How much these give way under their reactions, m/N.
         tolerance : float
-            Of the residual, relative to the load.
+            Of the residual, relative to the load or to 10 mN.
         start : Floats, shape (B, V, 3), optional
             Displacements to start from, m; at rest by default.
         """

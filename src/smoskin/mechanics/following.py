@@ -18,6 +18,10 @@ _ALL_STEPS: Final = 200
 _LOST: Final = 1e9
 
 
+LIGHTEST: Final = 0.01
+"""N: residuals are relative to the load or to this, as rounding alone leaves some 1e-11 N."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Press:
     """One case's load, on all nodes."""
@@ -41,7 +45,7 @@ class Standing:
     force: Floats
     """(E + P,): of bars, N, and of panels' hinges, N m."""
     residual: float
-    """Relative to the load."""
+    """Relative to the load, or to `LIGHTEST`."""
     steps: int
     """Of Newton's method, all together."""
 
@@ -107,7 +111,7 @@ def _newton(
         [lattice.bar_stiffness, lattice.hinge_stiffness[: lattice.panel_hinges]]
     )
     motion, reaction, force = state.motion, state.reaction, state.force
-    scale = load * float(np.linalg.norm(press.dead))
+    scale = max(load * float(np.linalg.norm(press.dead)), LIGHTEST)
     residual, steps = np.inf, state.steps
     for step in range(_NEWTON_STEPS):
         try:
