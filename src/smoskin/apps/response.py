@@ -14,14 +14,14 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.magnetics import hall
 from smoskin.magnetics.material import REFERENCE_TEMPERATURE
 from smoskin.mechanics.contact import Touches
+from smoskin.mechanics.gripping import grip_compliance
 from smoskin.origami.cell import size
 from smoskin.origami.layout import skin_extent
 from smoskin.sensing.response import ResponseTable, load_response_table
 from smoskin.sensing.response_fit import add_coupling, add_modes, add_warmth, fit_response_table
-from smoskin.twin.manufacture import Tolerances, draw
+from smoskin.twin.manufacture import Tolerances, draw, made_mechanics
 from smoskin.twin.readout import Motion, Readout
 from smoskin.twin.skin import Twin
 from smoskin.twin.sweep import far_pairs
@@ -87,32 +87,37 @@ def make_response_table(
     twin, ideal = Twin(design, seed=0), Readout(design)
     progress("the skin as designed", 0.0)
     where, push = _draw_presses(design, work, rng, work.presses)
-    settled = _signals(design, ideal, _pressed(twin, where, push))
+    settled = ideal.risen(_pressed(twin, where, push))
     table = fit_response_table(design, where, push, settled)
     if work.pairs:
         progress("pairs of touches", 0.1)
         places, forces = _draw_pairs(design, work, rng)
         motion = twin.motions(Touches(position=places, force=forces))
         kept = motion.valid
-        both = _signals(design, ideal, motion)[kept]
-        table = add_coupling(table, places[kept], forces[kept], both)
+        both = ideal.risen(motion)[kept]
+        table = add_coupling(table, grip_compliance(design), places[kept], forces[kept], both)
     progress("warm and cold rubber", 0.2)
     where, push = _draw_presses(design, work, rng, work.presses_a_skin)
     cold, hot = (
-        _signals(design, ideal, _pressed(twin, where, push, REFERENCE_TEMPERATURE + degrees))
+        ideal.risen(_pressed(twin, where, push, REFERENCE_TEMPERATURE + degrees))
         for degrees in (-10.0, 10.0)
     )
     table = add_warmth(table, where, push, (hot - cold) / 20)
-    designed = _signals(design, ideal, _pressed(twin, where, push))
-    ways = []
+    designed = ideal.risen(_pressed(twin, where, push))
+    ways, grips = [], []
     for skin in range(work.skins):
         progress("made skins", 0.3 + 0.7 * skin / work.skins)
         made = Twin(design, seed=_skin_seed(work, skin), manufactured=True, tolerances=tolerances)
         motion = _pressed(made, where, push)
+        mechanics = made_mechanics(design, made.deviations, REFERENCE_TEMPERATURE)
+        grip = grip_compliance(*mechanics)
         for _ in range(work.draws):
             readout = Readout(design, draw(design, rng, tolerances))
-            ways.append(_signals(design, readout, motion) - designed)
-    return add_modes(table, where, push, np.stack(ways)) if len(ways) > 1 else table
+            ways.append(readout.risen(motion) - designed)
+            grips.append(grip)
+    if len(ways) < 2:
+        return table
+    return add_modes(table, where, push, np.stack(ways), np.stack(grips))
 
 
 def cached_response_table(
@@ -173,14 +178,3 @@ def _pressed(
     return twin.motions(
         Touches(position=where[:, None], force=push[:, None]), temperature=temperature
     )
-
-
-def _signals(design: SkinDesign, readout: Readout, motion: Motion) -> Floats:
-    """What chips say less what they say at rest, turned as designed, (B, S, 3), T."""
-    magnets, board = motion.magnets, motion.board
-    rest = Motion(
-        magnets=np.zeros_like(magnets[:1]), board=np.zeros_like(board[:1]), valid=np.ones(1, bool)
-    )
-    turns = hall.rotations(design.halls)
-    said = readout.seen(motion) - readout.seen(rest)
-    return np.asarray(np.einsum("sij,bsj->bsi", turns, said))

@@ -6,15 +6,17 @@ of this skin after a few-touch calibration (`smoskin.sensing.few_touch`), or of 
 all that made skins differ by as its uncertainty.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, ModelError
+from smoskin.magnetics.curvature import field_curvature, straightened
 from smoskin.mechanics.relaxation import Prony
 from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
@@ -22,7 +24,7 @@ from smoskin.sensing.conditioning import ZeroTracking
 from smoskin.sensing.posterior import TouchSolver
 from smoskin.sensing.response import ResponseTable
 from smoskin.sensing.signals import Signals, signal_noise
-from smoskin.sensing.touch_priors import TouchPosterior, TouchPriors
+from smoskin.sensing.touch_priors import Standing, TouchPosterior, TouchPriors
 
 _WARMER: Final = 0.25
 """degC: change of the rubber's temperature from which the table is taken anew."""
@@ -60,8 +62,8 @@ class BayesEstimator(Estimator):
 
     Notes
     -----
-    Two touches are taken as straight. Places past the outermost vertices cannot be told: there
-    the position is the middle of what fits, and the covariance is as wide.
+    Two touches are taken as straight. One that was alone before the other came is taken to stand
+    about where it stood (`TouchPriors.slide`) and is said first.
     """
 
     def __init__(
@@ -88,13 +90,15 @@ class BayesEstimator(Estimator):
         self.table = table
         self._chips = list(table.chips)
         self._signals = Signals(design, creep=creep, tracking=tracking)
-        known = table if creep is None else _with_creep_left(table, creep)
+        known = table if creep is None else _with_creep_left(table, design, creep)
         self._solver = TouchSolver(known, signal_noise(design, table.chips), priors)
         self._touched = float(chi2.isf(false_alarms, table.count))
         self._doubtful = float(chi2.isf(_DOUBT, table.count))
         self._pairs = (priors or TouchPriors()).chances[2] > 0
         self._solved_at = np.nan
         self._guess: Floats | None = None
+        self._slide = (priors or TouchPriors()).slide
+        self._alone: _Alone | None = None
 
     @property
     def drift(self) -> Floats:
@@ -110,12 +114,12 @@ class BayesEstimator(Estimator):
             If there are none with all chips good.
         """
         self._signals.zero(readings)
-        self._guess = None
+        self._guess = self._alone = None
 
     def reset(self) -> None:
         """Return to the design's zero and forget earlier readings."""
         self._signals.reset()
-        self._guess = None
+        self._guess = self._alone = None
 
     def step(self, reading: Reading) -> Estimate:
         """The touches that one reading shows.
@@ -135,26 +139,29 @@ class BayesEstimator(Estimator):
         squared, _ = self._solver.silence(values)
         if squared < self._touched:
             self._signals.follow()
-            self._guess = None
+            self._guess = self._alone = None
             return Estimate(time=reading.time, status=Status.NO_CONTACT)
         self._signals.touched()
-        return self._estimate(reading.time, self._likeliest(values))
+        return self._estimate(reading.time, self._likeliest(reading.time, values))
 
-    def _likeliest(self, values: Floats) -> TouchPosterior:
+    def _likeliest(self, time: float, values: Floats) -> TouchPosterior:
         """One touch, or two where one fits badly and two are likelier."""
         last = self._guess
         single = last is not None and len(last) == 1
         found = self._solver.one(values, last[0] if last is not None and single else None)
         if self._pairs and found.misfit > self._doubtful:
-            other = self._solver.two(values, None if single else last)
+            standing = None if self._alone is None else self._alone.standing(time, self._slide)
+            other = self._solver.two(values, None if single else last, standing)
             if other.evidence > found.evidence:
-                found = other
+                return other
+        if found.misfit < self._doubtful:
+            self._alone = _Alone(time, found)
         return found
 
     def _estimate(self, time: float, found: TouchPosterior) -> Estimate:
         """A posterior as an estimate."""
         if found.misfit > _WORST**2 * self.table.count:
-            self._guess = None
+            self._guess = self._alone = None
             return Estimate(time=time, status=Status.OUT_OF_RANGE)
         self._guess = found.values
         return Estimate(
@@ -165,12 +172,29 @@ class BayesEstimator(Estimator):
         )
 
 
-def _with_creep_left(table: ResponseTable, creep: Prony) -> ResponseTable:
-    """The table with what undoing creep misses: it takes signals to be proportional to motion."""
+class _Alone(NamedTuple):
+    """A touch while it was the only one."""
+
+    time: float
+    found: TouchPosterior
+
+    def standing(self, time: float, slide: float) -> Standing | None:
+        """Where it is at another time, as far as that is known."""
+        if not math.isfinite(slide):
+            return None
+        moved = slide**2 * max(time - self.time, 0.0) * np.eye(2)
+        return Standing(self.found.values[0, :2], self.found.covariance[0, :2, :2] + moved)
+
+
+def _with_creep_left(table: ResponseTable, design: SkinDesign, creep: Prony) -> ResponseTable:
+    """The table with what undoing creep misses: it takes motions to be proportional to forces."""
     lines = [(np.arange(7) + 0.5) * end / 7 for end in table.basis.extent]
     places = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
     force = np.tile([0.0, 0.0, -_TYPICAL], (len(places), 1))
+    curvature = field_curvature(design)[list(table.chips)]
+    whole, half = (
+        straightened(curvature, table.signals(places, part)) for part in (force, force / 2)
+    )
     # Of a quadratic, half is missing where half the force is taken twice.
-    bent = 2 * (table.signals(places, force) - 2 * table.signals(places, force / 2))
-    missed = float(creep.retardation_shares.sum()) * bent / _TYPICAL
+    missed = float(creep.retardation_shares.sum()) * 2 * (whole - 2 * half) / _TYPICAL
     return replace(table, misfit=table.misfit + missed.T @ missed / len(missed))

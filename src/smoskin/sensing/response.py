@@ -15,14 +15,25 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Floats, floats, frozen
+from smoskin.arrays import Floats, Ints, floats, frozen
 from smoskin.errors import ArgumentError, ModelError
+from smoskin.magnetics.curvature import cross_signals
 from smoskin.magnetics.material import REFERENCE_TEMPERATURE
+from smoskin.sensing.pairing import mutual_drags
 from smoskin.sensing.tensor_file import TensorFile
 from smoskin.sensing.touch_basis import PointLine, TouchBasis
 
-_FILE: Final = TensorFile("a response table", "smoskin_response_table", 1)
-_TENSORS: Final = ("mean", "warmth", "modes", "coupling", "misfit", "pair_misfit")
+_FILE: Final = TensorFile("a response table", "smoskin_response_table", 2)
+_TENSORS: Final = (
+    "mean",
+    "warmth",
+    "modes",
+    "grip",
+    "grip_modes",
+    "curvature",
+    "misfit",
+    "pair_misfit",
+)
 _LINES: Final = ("extent", "lines_x", "lines_y")
 _CHUNK: Final = 2048
 """Touches whose functions are laid out at once."""
@@ -56,13 +67,18 @@ class ResponseTable:
     """(P, Q, D, C): what a degree changes besides."""
     modes: Floats
     """(K, P, Q, D, C): how skins differ from it, each by one standard deviation."""
-    coupling: Floats
-    """(2, H, H, C), H = N M vertices: what a newton on one vertex adds while another vertex is
-    touched as well, T/N, and what the product of both forces adds, T/N^2; see `together`."""
+    grip: Floats
+    """(H, 2, H, 3), H = N M vertices, m/N: how each moves in the plane by a force on each, along
+    x, y and down (`mechanics.gripping`); zero where touches are taken not to hold the sheet."""
+    grip_modes: Floats
+    """(K, H, 2, H, 3): how that differs with each of the modes."""
+    curvature: Floats
+    """(S, 3, 3, 3), 1/T: what two touches add to the sum of their signals at a chip; by signal of
+    one, signal of the other, and signal that it adds to. See `smoskin.sensing.pairing`."""
     misfit: Floats
     """(C, C), T^2/N^2: covariance of what the table misses, for a touch of a newton."""
     pair_misfit: Floats
-    """(C, C), T^2/N^2: what it misses more with two touches, for a newton each."""
+    """(C, C), T^2/N^2: what it misses more with two touches, for a newton of both squared."""
 
     def __post_init__(self) -> None:
         p, q, d = self.basis.shape
@@ -72,7 +88,9 @@ class ResponseTable:
             "mean": (p, q, d, count),
             "warmth": (p, q, d, count),
             "modes": (None, p, q, d, count),
-            "coupling": (2, vertices, vertices, count),
+            "grip": (vertices, 2, vertices, 3),
+            "grip_modes": (len(self.modes), vertices, 2, vertices, 3),
+            "curvature": (len(self.chips), 3, 3, 3),
             "misfit": (count, count),
             "pair_misfit": (count, count),
         }
@@ -139,19 +157,14 @@ class ResponseTable:
     def together(self, position: ArrayLike, force: ArrayLike) -> Floats:
         """What B pairs of touches read at once, (B, 2, 2) m and (B, 2, 3) N; shape (B, C).
 
-        Each touch that sticks holds the sheet in the plane under the other, and the field is not
-        linear in motion: to the sum of both comes what each newton of one adds because of the
-        other, and what their product adds.
+        Each touch that sticks holds the sheet in the plane under the other, so that they drag each
+        other, and the field is not linear in motion: see `smoskin.sensing.pairing`.
         """
         where, push = floats("position", position, (2, 2)), floats("force", force, (2, 3))
-        hats = [self.vertex_shares(where[:, k]) for k in (0, 1)]
-        both = self.signals(where[:, 0], push[:, 0]) + self.signals(where[:, 1], push[:, 1])
-        flat = self.coupling.reshape(2, -1, self.count)
-        for one, other in ((0, 1), (1, 0)):
-            pairs = (hats[one][:, :, None] * hats[other][:, None, :]).reshape(len(where), -1)
-            press, beside = -push[:, one, 2:], -push[:, other, 2:]
-            both += press * (pairs @ flat[0] + beside * (pairs @ flat[1]))
-        return both
+        drags = mutual_drags(self.grip, self.vertex_shares(where), -push[..., 2])
+        push = np.concatenate([push[..., :2] + drags, push[..., 2:]], axis=-1)
+        one, other = (self.signals(where[:, k], push[:, k]) for k in (0, 1))
+        return np.asarray(one + other + cross_signals(self.curvature, one, other))
 
     def vertex_shares(self, position: Floats) -> Floats:
         """Share of each vertex in touches at (..., 2), shape (..., H)."""
@@ -182,7 +195,7 @@ class ResponseTable:
             mean=self.mean[..., at],
             warmth=self.warmth[..., at],
             modes=self.modes[..., at],
-            coupling=self.coupling[..., at],
+            curvature=self.curvature[[self.chips.index(chip) for chip in chips]],
             misfit=self.misfit[np.ix_(at, at)],
             pair_misfit=self.pair_misfit[np.ix_(at, at)],
         )
@@ -203,7 +216,7 @@ class ResponseTable:
             If `safetensors` is not installed.
         """
         arrays = {
-            name: np.asarray(getattr(self, name), np.float32 if name == "modes" else np.float64)
+            name: np.asarray(getattr(self, name), np.float32 if "modes" in name else np.float64)
             for name in _TENSORS
         }
         arrays |= {name: getattr(self.basis, name) for name in _LINES}
@@ -229,7 +242,8 @@ def load_response_table(path: Path | str) -> ResponseTable:
     MissingExtraError
         If `safetensors` is not installed.
     """
-    return _FILE.read(path, (*_TENSORS, *_LINES, "exponents"), _table)
+    names = (*_TENSORS, *_LINES, "exponents")
+    return _FILE.read(path, names, _table)
 
 
 def _table(arrays: dict[str, Floats], header: dict[str, Any]) -> ResponseTable:
@@ -260,31 +274,42 @@ class PointTable:
 
     def __init__(self, basis: TouchBasis, coefficients: Floats) -> None:
         self.basis = basis
-        p, q, d, self._count = coefficients.shape
-        self._flat = np.ascontiguousarray(coefficients).reshape(p, q * d * self._count)
-        self._shape = (q, d * self._count)
+        self._coefficients = coefficients
         self._lines = PointLine(basis.lines_x, basis.radius), PointLine(basis.lines_y, basis.radius)
+        # Vertices and products of neighbours in turn: what a touch needs stands together.
+        turns = [_in_turn(len(line)) for line in (basis.lines_x, basis.lines_y)]
+        p, q, *_ = coefficients.shape
+        self._block = np.ascontiguousarray(coefficients[np.ix_(*turns)].reshape(p, q, -1))
         # Which powers make each product and its slopes by each force, and their factors.
         e = basis.exponents
-        self._orders = np.arange(int(e.max()) + 1)
+        self._highest = int(e.max())
         lower = np.repeat(e[None], 4, axis=0)
-        self._factors = np.ones((4, d))
+        self._factors = np.ones((4, len(e)))
         for axis in range(3):
             lower[axis + 1, :, axis] = np.maximum(e[:, axis] - 1, 0)
             self._factors[axis + 1] = e[:, axis]
-        self._powers = [axis * len(self._orders) + lower[..., axis] for axis in range(3)]
+        self._powers = np.stack(
+            [axis * (self._highest + 1) + lower[..., axis] for axis in range(3)]
+        )
 
     def at(self, x: float, y: float, force: Floats) -> tuple[Floats, Floats]:
         """Signals (C,) and their slopes by x, y, Fx, Fy, Fz, (5, C)."""
-        by_x, by_y = self._lines[0].at(x), self._lines[1].at(y)
-        powers = (force[:, None] ** self._orders).ravel()
-        i, j, k = self._powers
-        g = self._factors * powers[i] * powers[j] * powers[k]
-        value, slope = (by_x @ self._flat).reshape(2, *self._shape)
-        held, across = (by_y @ value).reshape(2, -1, self._count)
-        along = (by_y[0] @ slope).reshape(-1, self._count)
+        (i, by_x), (j, by_y) = self._lines[0].near(x), self._lines[1].near(y)
+        a, b, d = by_x.shape[1], by_y.shape[1], len(self.basis.exponents)
+        part = self._block[2 * i : 2 * i + a, 2 * j : 2 * j + b].reshape(a, -1)
+        value, slope = (by_x @ part).reshape(2, b, -1)
+        held, across = (by_y @ value).reshape(2, d, -1)
+        along = (by_y[0] @ slope).reshape(d, -1)
+        powers = []
+        for one in force.tolist():
+            power = 1.0
+            powers.append(power)
+            for _ in range(self._highest):
+                power *= one
+                powers.append(power)
+        g = self._factors * np.array(powers)[self._powers].prod(axis=0)
         both = g @ held
-        out = np.empty((5, self._count))
+        out = np.empty((5, both.shape[1]))
         out[0], out[1], out[2:] = g[0] @ along, g[0] @ across, both[1:]
         return both[0], out
 
@@ -294,17 +319,24 @@ class PointTable:
         on_x, by_x = basis.along_x(x)
         on_y, by_y = basis.along_y(y)
         g, by_force = basis.products(force)
-        mixed = np.concatenate([g[None], by_force]) @ self._flat.reshape(-1, len(g), self._count)
-        flat = mixed.reshape(len(self._flat), self._shape[0], 4 * self._count)
+        p, q, _, count = self._coefficients.shape
+        mixed = np.concatenate([g[None], by_force]) @ self._coefficients
+        flat = mixed.reshape(p, q, 4 * count)
         # (P, Q, 4 C): contract along y, then along x.
         held = np.einsum("bq,pqc->bpc", on_y, flat)
-        across = np.einsum("bq,pqc->bpc", by_y, flat[..., : self._count])
-        value = np.einsum("bp,bpc->bc", on_x, held).reshape(len(x), 4, self._count)
-        out = np.empty((len(x), 5, self._count))
-        out[:, 0] = np.einsum("bp,bpc->bc", by_x, held[..., : self._count])
+        across = np.einsum("bq,pqc->bpc", by_y, flat[..., :count])
+        value = np.einsum("bp,bpc->bc", on_x, held).reshape(len(x), 4, count)
+        out = np.empty((len(x), 5, count))
+        out[:, 0] = np.einsum("bp,bpc->bc", by_x, held[..., :count])
         out[:, 1] = np.einsum("bp,bpc->bc", on_x, across)
         out[:, 2:] = value[:, 1:]
         return value[:, 0], out
+
+
+def _in_turn(vertices: int) -> Ints:
+    """Order of a line's functions in which each vertex is followed by its product with the next."""
+    order = np.arange(2 * vertices - 1)
+    return np.where(order % 2 == 0, order // 2, vertices + order // 2)
 
 
 def _touches(position: ArrayLike, force: ArrayLike) -> tuple[Floats, Floats]:

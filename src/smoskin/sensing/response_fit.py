@@ -15,9 +15,11 @@ from numpy.typing import ArrayLike
 from smoskin.arrays import Bools, Floats, floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
+from smoskin.magnetics.curvature import cross_signals
 from smoskin.magnetics.material import REFERENCE_TEMPERATURE
 from smoskin.mechanics.contact import FINGERTIP
 from smoskin.mechanics.relaxation import modulus_factor
+from smoskin.sensing.pairing import mutual_drags
 from smoskin.sensing.response import ResponseTable
 from smoskin.sensing.touch_basis import TouchBasis
 
@@ -33,12 +35,24 @@ _DEVIATION: Final = 0.2
 """Prior of how skins differ, relative to the coefficients of the likeliest."""
 _NOISE: Final = 0.5e-6
 """T: of the presses that a table is made of; the scatter of signals below which none is fitted."""
-_SMOOTH: Final = 2.0
-"""Cells over which coefficients of pairs go together."""
-_MADE_COUPLING: Final = 0.25
-"""By which the coupling of made skins differs from the designed one, relative."""
-_PAIR_NOISE: Final = 0.01
-"""Of what pairs do beyond adding up, relative, left unfitted."""
+_BENT_AT: Final = (6, 7)
+"""Where the curvature of a table is taken."""
+_BENT_BY: Final = np.array(
+    [
+        *((0.0, 0.0, -0.2), (0.0, 0.0, -0.5)),
+        *((0.35, 0.0, -0.2), (-0.35, 0.0, -0.3), (0.0, 0.35, -0.3), (0.0, -0.35, -0.2)),
+        *((0.25, 0.25, -0.4), (0.25, -0.25, -0.4)),
+    ]
+)
+"""N: forces between whose answers it is taken."""
+_TABLE_BLUR: Final = 3e-3
+"""By which answers may be off, of a chip's largest."""
+_PAIR_BLUR: Final = 0.1
+"""By which signals of pairs may be off, of each chip's, where their products are fitted."""
+_MADE_GRIP: Final = 0.03
+"""By which what the touches of a pair pull at each other differs on made skins, relative."""
+_MADE_CURVATURE: Final = 0.03
+"""Likewise what is missing in the sum of their signals."""
 
 
 def fit_response_table(
@@ -102,7 +116,9 @@ def fit_response_table(
         softening=modulus_factor(design.columns.material, REFERENCE_TEMPERATURE + 1.0).item() - 1.0,
         warmth=np.zeros(shape),
         modes=np.zeros((0, *shape)),
-        coupling=np.zeros((2, vertices, vertices, 3 * chips)),
+        grip=np.zeros((vertices, 2, vertices, 3)),
+        grip_modes=np.zeros((0, vertices, 2, vertices, 3)),
+        curvature=np.zeros((chips, 3, 3, 3)),
         misfit=missed.T @ missed / len(missed),
         pair_misfit=np.zeros((3 * chips, 3 * chips)),
     )
@@ -125,6 +141,7 @@ def add_modes(
     position: ArrayLike,
     force: ArrayLike,
     deviations: ArrayLike,
+    grips: ArrayLike | None = None,
     *,
     least: float = 0.5e-6,
 ) -> ResponseTable:
@@ -137,6 +154,8 @@ def add_modes(
         m and N: presses, the same on every skin.
     deviations : array_like, shape (L, B, S, 3)
         T: signals of L made skins less the table's skin's.
+    grips : array_like, shape (L, H, 2, H, 3), optional
+        m/N: how they give way where touches grip them; by default as the table's skin.
     least : float
         T: modes that change signals by less, root mean square over presses, go into the misfit.
 
@@ -159,13 +178,16 @@ def add_modes(
     held = len(ways) // _HELD_OUT_SKINS
     misfit = table.misfit
     if held:
-        shapes = _principal(ways[:-held] - ways[:-held].mean(axis=0), least)
+        shapes, _ = _principal(ways[:-held] - ways[:-held].mean(axis=0), least)
         seen = np.arange(len(where)) % _SEEN == 0
         missed = _missed(ways[-held:] - ways[:-held].mean(axis=0), shapes, seen) / strength[~seen]
         flat = missed.reshape(-1, table.count)
         misfit = misfit + flat.T @ flat / len(flat)
     middle = ways.mean(axis=0)
-    shapes = _principal(ways - middle, least)
+    shapes, scores = _principal(ways - middle, least)
+    sizes = table.grip.shape
+    held_by = np.broadcast_to(table.grip, (len(ways), *sizes)) if grips is None else grips
+    gives = floats("grips", held_by, sizes[1:])
     columns = np.concatenate([middle[None], shapes]).transpose(1, 0, 2)
     fitted = _deviation_fit(table, where, push, columns.reshape(len(where), -1))
     blocks = fitted.reshape(*table.basis.shape, -1, table.count)
@@ -176,18 +198,28 @@ def add_modes(
         table,
         mean=table.mean + blocks[0],
         modes=blocks[1:],
+        grip=gives.mean(axis=0),
+        grip_modes=np.tensordot(scores.T, gives - gives.mean(axis=0), 1),
         misfit=misfit + np.einsum("bkc,bkd->cd", apart, apart) / len(where),
     )
 
 
-def _principal(apart: Floats, least: float) -> Floats:
-    """Principal ways of skins (L, B, C) that change signals by `least` or more, (K, B, C)."""
+def _principal(apart: Floats, least: float) -> tuple[Floats, Floats]:
+    """Principal ways of skins (L, B, C) that change signals by `least` or more.
+
+    Returns
+    -------
+    ways : Floats, shape (K, B, C)
+        Each by one standard deviation.
+    scores : Floats, shape (L, K)
+        By which a skin's other properties are to be added up to go with each way.
+    """
     flat = apart.reshape(len(apart), -1)
     # The skins are few and presses many: the skins' own products give both.
     power, mixes = np.linalg.eigh(flat @ flat.T)
     kept = power > (len(flat) - 1) * flat.shape[1] * least**2
-    ways = mixes[:, kept][:, ::-1].T @ flat / np.sqrt(len(flat) - 1)
-    return np.asarray(ways.reshape(-1, *apart.shape[1:]))
+    scores = mixes[:, kept][:, ::-1] / np.sqrt(len(flat) - 1)
+    return np.asarray((scores.T @ flat).reshape(-1, *apart.shape[1:])), np.asarray(scores)
 
 
 def _missed(apart: Floats, shapes: Floats, seen: Bools) -> Floats:
@@ -200,7 +232,7 @@ def _missed(apart: Floats, shapes: Floats, seen: Bools) -> Floats:
 
 
 def add_coupling(
-    table: ResponseTable, position: ArrayLike, force: ArrayLike, signals: ArrayLike
+    table: ResponseTable, grip: Floats, position: ArrayLike, force: ArrayLike, signals: ArrayLike
 ) -> ResponseTable:
     """The table with what two touches at once do beyond adding up.
 
@@ -208,52 +240,98 @@ def add_coupling(
     ----------
     table : ResponseTable
         Of the same skin.
+    grip : Floats, shape (H, 2, H, 3)
+        m/N, as `smoskin.mechanics.gripping.grip_compliance` has it.
     position, force : array_like, shapes (B, 2, 2) and (B, 2, 3)
-        m and N: pairs of straight touches.
+        m and N: pairs of touches.
     signals : array_like, shape (B, S, 3)
         T, under both.
+
+    Raises
+    ------
+    ModelError
+        If the grip does not fit the table's vertices.
     """
     where, push = floats("position", position, (2, 2)), floats("force", force, (2, 3))
-    extra = floats("signals", signals, (None, 3)).reshape(len(where), table.count)
-    extra = extra - sum(table.signals(where[:, k], push[:, k]) for k in (0, 1))
-    hats = [table.vertex_shares(where[:, k]) for k in (0, 1)]
-    pairs = [
-        (hats[one][:, :, None] * hats[1 - one][:, None, :]).reshape(len(where), -1)
-        for one in (0, 1)
-    ]
-    press = -push[..., 2]
-    # A function of two places is as smooth as the sheet: neighbours' coefficients go together.
-    n, m = len(table.basis.lines_x), len(table.basis.lines_y)
-    near = np.exp(-0.5 * _squared_distances(n, m) / _SMOOTH**2)
-    kernel = np.kron(near, near)
-    pulls, gram = [], np.zeros((len(where), len(where)))
-    for rows in (
-        press[:, :1] * pairs[0] + press[:, 1:] * pairs[1],
-        press[:, :1] * press[:, 1:] * (pairs[0] + pairs[1]),
-    ):
-        spread = rows @ kernel
-        size = float(np.mean(extra**2) / np.mean((spread * rows).sum(axis=1)))
-        pulls.append(size * spread)
-        gram += pulls[-1] @ rows.T
-    gram[np.diag_indices_from(gram)] += _PAIR_NOISE**2 * float(np.mean(extra**2))
+    said = floats("signals", signals, (None, 3)).reshape(len(where), table.count)
+    table = replace(table, grip=grip, curvature=table_curvature(table))
+    drags = mutual_drags(grip, table.vertex_shares(where), -push[..., 2])
+    pulled = np.concatenate([push[..., :2] + drags, push[..., 2:]], axis=-1)
+    one, other = (table.signals(where[:, k], pulled[:, k]) for k in (0, 1))
+    missing = said - one - other
     held = np.arange(len(where)) % _HELD_OUT == 0
-    answers = np.linalg.solve(gram[np.ix_(~held, ~held)], extra[~held])
-    coupling = np.stack([pull[~held].T @ answers for pull in pulls])
-    missed = extra[held] - gram[np.ix_(held, ~held)] @ answers
-    # A calibration of single touches does not find how a made skin couples two.
-    missed = np.concatenate([missed, _MADE_COUPLING * extra[held]])
-    missed /= np.sqrt(np.tile(press[held].prod(axis=1), 2))[:, None]
-    return replace(
-        table,
-        coupling=coupling.reshape(2, n * m, n * m, table.count),
-        pair_misfit=2 * missed.T @ missed / len(missed),
+    curvature = _fit_curvature(
+        one[~held], other[~held], missing[~held], table.curvature, _PAIR_BLUR
     )
+    made = replace(table, curvature=curvature)
+    missed = missing - cross_signals(curvature, one, other)
+    # A calibration of single touches does not find how a made skin holds and bends otherwise.
+    single = [table.signals(where[:, k], push[:, k]) for k in (0, 1)]
+    unsure = [
+        missed[held],
+        _MADE_GRIP * (one + other - single[0] - single[1])[held],
+        _MADE_CURVATURE * missing[held],
+    ]
+    strength = np.linalg.norm(push[held, :, 2], axis=1)[:, None]
+    scaled = np.concatenate([part / strength for part in unsure])
+    return replace(made, pair_misfit=scaled.T @ scaled / held.sum())
 
 
-def _squared_distances(n: int, m: int) -> Floats:
-    """Between vertices, in cells, (N M, N M)."""
-    at = np.indices((n, m)).reshape(2, -1).T
-    return np.asarray(((at[:, None] - at[None]) ** 2).sum(axis=-1), dtype=np.float64)
+def table_curvature(table: ResponseTable) -> Floats:
+    """The curvature that a table of single touches shows, (S, 3, 3, 3), 1/T."""
+    lines = [
+        (np.arange(count) + 0.5) * end / count
+        for count, end in zip(_BENT_AT, table.basis.extent, strict=True)
+    ]
+    grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
+    one, other = np.triu_indices(len(_BENT_BY))
+
+    def answers(forces: Floats) -> Floats:
+        where = np.repeat(grid, len(forces), axis=0)
+        said = table.signals(where, np.tile(forces, (len(grid), 1)))
+        return said.reshape(len(grid), len(forces), -1)
+
+    alone, both = answers(_BENT_BY), answers(_BENT_BY[one] + _BENT_BY[other])
+    first, second = (alone[:, index].reshape(-1, table.count) for index in (one, other))
+    missing = both.reshape(first.shape) - first - second
+    none = np.zeros((len(table.chips), 3, 3, 3))
+    return _fit_curvature(first, second, missing, none, _TABLE_BLUR)
+
+
+def _fit_curvature(
+    one: Floats, other: Floats, missing: Floats, known: Floats, blur: float
+) -> Floats:
+    """Products of signals (B, C) that make what is missing in their sums, (S, 3, 3, 3).
+
+    Parameters
+    ----------
+    one, other : Floats, shape (B, C)
+        T: of each touch.
+    missing : Floats, shape (B, C)
+        T.
+    known : Floats, shape (S, 3, 3, 3)
+        From which they differ little.
+    blur : float
+        By which the signals may be off, of each chip's root mean square.
+    """
+    found = np.array(known)
+    left = missing - cross_signals(known, one, other)
+    pairs = [(i, j) for i in range(3) for j in range(i + 1)]
+    for chip in range(len(known)):
+        part = slice(3 * chip, 3 * chip + 3)
+        a, b = one[:, part], other[:, part]
+        rows = np.stack([a[:, i] * b[:, j] + a[:, j] * b[:, i] for i, j in pairs], axis=1)
+        size = (a**2).mean(axis=0) + (b**2).mean(axis=0)
+        if not size.any():
+            continue
+        # Signals that are off blur their products: faint ones say little of theirs.
+        ridge = len(a) * blur**2 * size.mean() * np.array([size[i] + size[j] for i, j in pairs])
+        gram = rows.T @ rows + np.diag(ridge)
+        parts = np.linalg.solve(gram, rows.T @ left[:, part])
+        for (i, j), row in zip(pairs, parts, strict=True):
+            found[chip, i, j] += row
+            found[chip, j, i] += row
+    return found
 
 
 def _deviation_fit(table: ResponseTable, where: Floats, push: Floats, values: Floats) -> Floats:

@@ -13,13 +13,17 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
-from smoskin.magnetics import hall
+from smoskin.magnetics import hall, sector
+from smoskin.magnetics.curvature import bent, field_curvature, straightened
 from smoskin.magnetics.inversion import FieldInverse, rest_cross_talk
 from smoskin.magnetics.material import REFERENCE_TEMPERATURE, temperature_factor
 from smoskin.mechanics.relaxation import Prony
+from smoskin.origami.layout import chip_offset
 from smoskin.records import Reading, Status
 from smoskin.sensing.conditioning import Conditioner, ZeroTracking
 
+FOLLOWING: Final = ZeroTracking(hold=0.2, time_constant=2.0)
+"""How fast a zero usually follows drift while nothing touches."""
 _THERMAL_SMOOTHING: Final = 0.05
 """Share of a new temperature in the rubber's: chips round to a fiftieth of a degree."""
 
@@ -47,8 +51,8 @@ class Settling:
     -----
     With u the creeping and r the elastic response, u = (1 - sum c_k) r + sum c_k y_k and
     dy_k/dt = (r - y_k) / lambda_k, exact for r that changes evenly between steps: the inverse of
-    `smoskin.mechanics.relaxation.Memory`. Valid while signals are proportional to motion; their
-    curvature leaves a few per cent of the creep.
+    `smoskin.mechanics.relaxation.Memory`. Valid for responses that are proportional to motion, as
+    fields freed of their curvature are to second order.
 
     Examples
     --------
@@ -113,6 +117,7 @@ class Signals:
         still = ZeroTracking(time_constant=np.inf)
         self._conditioner = Conditioner(design, self._rest, rest_cross_talk(design), tracking=still)
         self._settling = None if creep is None else Settling(creep)
+        self._curvature = field_curvature(design)
         self._drift: Floats = np.zeros_like(self._rest)
         self._last: Floats = self._drift
         self._elapsed, self._temperature = 0.0, np.nan
@@ -155,7 +160,10 @@ class Signals:
         elapsed = reading.time - self._time if np.isfinite(self._time) else 0.0
         self._time = reading.time
         if self._settling is not None:
-            values = self._settling.step(elapsed, values)
+            # Motions creep, and fields are not linear in them.
+            straight = straightened(self._curvature, values)
+            settled = self._settling.step(elapsed, straight)
+            values = bent(self._curvature, settled)
         self._elapsed = elapsed
         self._last = values
         warmths = reading.temperature[np.isfinite(reading.temperature)]
@@ -209,7 +217,13 @@ def signal_noise(design: SkinDesign, chips: Sequence[int] | None = None) -> Floa
         field is scaled.
     """
     setting = design.hall_setting
-    rest = FieldInverse(design).rest_field
+    # Of each chip's own magnet, by which `Signals` scales.
+    rest = np.stack(
+        [
+            sector.field(design.magnet(site.magnet), [0.0, 0.0, chip_offset(design, site)])
+            for site in design.halls
+        ]
+    )
     used = range(len(rest)) if chips is None else chips
     own = hall.noise(setting) ** 2 + hall.sensitivity(setting) ** 2 / 12
     step = float(hall.degrees(1) - hall.degrees(0))

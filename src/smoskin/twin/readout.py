@@ -107,6 +107,27 @@ class Readout:
         turned = np.einsum("...sij,...si->...sj", to_skin, field)
         return answered(turned, self._errors)
 
+    def risen(self, motion: Motion) -> Floats:
+        """How that differs from a skin untouched, turned as the chips were meant to stand.
+
+        Parameters
+        ----------
+        motion : Motion
+            (B,) states.
+
+        Returns
+        -------
+        Floats, shape (B, S, 3)
+            T, in the skin's frame as designed.
+        """
+        rest = Motion(
+            magnets=np.zeros_like(motion.magnets[:1]),
+            board=np.zeros_like(motion.board[:1]),
+            valid=np.ones(1, dtype=bool),
+        )
+        turns = hall.rotations(self._design.halls)
+        return np.asarray(np.einsum("sij,bsj->bsi", turns, self.seen(motion) - self.seen(rest)))
+
     def sample(
         self,
         motion: Motion,
