@@ -8,6 +8,7 @@ import pytest
 from smoskin.errors import ArgumentError
 from smoskin.sensing.few_touch import (
     LabelledTouches,
+    TouchPlanner,
     calibrate_touches,
     next_touch,
     plan_touches,
@@ -90,16 +91,64 @@ def test_what_stays_open_shrinks_with_every_touch(skin, noise):
     assert np.all(np.diff(open_ways) < 0)
 
 
-def test_planned_touches_tell_more_than_touches_in_one_place(skin, noise):
+def test_each_planned_touch_lowers_the_expected_error(skin, noise):
     table = table_with_modes(skin)
     plan = plan_touches(table, 8, noise)
-    gains = [one.gain for one in plan]
-    assert gains == sorted(gains, reverse=True)
-    assert next_touch(table, noise).gain == pytest.approx(gains[0])
+    errors = [one.error for one in plan]
+    assert errors == sorted(errors, reverse=True)
+    assert next_touch(table, noise).error == pytest.approx(errors[0])
     # After the first touch the tool proposes the second of the plan.
     touches = touch_planned(skin, table, noise, 1)
     after = replace(calibrate_touches(table, touches, noise), misfit=table.misfit)
-    assert next_touch(after, noise).gain == pytest.approx(gains[1], rel=0.05)
+    assert next_touch(after, noise).error == pytest.approx(errors[1], rel=0.05)
+
+
+def test_the_planner_knows_what_every_touch_leaves_open(skin, noise):
+    """The updates after each touch against regression done at one stroke."""
+    table = table_with_modes(skin)
+    planner = TouchPlanner(table, noise, place_spread=1e-4, force_spread=5e-3)
+    told = []
+    for _ in range(5):
+        target = planner.next()
+        planner.made(target.position, target.force)
+        told.append((target.position, target.force))
+        assert planner.error == pytest.approx(target.error)
+    where, push = (np.stack(one) for one in zip(*told, strict=True))
+    slopes, ways = table.slopes(where, push), table.mode_signals(where, push)
+    off = np.array([1e-4] * 2 + [5e-3] * 3) ** 2
+    spoilt = (
+        noise
+        + (push**2).sum(axis=1)[:, None, None] * table.misfit
+        + np.einsum("nck,k,ndk->ncd", slopes, off, slopes)
+    )
+    told_in_all = np.einsum("nkc,ncd,nld->kl", ways, np.linalg.inv(spoilt), ways)
+    open_still = np.linalg.inv(np.eye(len(table.modes)) + told_in_all)
+    root = np.linalg.cholesky(open_still)
+    left = replace(table, modes=np.tensordot(root.T, table.modes, 1))
+    assert TouchPlanner(left, noise).error == pytest.approx(planner.error, rel=1e-6)
+
+
+def test_barred_touches_are_not_proposed_again_nor_harder(skin, noise):
+    planner = TouchPlanner(table_with_modes(skin), noise, drag=0.0)
+    first = planner.next()
+    planner.bar(first)
+    then = planner.next()
+    here = np.allclose(then.position, first.position)
+    assert not here or np.linalg.norm(then.force) < np.linalg.norm(first.force)
+    while not planner.exhausted:
+        planner.bar(planner.next())
+    with pytest.raises(ArgumentError, match="no touch is left"):
+        planner.next()
+
+
+def test_planned_touches_beat_as_many_in_the_middle(skin, noise):
+    table = table_with_modes(skin)
+    planner, middle = TouchPlanner(table, noise), TouchPlanner(table, noise)
+    for shift in (-1e-3, 0.0, 1e-3, 2e-3):
+        target = planner.next()
+        planner.made(target.position, target.force)
+        middle.made(table.basis.extent / 2 + shift, target.force)
+    assert planner.error < 0.7 * middle.error
 
 
 def test_labels_that_are_off_are_believed_less(skin, noise):
@@ -127,5 +176,10 @@ def test_wrong_use_is_refused(skin, noise):
         LabelledTouches(**good, place_spread=-1.0)
     with pytest.raises(ArgumentError, match="with 2 chips; got 1 with 3"):
         calibrate_touches(table.of_chips((1, 2)), LabelledTouches(**good), noise)
-    with pytest.raises(ArgumentError, match="count and force must be positive"):
+    with pytest.raises(ArgumentError, match="count must be positive"):
         plan_touches(table, 0, noise)
+    with pytest.raises(ArgumentError, match="force must be positive, drag and spreads"):
+        TouchPlanner(table, noise, drag=-0.1)
+    bare = replace(table, modes=table.modes[:0], grip_modes=table.grip_modes[:0])
+    with pytest.raises(ArgumentError, match="table must have modes"):
+        TouchPlanner(bare, noise)

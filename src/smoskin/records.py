@@ -160,3 +160,30 @@ class Estimate:
             and self.contacts == other.contacts
             and np.array_equal(self.covariance, other.covariance, equal_nan=True)
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HeldTouch:
+    """A touch of known place and force, with what the chips read before it and during it.
+
+    Raises
+    ------
+    ArgumentError
+        If there are no readings, or the times do not follow each other.
+    """
+
+    contact: Contact
+    """As whoever touched knows it."""
+    readings: tuple[Reading, ...]
+    """All since the touch before, in time."""
+    rest: tuple[float, float]
+    """s: from when until when nothing touched the skin, on the readings' clock."""
+    held: tuple[float, float]
+    """s: from when until when the touch was held still."""
+
+    def __post_init__(self) -> None:
+        times = (*self.rest, *self.held)
+        if not self.readings or not all(math.isfinite(one) for one in times):
+            raise ArgumentError(f"readings must be there and times finite; got {times} s")
+        if not self.rest[0] <= self.rest[1] <= self.held[0] <= self.held[1]:
+            raise ArgumentError(f"rest must end before held begins; got {self.rest}, {self.held} s")

@@ -1,7 +1,8 @@
 """Who passes the records on: sources give readings, estimators make estimates, sinks take both.
 
-Every concrete source and estimator of the package is one of these, and the contract suites
-in `tests/contracts` hold each of them to the sentences written here.
+A rig touches a skin where it is told and gives what is known of the touch. Every concrete source
+and estimator of the package is one of these, and the contract suites in `tests/contracts` hold
+each of them to the sentences written here.
 """
 
 from abc import ABC, abstractmethod
@@ -9,7 +10,7 @@ from collections.abc import Iterator
 from types import TracebackType
 from typing import Self
 
-from smoskin.records import Estimate, Reading
+from smoskin.records import Contact, Estimate, HeldTouch, Reading
 
 
 class Resource(ABC):
@@ -89,3 +90,29 @@ class Sink(Resource):
     def dropped(self) -> int:
         """How many readings the sink has passed over."""
         return 0
+
+
+class Rig(Resource):
+    """Touches a skin where it is told, one touch after the other."""
+
+    @property
+    @abstractmethod
+    def place_spread(self) -> float:
+        """Standard deviation of the places that it reports, along each axis, m."""
+
+    @property
+    @abstractmethod
+    def force_spread(self) -> float:
+        """Standard deviation of the forces that it reports, along each axis, N."""
+
+    @abstractmethod
+    def press(self, contact: Contact, timeout: float = 30.0) -> HeldTouch:
+        """Touch the skin so, hold still, let go.
+
+        Raises
+        ------
+        ArgumentError
+            If the skin cannot be touched so.
+        SourceError
+            If the touch is not over within `timeout` seconds.
+        """

@@ -20,9 +20,10 @@ from smoskin.origami.layout import skin_extent
 from smoskin.records import Contact, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.few_touch import LabelledTouches, Target
-from smoskin.sensing.signals import Signals
-from smoskin.twin.creep import creeping
+from smoskin.sensing.labelling import Labeller, labelled_touches
+from smoskin.twin.creep import Creep, creeping
 from smoskin.twin.readout import Motion
+from smoskin.twin.rig import VirtualRig
 from smoskin.twin.skin import Twin
 from smoskin.twin.sweep import far_pairs
 
@@ -270,26 +271,28 @@ def label(
     """
     position = np.stack([one.position for one in plan])
     force = np.stack([one.force for one in plan])
-    session = press(twin, Touches(position=position[:, None], force=force[:, None]), temperature)
+    touches = Touches(position=position[:, None], force=force[:, None])
+    motion = twin.motions(touches, temperature=temperature)
     spoilt = disturbance or Disturbance()
-    rubber = elastomer_prony(twin.design.columns.material) if spoilt.creep else None
-    signals = Signals(twin.design, creep=rubber)
-    said = readings(twin, session, rng, spoilt)
-    signals.zero(said[:_ZEROS])
-    values = np.full((len(plan), 2, len(twin.design.halls), 3), np.nan)
-    for k, reading in enumerate(said):
-        signal = signals.step(reading)
-        row, moment = divmod(k - _ZEROS, len(_MOMENTS))
-        if row >= 0 and moment in (0, _JUDGED) and signal.status is None:
-            values[row, int(moment == _JUDGED)] = signal.values
-    used = list(range(len(twin.design.halls))) if chips is None else list(chips)
-    rise = (values[:, 1] - values[:, 0])[:, used]
-    good = np.isfinite(rise).all(axis=(1, 2))
-    return LabelledTouches(
-        position=(position + stage * rng.normal(size=position.shape))[good],
-        force=(force + gauge * rng.normal(size=force.shape))[good],
-        signals=rise[good],
+    rig = VirtualRig(
+        twin,
+        rng,
         temperature=temperature,
+        creep=Creep(twin.design) if spoilt.creep else None,
+        drift=spoilt.drift,
+        stage=stage,
+        gauge=gauge,
+    )
+    labeller = Labeller(
+        twin.design, elastomer_prony(twin.design.columns.material) if spoilt.creep else None
+    )
+    labels = []
+    for row, (place, push) in enumerate(zip(position, force, strict=True)):
+        held = Motion(magnets=motion.magnets[row], board=motion.board[row], valid=motion.valid[row])
+        labels.append(labeller.label(rig.hold(Contact(position=place, force=push), held)))
+    return labelled_touches(
+        labels,
+        tuple(range(len(twin.design.halls))) if chips is None else tuple(chips),
         place_spread=stage,
         force_spread=gauge,
     )

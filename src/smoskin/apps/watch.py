@@ -1,17 +1,33 @@
-"""Estimates of any source, as lines: what `smoskin run` does."""
+"""Estimates of any source, as lines: what `smoskin run` does.
+
+Decides which estimator reads a skin: the closed forms, or, where the calibration is a response
+table of the very skin, the Bayesian one, which is zeroed by the first readings.
+"""
 
 import json
 import os
 from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import numpy as np
 
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.records import Estimate
+from smoskin.mechanics.relaxation import elastomer_prony
+from smoskin.records import Estimate, Reading, Status
+from smoskin.roles import Estimator
+from smoskin.sensing.bayes import BayesEstimator
 from smoskin.sensing.calibration import read_calibration
 from smoskin.sensing.closed_form import ClosedFormEstimator
+from smoskin.sensing.response import load_response_table
+from smoskin.sensing.signals import FOLLOWING
 from smoskin.service.loop import Loop
 from smoskin.service.recording import Recorder
 from smoskin.service.source import open_source
+
+_ZEROS: Final = 20
+"""Good readings whose mean is the zero of an estimator that reads by a response table."""
 
 
 def watch(
@@ -31,7 +47,9 @@ def watch(
     url : str
         As `smoskin.open_source` takes it.
     calibration : path, optional
-        Of this skin; as designed by default.
+        Of this skin; as designed by default. A calibration (TOML), or a response table from a
+        calibration by touches: then nothing may touch the skin in the first 20 readings, which are
+        answered by `Status.NOT_CALIBRATED`, and the rubber's creep is undone.
     seconds : float, optional
         Stop this long after the first reading, on the readings' clock.
     record : path, optional
@@ -43,10 +61,12 @@ def watch(
         If the source has another number of chips than the design.
     ModelError
         If the calibration cannot be read or belongs to another design.
+    MissingExtraError
+        If it is a response table and `safetensors` is not installed.
     SourceError
         If the source cannot be opened or falls silent.
     """
-    known = None if calibration is None else read_calibration(calibration, design)
+    estimator = _estimator(design, calibration)
     source = open_source(url)
     if source.chips != len(design.halls):
         source.close()
@@ -55,13 +75,61 @@ def watch(
             f"got {source.chips} from {url!r}"
         )
     sinks = [] if record is None else [Recorder(record, design)]
-    with Loop(source, ClosedFormEstimator(design, known), sinks=sinks) as loop:
+    with Loop(source, estimator, sinks=sinks) as loop:
         first: float | None = None
         for estimate in loop:
             yield estimate
             first = estimate.time if first is None else first
             if seconds is not None and estimate.time - first >= seconds:
                 return
+
+
+def _estimator(design: SkinDesign, calibration: str | os.PathLike[str] | None) -> Estimator:
+    """That which a skin's calibration is made for."""
+    if calibration is None:
+        return ClosedFormEstimator(design)
+    if not _holds_tensors(Path(calibration)):
+        return ClosedFormEstimator(design, read_calibration(calibration, design))
+    by_table = BayesEstimator(
+        design,
+        load_response_table(Path(calibration)),
+        creep=elastomer_prony(design.columns.material),
+        tracking=FOLLOWING,
+    )
+    return _ZeroedFirst(by_table)
+
+
+def _holds_tensors(path: Path) -> bool:
+    """Whether a file begins as tensor files do, with a length in binary: text holds no zeros."""
+    try:
+        with path.open("rb") as file:
+            return b"\0" in file.read(8)
+    except OSError:
+        return False  # whoever reads it says why it cannot be read
+
+
+class _ZeroedFirst(Estimator):
+    """An estimator that takes its first good readings for its zero."""
+
+    def __init__(self, inner: BayesEstimator) -> None:
+        self._inner = inner
+        self._untouched: list[Reading] = []
+        self._zeroed = False
+
+    def reset(self) -> None:
+        self._inner.reset()
+        self._untouched.clear()
+        self._zeroed = False
+
+    def step(self, reading: Reading) -> Estimate:
+        if self._zeroed:
+            return self._inner.step(reading)
+        if not reading.flags.any() and np.isfinite(reading.field).all():
+            self._untouched.append(reading)
+        if len(self._untouched) == _ZEROS:
+            self._inner.zero(self._untouched)
+            self._zeroed = True
+        return Estimate(time=reading.time, status=Status.NOT_CALIBRATED)
 
 
 def estimate_line(estimate: Estimate, *, as_json: bool) -> str:

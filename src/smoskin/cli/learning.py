@@ -7,12 +7,19 @@ from typing import Annotated, Literal
 import typer
 
 from smoskin.cli.frame import Json, app, bench, progress_bar, show
+from smoskin.cli.touches import touch_on_rig
+from smoskin.errors import ArgumentError
 
 
 @app.command()
 def calibrate(
-    table: Annotated[Path, typer.Argument(help="CSV of touches measured on a bench.")],
-    out: Annotated[Path, typer.Option(help="The calibration file (TOML) to write.")],
+    table: Annotated[
+        Path,
+        typer.Argument(
+            help="CSV of touches measured on a bench; with --touches the design's response table."
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="The calibration file (TOML; or table) to write.")],
     design: Annotated[str, typer.Option(help="Of the skin that was measured.")] = "planar",
     recording: Annotated[
         Path | None,
@@ -30,15 +37,28 @@ def calibrate(
         bool, typer.Option("--separate", help="Reduced model: fit v_a in X and Y apart.")
     ] = False,
     plot: Annotated[Path | None, typer.Option(help="Draw the residuals to this file.")] = None,
+    touches: Annotated[
+        int | None,
+        typer.Option(min=1, help="Have a virtual rig make so many touches; see touches rig."),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="With --touches: of the skin on the rig.")] = 0,
     as_json: Json = False,
 ) -> None:
-    """Calibrate a skin from touches measured on a bench.
+    """Calibrate a skin from touches measured on a bench, or made by a virtual rig.
 
     With a press on every cell the calibration rests on the skin's own answers. Otherwise the
     paper's model is fitted, with uncertainties; a coefficient that the touches cannot determine
-    is refused by name.
+    is refused by name. With --touches the skin gets a response table of its own.
     """
     import datetime as dt
+
+    if touches is not None:
+        of_bench = {"--recording": recording, "--plot": plot, "--date": date}
+        given = [name for name, value in of_bench.items() if value is not None]
+        if given or separate or method != "auto":
+            raise ArgumentError("--touches goes with --design, --seed, --out and --json alone")
+        touch_on_rig(table, out, design=design, seed=seed, count=touches, as_json=as_json)
+        return
 
     from smoskin.apps import calibrate as bench_work
     from smoskin.feasibility import load_design

@@ -67,7 +67,8 @@ def run(
     source: Annotated[str, typer.Argument(help="twin://planar or replay:FILE, with ?options.")],
     design: Annotated[str, typer.Option(help="Of the skin that the source reads.")] = "planar",
     calibration: Annotated[
-        Path | None, typer.Option(help="Of this skin, as `smoskin calibrate` writes it.")
+        Path | None,
+        typer.Option(help="Of this skin, as `smoskin calibrate` or `smoskin touches` writes it."),
     ] = None,
     seconds: Seconds = None,
     record: Record = None,

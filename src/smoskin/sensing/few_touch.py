@@ -3,7 +3,7 @@
 Skins of a design differ in the modes of its response table, each with a weight that is normal
 before anything is known. A labelled touch measures a mix of them, so that the weights' posterior
 is linear regression; the calibrated table is the likeliest one, its modes what is still open. The
-next touch is the one that tells most: whose signals' logarithm of variance over noise is largest.
+next touch is the one after which straight touches all over the skin are located and weighed best.
 """
 
 from dataclasses import dataclass, replace
@@ -16,6 +16,7 @@ from smoskin.arrays import Floats, floats, frozen
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.material import REFERENCE_TEMPERATURE
 from smoskin.sensing.response import ResponseTable
+from smoskin.sensing.response_fit import table_curvature
 
 DEFAULT_COUNT: Final = 60
 """Touches of a calibration."""
@@ -23,10 +24,24 @@ _ROUNDS: Final = 4
 """In which weights and misfit are found from each other."""
 _LEAST: Final = 0.25
 """By which the misfit may shrink in one of them."""
-_FAINT: Final = 0.1
-"""Of the strongest signal's squared answers, those that say little."""
 _PLACES: Final = (13, 17)
 """Where a touch may be proposed, from rim to rim."""
+_LIGHT: Final = 0.4
+"""Of the largest force, that of the lighter presses which may be proposed."""
+_NEAR: Final = 2e-3
+"""m within which a place is not touched again while there are others."""
+_SAME: Final = 1e-6
+"""m or N within which two touches are one."""
+_LARGE: Final = 0.6
+"""Of the largest that a signal may become, from which it is suspected to have ended a range."""
+_FINE: Final = 1e-9
+"""T within which two signals are one."""
+_JUDGED: Final = (9, 11)
+"""Places whose touches shall be told well."""
+_TYPICAL: Final = 0.5
+"""N, of those touches."""
+_WEIGHT: Final = 0.05
+"""m for which an error of the whole force counts: half a millimetre for one per cent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -95,8 +110,9 @@ class Target(NamedTuple):
     """(2,), m."""
     force: Floats
     """(3,), N."""
-    gain: float
-    """Nats that it is expected to tell about the skin."""
+    error: float
+    """m: expected distance of a located touch from its true place once this one is made; root mean
+    square over the skin, of straight touches of 0.5 N."""
 
 
 def calibrate_touches(
@@ -132,9 +148,8 @@ def calibrate_touches(
     ways = table.mode_signals(touches.position, touches.force)
     squared = (touches.force**2).sum(axis=1)
     # Labels that are off shift the signals along their slopes.
-    slopes = table.slopes(touches.position, touches.force)
     off = np.array([touches.place_spread] * 2 + [touches.force_spread] * 3) ** 2
-    noise = noise + np.einsum("nck,k,ndk->ncd", slopes, off, slopes)
+    noise = noise + _label_noise(table, touches.position, touches.force, off)
     stretch = np.ones(table.count)
     for _ in range(_ROUNDS):
         misfit = stretch[:, None] * table.misfit * stretch
@@ -153,55 +168,190 @@ def calibrate_touches(
     # The root of the covariance mixes the old modes into new ones of one deviation each.
     power, mixes = np.linalg.eigh(spread)
     root = mixes * np.sqrt(np.maximum(power, 0.0))
-    mean = table.mean + np.tensordot(weights, table.modes, 1)
-    return replace(
+    found = replace(
         table,
-        mean=mean,
-        coupling=table.coupling * _growth(table, mean)[:, None, None],
+        mean=table.mean + np.tensordot(weights, table.modes, 1),
+        grip=table.grip + np.tensordot(weights, table.grip_modes, 1),
+    )
+    # How a chip's field bends shows in single touches as well.
+    bent = table_curvature(found) - table_curvature(table)
+    return replace(
+        found,
+        curvature=table.curvature + bent,
         modes=np.tensordot(root.T, table.modes, 1),
+        grip_modes=np.tensordot(root.T, table.grip_modes, 1),
         misfit=stretch[:, None] * table.misfit * stretch,
     )
 
 
-def _growth(table: ResponseTable, mean: Floats) -> Floats:
-    """By which each signal's coupling of two touches grows with its single answers, (2, C).
+class TouchPlanner:
+    """Where a skin is to be touched next so that touches on it are told well.
 
-    What one touch adds because another holds the sheet is a drag; what their product adds comes
-    from the field's curvature, as the square of one force does.
+    Parameters
+    ----------
+    table : ResponseTable
+        Whose modes are what is open: the design's, or one calibrated with earlier touches.
+    noise : Floats, shape (C, C)
+        T^2: covariance of the signals' noise.
+    force, drag : float
+        N: largest normal and sideways force that the rig may use.
+    place_spread, force_spread : float
+        m and N: standard deviations of the rig's places and forces along each axis; by default
+        those of a good stage and gauge.
+
+    Raises
+    ------
+    ArgumentError
+        If the table has no modes, the force is not positive, or another number is negative.
+
+    Notes
+    -----
+    The weights of the modes shift an estimate by a linear map: least squares of the signals on
+    place and force, weighed by noise and misfit. The next touch is the one that takes most off the
+    mean square of those shifts. It does not depend on what touches read.
     """
-    order = table.basis.exponents
-    drags = order[:, :2].sum(axis=1) * (order.sum(axis=1) == 1) > 0
-    squares = (order == (0, 0, 2)).all(axis=1)
-    growth = np.ones((2, table.count))
-    for row, kind in enumerate((drags, squares)):
-        old, new = (one[:, :, kind].reshape(-1, table.count) for one in (table.mean, mean))
-        size = (old**2).sum(axis=0)
-        # A signal that hardly answers so cannot say by how much: it keeps the design's.
-        least = _FAINT * size.max()
-        growth[row] = ((old * new).sum(axis=0) + least) / (size + least) if least else 1.0
-    return growth
+
+    def __init__(
+        self,
+        table: ResponseTable,
+        noise: Floats,
+        *,
+        force: float = 0.8,
+        drag: float = 0.3,
+        place_spread: float = 20e-6,
+        force_spread: float = 2e-3,
+    ) -> None:
+        if not force > 0 or not min(drag, place_spread, force_spread) >= 0:
+            raise ArgumentError(
+                f"force must be positive, drag and spreads >= 0; got {force}, {drag}, "
+                f"{place_spread} and {force_spread}"
+            )
+        if not len(table.modes):
+            raise ArgumentError("table must have modes, in which made skins differ; got none")
+        self._table = table
+        self._noise = noise
+        self._off = np.array([place_spread] * 2 + [force_spread] * 3) ** 2
+        grid = _grid(table, _PLACES)
+        pushes = [(0.0, 0.0, -force), (0.0, 0.0, -_LIGHT * force)]
+        if drag:
+            pushes += [(drag, 0.0, -force), (-drag, 0.0, -force),
+                       (0.0, drag, -force), (0.0, -drag, -force)]  # fmt: skip
+        self._places = np.tile(grid, (len(pushes), 1))
+        self._forces = np.repeat(np.array(pushes), len(grid), axis=0)
+        self._allowed = np.ones(len(self._places), dtype=bool)
+        self._harder, self._new = ~self._allowed, self._allowed.copy()
+        said = table.signals(self._places, self._forces)
+        self._moved = np.concatenate([said, -said], axis=1)
+        self._failed: list[Floats] = []
+        self._reached = np.full(2 * table.count, -np.inf)
+        self._ways = self._whitened(self._places, self._forces)
+        self._spread = np.eye(len(table.modes))
+        shifts, self._floor = _shifts(table, noise)
+        # Only the shifts' squares count: as many columns as modes hold them.
+        power, axes = np.linalg.eigh(np.tensordot(shifts, shifts, ([0, 2], [0, 2])))
+        self._aim = axes * np.sqrt(np.maximum(power, 0.0))
+        at = np.tensordot(shifts[:, :, :2], shifts[:, :, :2], ([0, 2], [0, 2])) / len(shifts)
+        self._open_place = at
+        # Of each candidate: what is open of its signals, and how that goes with the aim.
+        across = np.swapaxes(self._ways, 1, 2)
+        self._inner = across @ self._ways
+        self._cross = across @ self._aim
+
+    @property
+    def error(self) -> float:
+        """Expected distance of a located touch from its true place, m; as `Target.error`."""
+        return self._error(self._spread)
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether every touch has been barred."""
+        return not self._allowed.any()
+
+    def next(self) -> Target:
+        """The touch to make next.
+
+        Raises
+        ------
+        ArgumentError
+            If all have been barred.
+        """
+        if self.exhausted:
+            raise ArgumentError("no touch is left that is not barred")
+        told = np.eye(self._table.count) + self._inner
+        gains = np.einsum("bce,bce->b", self._cross, np.linalg.solve(told, self._cross))
+        # What the table misses at a place it misses there again: a new place tells more.
+        new = self._allowed & self._new
+        best = int(np.where(new if new.any() else self._allowed, gains, -np.inf).argmax())
+        left = self._spread - self._taken(self._ways[best])
+        return Target(self._places[best], self._forces[best], self._error(left))
+
+    def made(self, position: ArrayLike, force: ArrayLike) -> None:
+        """A touch was made, (2,) m and (3,) N, and its signals are known."""
+        where, push = floats("position", position, (2,))[None], floats("force", force, (3,))[None]
+        way = self._whitened(where, push)[0]
+        told = np.linalg.cholesky(np.eye(self._table.count) + way.T @ self._spread @ way)
+        taken = np.linalg.solve(told, way.T @ self._spread).T
+        self._spread = self._spread - taken @ taken.T
+        across = np.swapaxes(self._ways, 1, 2) @ taken
+        self._inner -= across @ np.swapaxes(across, 1, 2)
+        self._cross -= across @ (taken.T @ self._aim)
+        self._new &= np.hypot(*(self._places - where).T) > _NEAR
+        said = self._table.signals(where, push)[0]
+        self._reached = np.maximum(self._reached, np.concatenate([said, -said]))
+        if self._failed:
+            self._allow()
+
+    def bar(self, target: Target) -> None:
+        """Propose neither this touch again nor one that may fail as it did: a chip cannot read it.
+
+        A harder touch at its place will fail as well; and so may any that moves one of its large
+        signals further the same way, unless a touch that was made has moved that signal as far.
+        """
+        here = np.hypot(*(self._places - target.position).T) < _SAME
+        harder = np.linalg.norm(self._forces, axis=1) >= np.linalg.norm(target.force) - _SAME
+        self._harder |= here & harder
+        said = self._table.signals(target.position[None], target.force[None])[0]
+        self._failed.append(np.concatenate([said, -said]))
+        self._allow()
+
+    def _allow(self) -> None:
+        """Find again which touches may be proposed."""
+        self._allowed = ~self._harder
+        for failed in self._failed:
+            suspect = failed > np.maximum(self._reached, _LARGE * self._moved.max(axis=0))
+            self._allowed &= ~(self._moved[:, suspect] >= failed[suspect] - _FINE).any(axis=1)
+
+    def _whitened(self, places: Floats, forces: Floats) -> Floats:
+        """Modes' signals of touches over what spoils them, (B, K, C)."""
+        table = self._table
+        squared = (forces**2).sum(axis=1)[:, None, None]
+        spoilt = (
+            self._noise + squared * table.misfit + _label_noise(table, places, forces, self._off)
+        )
+        white = np.linalg.inv(np.linalg.cholesky(spoilt))
+        return np.asarray(table.mode_signals(places, forces) @ np.swapaxes(white, 1, 2))
+
+    def _taken(self, way: Floats) -> Floats:
+        """What a touch takes off the weights' covariance."""
+        along = self._spread @ way
+        told = np.eye(self._table.count) + way.T @ along
+        return np.asarray(along @ np.linalg.solve(told, along.T))
+
+    def _error(self, spread: Floats) -> float:
+        return float(np.sqrt(self._floor + np.sum(self._open_place * spread)))
 
 
 def next_touch(
     table: ResponseTable, noise: Floats, *, force: float = 0.8, drag: float = 0.3
 ) -> Target:
-    """The touch that tells most about what a table leaves open.
-
-    Parameters
-    ----------
-    table : ResponseTable
-        Whose modes are what is open: the design's, or one calibrated with the touches so far.
-    noise : Floats, shape (C, C)
-        T^2: covariance of the signals' noise.
-    force, drag : float
-        N: largest normal and sideways force that the rig may use.
+    """The touch that tells most about what a table leaves open; see `TouchPlanner`.
 
     Raises
     ------
     ArgumentError
-        If the force is not positive or the drag negative.
+        As `TouchPlanner`.
     """
-    return plan_touches(table, 1, noise, force=force, drag=drag)[0]
+    return TouchPlanner(table, noise, force=force, drag=drag).next()
 
 
 def plan_touches(
@@ -211,6 +361,8 @@ def plan_touches(
     *,
     force: float = 0.8,
     drag: float = 0.3,
+    place_spread: float = 20e-6,
+    force_spread: float = 2e-3,
 ) -> list[Target]:
     """As many touches, each the one that tells most after those before it.
 
@@ -219,32 +371,57 @@ def plan_touches(
     Raises
     ------
     ArgumentError
-        If count or force are not positive or the drag is negative.
+        If the count is not positive, and as `TouchPlanner`.
     """
-    if count < 1 or not force > 0 or not drag >= 0:
-        raise ArgumentError(
-            f"count and force must be positive and drag >= 0; got {count}, {force}, {drag}"
-        )
-    lines = [np.linspace(0, end, n) for end, n in zip(table.basis.extent, _PLACES, strict=True)]
-    grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
-    pushes = [(0.0, 0.0, -force), (0.0, 0.0, -force / 2.5)]
-    if drag:
-        pushes += [(drag, 0.0, -force), (-drag, 0.0, -force), (0.0, drag, -force),
-                   (0.0, -drag, -force)]  # fmt: skip
-    places = np.tile(grid, (len(pushes), 1))
-    forces = np.repeat(np.array(pushes), len(grid), axis=0)
-    ways = table.mode_signals(places, forces)
-    squared = (forces**2).sum(axis=1)[:, None, None]
-    white = np.linalg.inv(np.linalg.cholesky(noise + squared * table.misfit))
-    ways = ways @ np.swapaxes(white, 1, 2)
-    spread = np.eye(len(table.modes))
+    if count < 1:
+        raise ArgumentError(f"count must be positive; got {count}")
+    planner = TouchPlanner(
+        table,
+        noise,
+        force=force,
+        drag=drag,
+        place_spread=place_spread,
+        force_spread=force_spread,
+    )
     targets = []
     for _ in range(count):
-        inner = np.einsum("bkc,kl,bld->bcd", ways, spread, ways, optimize=True)
-        gains = 0.5 * np.linalg.slogdet(np.eye(table.count) + inner)[1]
-        best = int(gains.argmax())
-        targets.append(Target(places[best], forces[best], float(gains[best])))
-        way = ways[best]
-        along = spread @ way
-        spread = spread - along @ np.linalg.solve(np.eye(table.count) + way.T @ along, along.T)
+        targets.append(planner.next())
+        planner.made(targets[-1].position, targets[-1].force)
     return targets
+
+
+def _label_noise(table: ResponseTable, places: Floats, forces: Floats, off: Floats) -> Floats:
+    """Covariance of signals from labels that are off by these variances (5,), (B, C, C)."""
+    if not off.any():
+        return np.zeros((len(places), table.count, table.count))
+    slopes = table.slopes(places, forces)
+    return np.asarray(np.einsum("nck,k,ndk->ncd", slopes, off, slopes))
+
+
+def _shifts(table: ResponseTable, noise: Floats) -> tuple[Floats, float]:
+    """How each mode shifts estimates all over the skin, and their error without any.
+
+    Returns
+    -------
+    shifts : Floats, shape (E, K, 3)
+        m, of x, of y, and of the normal force as `_WEIGHT` weighs it.
+    floor : float
+        m^2, mean square of the place's error.
+    """
+    places = _grid(table, _JUDGED)
+    force = np.array([0.0, 0.0, -_TYPICAL])
+    unknown = [0, 1, 4]
+    slopes = table.point_table().scan(places[:, 0], places[:, 1], force)[1][:, unknown]
+    sure = np.linalg.inv(noise + _TYPICAL**2 * table.misfit)
+    known = np.diag([*12 / table.basis.extent**2, 0.0])
+    spread = np.linalg.inv(slopes @ sure @ np.swapaxes(slopes, 1, 2) + known)
+    solves = spread @ slopes @ sure
+    solves[:, 2] *= _WEIGHT / _TYPICAL
+    ways = table.mode_signals(places, np.tile(force, (len(places), 1)))
+    return ways @ np.swapaxes(solves, 1, 2), float(np.einsum("eii->e", spread[:, :2, :2]).mean())
+
+
+def _grid(table: ResponseTable, counts: tuple[int, int]) -> Floats:
+    """Places from rim to rim, (P, 2), m."""
+    lines = [np.linspace(0, end, n) for end, n in zip(table.basis.extent, counts, strict=True)]
+    return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)

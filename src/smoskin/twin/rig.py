@@ -1,0 +1,191 @@
+"""A virtual rig: presses a twin where it is told, on rubber that creeps, under chips that drift.
+
+Decides how long a touch is held and how often chips are read meanwhile, and how far the rig's
+stage and gauge are off. Hides the memory that a skin and its chips keep from touch to touch.
+"""
+
+from typing import Final, Protocol, final
+
+import numpy as np
+
+from smoskin.arrays import Bools, Floats
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError, SourceError
+from smoskin.magnetics import hall
+from smoskin.magnetics.material import REFERENCE_TEMPERATURE, check_temperature
+from smoskin.records import Contact, HeldTouch, Reading
+from smoskin.roles import Rig
+from smoskin.twin.creep import Creep
+from smoskin.twin.readout import Motion
+
+_RATE: Final = 50.0
+"""Hz at which chips are read while something happens."""
+_RAMP: Final = 0.02
+"""s in which a touch comes and goes."""
+_REST: Final = 0.2
+"""s of rest that are read before a touch."""
+_HOLD: Final = 0.3
+"""s that it is held."""
+_PERIOD: Final = 1.0
+"""s from touch to touch."""
+
+
+class Pressable(Protocol):
+    """What a virtual rig presses: a `smoskin.twin.skin.Twin`."""
+
+    @property
+    def design(self) -> SkinDesign:
+        """Of the skin."""
+        ...
+
+    def motion(self, contacts: tuple[Contact, ...], *, temperature: float) -> Motion:
+        """Where these contacts would hold magnets and board for good."""
+        ...
+
+    def sample(
+        self, motion: Motion, rng: np.random.Generator, *, temperature: Floats
+    ) -> hall.HallSample:
+        """One conversion of every chip in each of many states."""
+        ...
+
+
+@final
+class VirtualRig(Rig):
+    """A rig with a twin on it.
+
+    Its time is the twin's: no touch takes longer than it takes to compute.
+
+    Parameters
+    ----------
+    twin : Pressable
+        The skin.
+    rng : numpy.random.Generator
+        Of noise, drift, and the rig's errors.
+    temperature : float
+        degC, of skin and chips.
+    creep : Creep, optional
+        How the skin creeps; by default it does not.
+    drift : float
+        T: how far each axis of the chips walks in a second, at random.
+    stage, gauge : float
+        m and N: standard deviations of where the stage stands and what the gauge reads.
+
+    Raises
+    ------
+    ArgumentError
+        If a spread is negative or not finite, or no skin stands the temperature.
+    """
+
+    def __init__(
+        self,
+        twin: Pressable,
+        rng: np.random.Generator,
+        *,
+        temperature: float = REFERENCE_TEMPERATURE,
+        creep: Creep | None = None,
+        drift: float = 0.3e-6,
+        stage: float = 20e-6,
+        gauge: float = 2e-3,
+    ) -> None:
+        check_temperature(temperature)
+        for name, value in (("drift", drift), ("stage", stage), ("gauge", gauge)):
+            if not 0.0 <= value < np.inf:
+                raise ArgumentError(f"{name} must be finite and >= 0; got {value}")
+        self._twin = twin
+        self._rng = rng
+        self._temperature = temperature
+        self._creep = creep
+        self._drift = drift
+        self._stage, self._gauge = stage, gauge
+        self._walked: Floats = np.zeros((len(twin.design.halls), 3))
+        self._begun = 0
+        self._time = -_REST
+
+    @property
+    def place_spread(self) -> float:
+        """Of the stage, m."""
+        return self._stage
+
+    @property
+    def force_spread(self) -> float:
+        """Of the gauge, N."""
+        return self._gauge
+
+    def press(self, contact: Contact, timeout: float = 30.0) -> HeldTouch:
+        """Touch the skin so, hold still, let go.
+
+        Raises
+        ------
+        ArgumentError
+            If the contact lies off the skin or pulls at it.
+        SourceError
+            If a touch takes longer than `timeout` seconds of the skin's time.
+        """
+        if timeout < _PERIOD:
+            raise SourceError(f"no touch is over within {timeout} s; one takes {_PERIOD:g} s")
+        return self.hold(contact, self._twin.motion((contact,), temperature=self._temperature))
+
+    def hold(self, contact: Contact, motion: Motion) -> HeldTouch:
+        """The same for whoever has solved the touch already.
+
+        Parameters
+        ----------
+        contact : Contact
+            As it really is.
+        motion : Motion
+            One state, in which it would hold the skin for good.
+        """
+        start = self._begun * _PERIOD
+        self._begun += 1
+        rest = start - np.linspace(_REST, 0.0, round(_REST * _RATE) + 1)
+        held = start + np.linspace(_RAMP, _HOLD, round((_HOLD - _RAMP) * _RATE) + 1)
+        after = [] if start == 0.0 else [start - _PERIOD + _HOLD + _RAMP]
+        times = np.concatenate([after, rest, held])
+        pressed = np.arange(len(times)) >= len(times) - len(held)
+        readings = self._read(times, pressed, motion)
+        position = contact.position + self._stage * self._rng.normal(size=2)
+        force = contact.force + self._gauge * self._rng.normal(size=3)
+        return HeldTouch(
+            contact=Contact(position=position, force=force),
+            readings=readings,
+            rest=(float(rest[0]), float(rest[-1])),
+            held=(float(held[0]), float(held[-1])),
+        )
+
+    def close(self) -> None:
+        """Let go of nothing: a virtual rig holds nothing."""
+
+    def _read(self, times: Floats, pressed: Bools, motion: Motion) -> tuple[Reading, ...]:
+        """What the chips read at these times; pressed (T,) says when the motion holds."""
+        steps = np.diff(times, prepend=self._time)
+        self._time = float(times[-1])
+        still = Motion(
+            magnets=np.zeros_like(motion.magnets),
+            board=np.zeros_like(motion.board),
+            valid=np.asarray(True),
+        )
+        states = []
+        for step, touched in zip(steps.tolist(), pressed.tolist(), strict=True):
+            state = motion if touched else still
+            states.append(state if self._creep is None else self._creep.step(step, state))
+        design = self._twin.design
+        sample = self._twin.sample(
+            Motion(
+                magnets=np.stack([one.magnets for one in states]),
+                board=np.stack([one.board for one in states]),
+                valid=np.stack([one.valid for one in states]),
+            ),
+            self._rng,
+            temperature=np.full(len(times), self._temperature),
+        )
+        walk = self._drift * np.sqrt(steps)[:, None, None]
+        walked = self._walked + np.cumsum(
+            walk * self._rng.normal(size=(len(times), *self._walked.shape)), axis=0
+        )
+        self._walked = walked[-1]
+        field = hall.tesla(sample.counts, design.hall_setting) + walked
+        degrees = hall.degrees(sample.temperature_counts)
+        return tuple(
+            Reading(time=float(t), field=f, temperature=d, flags=g)
+            for t, f, d, g in zip(times, field, degrees, sample.flags, strict=True)
+        )
