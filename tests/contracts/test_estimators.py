@@ -5,11 +5,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from networks import tiny_network
 from smoskin.errors import ArgumentError
 from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.bayes import BayesEstimator
 from smoskin.sensing.closed_form import ClosedFormEstimator
+from smoskin.sensing.network_estimator import NetworkEstimator
 from smoskin.twin.reduced import ReducedTwin
 from tables_of_response import reduced_table
 
@@ -20,7 +22,13 @@ def bayes_estimator(design) -> Estimator:
     return BayesEstimator(design, reduced_table(design))
 
 
-@pytest.fixture(params=[ClosedFormEstimator, bayes_estimator], ids=lambda make: make.__name__)
+def network_estimator(design) -> Estimator:
+    return NetworkEstimator(design, tiny_network(design, drag=0.4))
+
+
+@pytest.fixture(
+    params=[ClosedFormEstimator, bayes_estimator, network_estimator], ids=lambda make: make.__name__
+)
 def make(request, planar) -> Callable[[], Estimator]:
     return lambda: request.param(planar)
 

@@ -81,3 +81,24 @@ class TensorFile(NamedTuple):
             raise
         except (KeyError, TypeError, ValueError) as error:
             raise ModelError(f"{path}: its description is damaged: {error!r}") from error
+
+
+def tensor_key(path: Path | str) -> str:
+    """Under which the header of a tensor file stands, by which its kind can be told; "" if none.
+
+    Raises
+    ------
+    ModelError
+        If it is no tensor file.
+    MissingExtraError
+        If `safetensors` is not installed.
+    """
+    try:
+        from safetensors import SafetensorError, safe_open
+    except ImportError as error:
+        raise MissingExtraError("reading a tensor file", "learned") from error
+    try:
+        with safe_open(str(path), framework="numpy") as file:
+            return next(iter(file.metadata() or {}), "")
+    except (SafetensorError, OSError) as error:
+        raise ModelError(f"{path}: cannot be read as a tensor file: {error}") from error

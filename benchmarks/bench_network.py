@@ -1,0 +1,133 @@
+"""Networks on made skins that training never saw: figures, time of training, latency of a step.
+
+Each skin is calibrated by a few touches and gets a network of its own. Makes the table first where
+there is none (some minutes):
+``OMP_NUM_THREADS=1 python benchmarks/bench_network.py planar.table --skins 5 --places 25 33``.
+"""
+
+import argparse
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from smoskin import load_design
+from smoskin.apps.judge import FORCES, Disturbance, Judged, grid_sessions, judge, label, readings
+from smoskin.apps.response import cached_response_table
+from smoskin.apps.train import parse_chips
+from smoskin.design.skin import SkinDesign
+from smoskin.magnetics.hall import conversion_time
+from smoskin.mechanics.relaxation import elastomer_prony
+from smoskin.sensing.few_touch import calibrate_touches, plan_touches
+from smoskin.sensing.network import NetworkModel, load_network
+from smoskin.sensing.network_draws import TouchSpread
+from smoskin.sensing.network_estimator import NetworkEstimator, PointNetwork
+from smoskin.sensing.network_lessons import NetworkEffort
+from smoskin.sensing.network_training import train_network
+from smoskin.sensing.signals import FOLLOWING, signal_noise
+from smoskin.twin.skin import Twin
+
+UNTOUCHED = 20
+"""Readings of a session before its first touch."""
+
+
+def line(name: str, found: Judged) -> str:
+    """Figures of single touches."""
+    said = found.count == 1
+    error, truth = found.error[:, 0], found.truth[:, 0]
+    sure = np.abs(error[:, 4]) <= 1.645 * np.sqrt(found.spread[:, 0, 4, 4])
+    drag = np.hypot(*truth[:, 2:4].T)
+    off = np.hypot(*error[:, 2:4].T)[drag > 0]
+    share = f", drag {np.nanmean(off) / drag[drag > 0].mean():.2%} of it" if len(off) else ""
+    return (
+        f"{name:>12}: told {said.mean():6.1%}, place {np.nanmean(found.distance) * 1e3:5.2f} mm, "
+        f"force {np.nanmean(np.abs(error[:, 4] / truth[:, 4])):6.2%}{share}, 90 % regions hold "
+        f"{found.inside[said].mean():5.1%} of places and {sure[said].mean():5.1%} of forces"
+    )
+
+
+def microseconds(work: Callable[[], object], count: int = 3000) -> tuple[float, float]:
+    """Median and least time of a call."""
+    taken = np.empty(count)
+    for k in range(count):
+        begin = time.perf_counter()
+        work()
+        taken[k] = time.perf_counter() - begin
+    return float(np.median(taken)) * 1e6, float(taken.min()) * 1e6
+
+
+def tell_latency(design: SkinDesign, model: NetworkModel, twin: Twin) -> None:
+    """Of the network alone and of a whole step, beside an addition and the chips' conversion."""
+    rubber = elastomer_prony(design.columns.material)
+    estimator = NetworkEstimator(design, model, creep=rubber, tracking=FOLLOWING)
+    session = next(iter(grid_sessions(twin, np.random.default_rng(1), forces=(0.5,), count=300)))
+    said = readings(twin, session, np.random.default_rng(2), Disturbance())
+    estimator.zero(said[:UNTOUCHED])
+    taken = []
+    for reading in said[UNTOUCHED:]:
+        begin = time.perf_counter()
+        if estimator.step(reading).contacts:
+            taken.append(time.perf_counter() - begin)
+    point, signals = PointNetwork(model), np.full(3 * len(model.chips), 1e-3)
+    unit, _ = microseconds(lambda: signals + signals)
+    network, least = microseconds(lambda: point.at(signals, 25.0))
+    conversion = conversion_time(design.hall_setting) * 1e6
+    step = float(np.median(taken)) * 1e6
+    print(
+        f"network: median {network:.1f} us, least {least:.1f} us ({network / conversion:.4f} "
+        f"conversions of the chips, {network / unit:.0f} additions of {unit:.2f} us); whole step: "
+        f"median {step:.1f} us ({step / conversion:.4f} conversions)"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("table", type=Path)
+    parser.add_argument("--skins", type=int, default=5)
+    parser.add_argument("--places", type=int, nargs=2, default=(25, 33))
+    parser.add_argument("--count", type=int, help="of the places for each force; all by default")
+    parser.add_argument("--touches", type=int, default=60)
+    parser.add_argument("--chips", default="1,2")
+    parser.add_argument("--drag", type=float, default=0.0, help="N, largest that is told")
+    parser.add_argument("--epochs", type=int, default=20, help="of each skin's network")
+    parser.add_argument("--start", type=Path, help="a network of the design to go on from")
+    asked = parser.parse_args()
+    design = load_design("planar")
+    table = cached_response_table(design, asked.table).of_chips(parse_chips(asked.chips))
+    noise, rubber = signal_noise(design, table.chips), elastomer_prony(design.columns.material)
+    plan = plan_touches(table, asked.touches, noise)
+    start = None if asked.start is None else load_network(asked.start)
+    by_force: dict[str, Judged] = {}
+    for seed in range(1, asked.skins + 1):
+        rng = np.random.default_rng(seed)
+        twin = Twin(design, seed=seed, manufactured=True)
+        touches = label(twin, plan, rng, temperature=22.0, chips=table.chips)
+        trained = train_network(
+            design,
+            calibrate_touches(table, touches, noise),
+            spread=TouchSpread(drag=asked.drag),
+            creep=rubber,
+            effort=NetworkEffort(epochs=asked.epochs),
+            start=start,
+        )
+        print(f"skin {seed}: trained {trained.curve[-1].seconds:.0f} s; {trained.ended}")
+        estimator = NetworkEstimator(design, trained.model, creep=rubber, tracking=FOLLOWING)
+        sessions = grid_sessions(
+            twin, rng, places=tuple(asked.places), drag=asked.drag, count=asked.count
+        )
+        for force, session in zip(FORCES, sessions, strict=True):
+            found = judge(estimator, twin, session, rng)
+            name = f"{force:.1f} N"
+            by_force[name] = by_force[name] + found if name in by_force else found
+    for name, found in by_force.items():
+        print(line(name, found))
+    first, *others = (by_force[f"{force:.1f} N"] for force in FORCES if force > 0.25)
+    for other in others:
+        first = first + other
+    print(line("0.3 to 1 N", first))
+    tell_latency(design, trained.model, twin)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,104 @@
+"""Commands that press a twin for a response table, and that train networks on one."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from smoskin.cli.frame import Design, Json, app, progress_bar, show
+
+
+@app.command("table")
+def make_table(
+    out: Annotated[Path, typer.Option(help="The response table to write.", dir_okay=False)],
+    design: Design = "planar",
+    presses: Annotated[
+        int | None, typer.Option(min=1, help="Of the skin as designed, one touch each.")
+    ] = None,
+    pairs: Annotated[
+        int | None, typer.Option(min=0, help="Of the skin as designed, two touches each.")
+    ] = None,
+    skins: Annotated[
+        int | None, typer.Option(min=1, help="Made sheets, from which comes how skins differ.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the presses and of the made skins.")] = 0,
+    as_json: Json = False,
+) -> None:
+    """Press a design's twin all over and write what its chips read as a response table.
+
+    It takes some minutes. Calibration by a few touches, networks and the Bayesian estimator all
+    start from this file.
+    """
+    from smoskin.apps.table import write_table
+    from smoskin.feasibility import load_design
+
+    with progress_bar() as progress:
+        made = write_table(
+            load_design(design),
+            out,
+            presses=presses,
+            pairs=pairs,
+            skins=skins,
+            seed=seed,
+            progress=progress,
+        )
+    if as_json:
+        typer.echo(json.dumps(made.as_json()))
+        return
+    show(made.rows())
+
+
+@app.command()
+def train(
+    response: Annotated[
+        Path, typer.Argument(help="A response table, of a design or of a skin.", dir_okay=False)
+    ],
+    out: Annotated[Path, typer.Option(help="The model file to write.", dir_okay=False)],
+    design: Annotated[str, typer.Option(help="That the response table is of.")] = "planar",
+    chips: Annotated[
+        str | None, typer.Option(help="That the network reads, such as 1,2; all by default.")
+    ] = None,
+    drag: Annotated[
+        float, typer.Option(min=0.0, help="Largest drag that it shall tell, N; 0: none.")
+    ] = 0.0,
+    members: Annotated[int | None, typer.Option(min=1, help="Networks of the ensemble.")] = None,
+    minutes: Annotated[float | None, typer.Option(min=0.01, help="To train at most.")] = None,
+    start: Annotated[Path | None, typer.Option(help="A model to go on from.")] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on where training was stopped.")
+    ] = False,
+    onnx: Annotated[Path | None, typer.Option(help="Write an ONNX file too.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of weights and of what is drawn.")] = 0,
+    as_json: Json = False,
+) -> None:
+    """Train a network that tells place and force, each with its uncertainty, from a reading.
+
+    Touches are drawn anew from the table at every step, with noise, drift, warmth and creep, on
+    skins as they differ. Of a design's table the network serves any skin made of it; of the table
+    of one skin, calibrated by a few touches, that skin alone, and better.
+    """
+    from smoskin.apps.train import effort_of, parse_chips, train_on_table
+    from smoskin.feasibility import load_design
+    from smoskin.sensing.response import load_response_table
+
+    with progress_bar() as progress:
+        trained = train_on_table(
+            load_design(design),
+            load_response_table(response),
+            out,
+            chips=None if chips is None else parse_chips(chips),
+            drag=drag,
+            effort=effort_of(members=members, minutes=minutes, seed=seed),
+            start=start,
+            resume=resume,
+            onnx=onnx,
+            progress=progress,
+        )
+    if as_json:
+        typer.echo(json.dumps(trained.as_json()))
+        return
+    show(trained.table())
+    typer.echo(f"Training ended: {trained.ended}.")
+    for file in trained.files:
+        typer.echo(str(file))
