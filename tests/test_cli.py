@@ -102,7 +102,10 @@ def test_report_writes_its_files_and_says_how_many_rows_hold(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("info", "plannar"), "error: design must be the name of a shipped design (planar)"),
+        (
+            ("info", "plannar"),
+            "must be the name of a shipped design (optimised, planar)",
+        ),
         (("run", "usb://planar"), "error: url must be replay:FILE"),
         (("run", "replay:nowhere.mcap"), "nowhere.mcap"),
         (("demo", "--headless", "--seconds", "0.1"), "error: seconds must be at least 1"),

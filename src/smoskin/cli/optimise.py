@@ -1,0 +1,54 @@
+"""The command that varies a design so that its chips tell most about a touch."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from smoskin.cli.frame import Design, Json, app, progress_bar, show
+
+
+@app.command()
+def optimise(
+    out: Annotated[
+        Path, typer.Option(help="The new design (TOML); the comparison beside it.", dir_okay=False)
+    ],
+    design: Design = "planar",
+    minutes: Annotated[
+        float | None, typer.Option(min=0.1, help="Take the best that is found in this time.")
+    ] = None,
+    force: Annotated[float, typer.Option(min=0.05, max=1.0, help="Of the touches, N.")] = 0.5,
+    rate: Annotated[float, typer.Option(min=1.0, help="Least readings a second.")] = 100.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of what is drawn.")] = 0,
+    as_json: Json = False,
+) -> None:
+    """Vary magnets, chips, columns and frame so that touches are located best.
+
+    The mean and the worst Cramer-Rao bound of location are made small within what can be made and
+    what the skin must stand; made skins are checked too. The exit code is 1 if the design found
+    does not keep every limit.
+    """
+    from smoskin.apps.optimise import Effort, Limits, Objective
+    from smoskin.apps.optimise import optimise as vary
+    from smoskin.feasibility import load_design
+
+    effort = Effort(seed=seed) if minutes is None else Effort(seed=seed, seconds=60 * minutes)
+    with progress_bar() as progress:
+        found = vary(
+            load_design(design),
+            name=out.stem,
+            objective=Objective(force=force),
+            limits=Limits(rate=rate),
+            effort=effort,
+            progress=progress,
+        )
+    document, beside = found.write(out)
+    if as_json:
+        typer.echo(json.dumps(found.as_json()))
+    else:
+        for table in found.tables():
+            show(table)
+        typer.echo(f"{document} and {beside}")
+    if not found.kept:
+        raise typer.Exit(1)
