@@ -1,0 +1,142 @@
+"""One step of each estimator: latency, beside what the machine and the chips take.
+
+All of them take turns in one run, each with its own readings of made touches; so does the unit, one
+matrix product of the response table's size, which no step on that table can do without.
+Run alone on a quiet core: ``OMP_NUM_THREADS=1 python benchmarks/bench_latency.py planar.table``.
+"""
+
+import argparse
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from smoskin import load_design
+from smoskin.apps.judge import Disturbance, grid_sessions, label, pair_session, readings
+from smoskin.apps.response import cached_response_table
+from smoskin.magnetics.hall import conversion_time
+from smoskin.mechanics.relaxation import elastomer_prony
+from smoskin.records import Reading
+from smoskin.roles import Estimator
+from smoskin.sensing.bayes import BayesEstimator
+from smoskin.sensing.few_touch import calibrate_touches, plan_touches
+from smoskin.sensing.network import load_network
+from smoskin.sensing.network_estimator import NetworkEstimator
+from smoskin.sensing.response import ResponseTable
+from smoskin.sensing.signals import FOLLOWING, signal_noise
+from smoskin.sensing.touch_priors import TouchPriors
+from smoskin.sensing.tracking import TrackingEstimator
+from smoskin.twin.skin import Twin
+
+UNTOUCHED = 20
+"""Readings before the first touch."""
+
+
+class Runner(NamedTuple):
+    """An estimator with its readings."""
+
+    name: str
+    estimator: Estimator
+    readings: Sequence[Reading]
+    touches: int
+    """That a step must say to be counted."""
+
+
+def seconds(work: Callable[[], object]) -> tuple[float, object]:
+    """Time of a call, and its answer."""
+    begin = time.perf_counter()
+    answer = work()
+    return time.perf_counter() - begin, answer
+
+
+def run(runners: Sequence[Runner], unit: Callable[[], object]) -> dict[str, list[float]]:
+    """Time of each step under touches (or of idle ones), one after the other in turn."""
+    taken: dict[str, list[float]] = {one.name: [] for one in runners} | {"unit": []}
+    for k in range(UNTOUCHED, max(len(one.readings) for one in runners)):
+        taken["unit"].append(seconds(unit)[0])
+        for one in runners:
+            if k < len(one.readings):
+                spent, said = seconds(lambda one=one, k=k: one.estimator.step(one.readings[k]))
+                if len(said.contacts) == one.touches:
+                    taken[one.name].append(spent)
+    return taken
+
+
+def calibrated(table: ResponseTable, twin: Twin, chips: Sequence[int]) -> ResponseTable:
+    """The skin's own table."""
+    used = table.of_chips(chips)
+    noise = signal_noise(twin.design, used.chips)
+    touches = label(twin, plan_touches(used, 60, noise), np.random.default_rng(1), chips=used.chips)
+    return calibrate_touches(used, touches, noise)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("table", type=Path)
+    parser.add_argument("--touches", type=int, default=300)
+    parser.add_argument("--network", type=Path, help="a model file of `smoskin train`, too")
+    asked = parser.parse_args()
+    design = load_design("planar")
+    table = cached_response_table(design, asked.table)
+    twin = Twin(design, seed=1, manufactured=True)
+    rng = np.random.default_rng(2)
+    rubber = elastomer_prony(design.columns.material)
+    straight, dragged = (
+        next(iter(grid_sessions(twin, rng, forces=(0.5,), drag=drag, count=asked.touches)))
+        for drag in (0.0, 0.5)
+    )
+    said = {
+        name: readings(twin, session, rng, Disturbance())
+        for name, session in (
+            ("straight", straight),
+            ("dragged", dragged),
+            ("pairs", pair_session(twin, rng, asked.touches // 5)),
+        )
+    }
+    six, nine = (calibrated(table, twin, chips) for chips in ((1, 2), (0, 1, 2)))
+    free, none = TouchPriors(), TouchPriors(drag_spread=0.0)
+    cases = [
+        ("idle, 2 chips", six, none, "straight", 0),
+        ("one straight touch, 2 chips", six, none, "straight", 1),
+        ("one straight touch, 3 chips", nine, none, "straight", 1),
+        ("one dragged touch, 3 chips", nine, free, "dragged", 1),
+        ("two touches, 3 chips", nine, none, "pairs", 2),
+    ]
+    runners = []
+    for name, known, priors, session, touches in cases:
+        one = BayesEstimator(design, known, priors=priors, creep=rubber, tracking=FOLLOWING)
+        one.zero(said[session][:UNTOUCHED])
+        runners.append(Runner(name, one, said[session], touches))
+    inner = BayesEstimator(design, six, priors=none, creep=rubber, tracking=FOLLOWING)
+    inner.zero(said["straight"][:UNTOUCHED])
+    tracked = TrackingEstimator(inner)
+    runners.append(Runner("one straight touch, tracked", tracked, said["straight"], 1))
+    if asked.network:
+        network = NetworkEstimator(
+            design, load_network(asked.network), creep=rubber, tracking=FOLLOWING
+        )
+        network.zero(said["straight"][:UNTOUCHED])
+        runners.append(Runner("one straight touch, network", network, said["straight"], 1))
+    functions, columns = six.mean.shape[0], six.mean[0].size
+    weights, flat = np.ones((2, functions)), np.ascontiguousarray(six.mean).reshape(functions, -1)
+    taken = run(runners, lambda: weights @ flat)
+    conversion = conversion_time(design.hall_setting)
+    unit = float(np.median(taken.pop("unit")))
+    print(f"unit: a product of 2 x {functions} with {functions} x {columns}: {unit * 1e6:.1f} us")
+    print(f"one conversion of the chips: {conversion * 1e6:.0f} us")
+    for name, times in taken.items():
+        if times:
+            quick, median, slow = np.percentile(times, [10, 50, 99])
+            print(
+                f"{name:>28}: median {median * 1e6:7.0f} us, 10 % {quick * 1e6:6.0f} us, 99 % "
+                f"{slow * 1e6:7.0f} us; "
+                f"{median / unit:5.0f} units, {median / conversion:6.3f} conversions"
+            )
+        else:
+            print(f"{name:>28}: never said as many touches")
+
+
+if __name__ == "__main__":
+    main()
