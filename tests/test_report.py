@@ -23,8 +23,9 @@ OPEN = ["U1", "U2", "U3", "U4", "U5"]
 ROOT = Path(__file__).parents[1]
 FIGURES = {
     "figure_s1.svg", "figure_s5.svg", "figure_s6.svg", "figure_s7.svg", "figure_s9.svg",
-    "figure_s10.svg", "figure_s15.svg", "figure_s16.svg", "displacement_field.svg",
-    "attenuation_fit.svg",
+    "figure_s10.svg", "figure_s11.svg", "figure_s15.svg", "figure_s16.svg",
+    "displacement_field.svg", "attenuation_fit.svg", "touch_bound.svg", "touch_pairs.svg",
+    "calibration_touches.svg",
 }  # fmt: skip
 
 
@@ -64,7 +65,8 @@ def test_every_row_is_reproduced_corrected_or_explained(report):
     assert [row.id for row in rows if row.verdict == "unresolved"] == OPEN
     assert {
         "figure_s10.near", "figure_s10.far", "figure_s10.sheet", "figure_s15.loss",
-        "figure_s15.corrected", "figure_s16.place", "figure_s16.resolution",
+        "figure_s15.corrected", "figure_s16.place", "figure_s16.resolution", "figure_s11.without",
+        "figure_s11.force", "figure_s11.place", "figure_s11.open", "touch.solved", "touch.switch",
     } <= {row.id for row in rows}  # fmt: skip
 
 

@@ -151,6 +151,10 @@ def simulate(
 def report(
     out: Annotated[Path, typer.Option(help="The folder to write to.", file_okay=False)],
     design: Design = "planar",
+    table: Annotated[
+        Path | None,
+        typer.Option(help="A response table of the design; a small one is made by default."),
+    ] = None,
 ) -> None:
     """Write the paper's figures, tables and numbers beside what this package computes.
 
@@ -158,8 +162,10 @@ def report(
     """
     from smoskin.apps.report.build import build_report
     from smoskin.feasibility import load_design
+    from smoskin.sensing.response import load_response_table
 
+    known = None if table is None else load_response_table(table)
     with progress_bar() as progress:
-        written = build_report(load_design(design), out, progress=progress)
+        written = build_report(load_design(design), out, table=known, progress=progress)
     typer.echo(written.summary)
     typer.echo(str(written.page))

@@ -31,6 +31,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, MissingExtraError
 from smoskin.magnetics.loop import MagnetisationLoop
 from smoskin.sensing.location import unit_press, zones
+from smoskin.sensing.response import ResponseTable
 
 if TYPE_CHECKING:
     from smoskin.apps.report.style import Plate
@@ -63,7 +64,11 @@ class Report:
 
 
 def build_report(
-    design: SkinDesign, out: str | os.PathLike[str], *, progress: Progress | None = None
+    design: SkinDesign,
+    out: str | os.PathLike[str],
+    *,
+    table: ResponseTable | None = None,
+    progress: Progress | None = None,
 ) -> Report:
     """Compute every row and figure of the paper and write them to a folder.
 
@@ -75,6 +80,8 @@ def build_report(
         With the paper's 6 x 6 cells and two magnets on the sheet.
     out : path
         The folder; made if missing.
+    table : ResponseTable, optional
+        Of the design, by which estimators read; by default a small one is made.
     progress : callable, optional
         Called with what is being done and the share of the whole that is done.
 
@@ -82,6 +89,8 @@ def build_report(
     ------
     ArgumentError
         If the design has another layout, or the folder cannot be written.
+    ModelError
+        If the table belongs to another design or lacks chips.
     MissingExtraError
         If Matplotlib, JAX or FElupe is not installed.
     """
@@ -93,7 +102,7 @@ def build_report(
     report = progress or (lambda what, share: None)
     sheet_magnets(design)
     folder = _writable(Path(out))
-    found = experiment(design, lambda what, share: report(what, 0.7 * share))
+    found = experiment(design, lambda what, share: report(what, 0.7 * share), table)
     report("rows", 0.7)
     rows = all_rows(design, found)
     report("figures", 0.75)
@@ -147,11 +156,15 @@ def all_rows(design: SkinDesign, found: Experiments) -> list[Row]:
 def _plates(design: SkinDesign, found: Experiments) -> "list[Plate]":
     """Every figure, in the order of the paper; then those that it does not have."""
     from smoskin.apps.report.assumption_plate import assumption_plate
+    from smoskin.apps.report.bound_plate import bound_plate
     from smoskin.apps.report.environment_plates import recovery_plate, warmth_plate
     from smoskin.apps.report.figures import poisson_plate, stiffness_plate, zone_plate
+    from smoskin.apps.report.pairs_plate import pairs_plate
+    from smoskin.apps.report.shear_learning_plate import shear_learning_plate
     from smoskin.apps.report.sheet_figure import crease_plate
     from smoskin.apps.report.sheet_plates import cover_plate, press_plate
     from smoskin.apps.report.soft_magnet_plate import soft_magnet_plate
+    from smoskin.apps.report.touches_plate import touches_plate
 
     return [
         poisson_plate(poisson_map(design)),
@@ -160,10 +173,14 @@ def _plates(design: SkinDesign, found: Experiments) -> "list[Plate]":
         stiffness_plate(stiffness_maps(design)),
         recovery_plate(found.recovery),
         soft_magnet_plate(found.comparison, MagnetisationLoop()),
+        shear_learning_plate(found.shear, found.jointly),
         warmth_plate(found.warmth),
         cover_plate(found.covers),
         press_plate(design, found.field),
         assumption_plate(found.assumptions),
+        bound_plate(found.touches),
+        touches_plate(found.curve),
+        pairs_plate(found.pairs),
     ]
 
 

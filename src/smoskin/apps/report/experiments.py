@@ -6,11 +6,31 @@ from dataclasses import dataclass
 from smoskin.apps.report.assumptions import Assumptions, assumptions
 from smoskin.apps.report.environment import Recovery, Warmth, recovery, warmth
 from smoskin.apps.report.rows import Row, stated
+from smoskin.apps.report.shear_learning import (
+    Jointly,
+    ShearLearning,
+    read_jointly,
+    shear_learning,
+)
+from smoskin.apps.report.shear_learning_rows import shear_learning_rows
 from smoskin.apps.report.sheet_presses import Covers, PressField, covers, press_field
 from smoskin.apps.report.soft_magnet import Comparison, compare, comparison_rows
+from smoskin.apps.report.touch_errors import (
+    PairErrors,
+    TouchErrors,
+    pair_errors,
+    touch_error_rows,
+    touch_errors,
+)
+from smoskin.apps.report.trial_skins import SEEDS, trial_skins, trial_table
+from smoskin.apps.touch_curve import CurveEffort, TouchCurve, touch_curve
 from smoskin.design.skin import SkinDesign
+from smoskin.sensing.response import ResponseTable
 from smoskin.twin.skin import Twin
 from smoskin.twin.soft_magnet import watched_everywhere
+
+_CURVE = CurveEffort(seeds=SEEDS, counts=(2, 6, 20, 60), forces=(0.5,), places=20)
+"""How much is judged for the figure of calibration touches."""
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the share of the whole that is done."""
@@ -26,25 +46,46 @@ class Experiments:
     covers: Covers
     field: PressField
     assumptions: Assumptions
+    shear: ShearLearning
+    jointly: tuple[Jointly, Jointly]
+    touches: TouchErrors
+    pairs: PairErrors
+    curve: TouchCurve
 
 
-def experiment(design: SkinDesign, progress: Progress) -> Experiments:
-    """Do all of it.
+def experiment(
+    design: SkinDesign, progress: Progress, table: ResponseTable | None = None
+) -> Experiments:
+    """Do all of it; estimators read by this response table, or by a small one made here.
 
     Raises
     ------
     MissingExtraError
         Without JAX or FElupe.
+    ModelError
+        If the table belongs to another design or lacks chips.
     """
-    progress("recovery", 0.0)
+    progress("response table", 0.0)
+    known = trial_table(design, table)
+    progress("calibration", 0.27)
+    skins = trial_skins(design, known)
+    curve = touch_curve(design, known.of_chips(_upper(design)), _CURVE)
+    progress("shear", 0.32)
+    sheared = shear_learning(skins[0].twin)
+    jointly = read_jointly(skins[0], sheared.whole)
+    progress("bounds and errors", 0.4)
+    touched = touch_errors(design, skins)
+    progress("two touches", 0.45)
+    paired = pair_errors(design, skins[0])
+    progress("recovery", 0.5)
     recovered = recovery(design)
-    progress("soft magnet", 0.15)
+    progress("soft magnet", 0.55)
     compared = compare(design, Twin(watched_everywhere(design), seed=None))
-    progress("covers", 0.8)
+    progress("covers", 0.9)
     covered = covers(design)
-    progress("displacement field", 0.85)
+    progress("displacement field", 0.92)
     field = press_field(design)
-    progress("attenuation", 0.9)
+    progress("attenuation", 0.95)
     granted = assumptions(design)
     progress("warmth", 1.0)
     return Experiments(
@@ -54,15 +95,29 @@ def experiment(design: SkinDesign, progress: Progress) -> Experiments:
         covers=covered,
         field=field,
         assumptions=granted,
+        shear=sheared,
+        jointly=jointly,
+        touches=touched,
+        pairs=paired,
+        curve=curve,
+    )
+
+
+def _upper(design: SkinDesign) -> tuple[int, ...]:
+    """The chips under the sheet's magnets, which the paper's models are fed."""
+    return tuple(
+        s for s, site in enumerate(design.halls) if design.magnet(site.magnet).mount == "sheet"
     )
 
 
 def experiment_rows(found: Experiments) -> list[Row]:
-    """What the paper says of Figures S10, S15 and S16, beside what came out."""
+    """What the paper says of Figures S10, S11, S15, S16 and two touches, beside what came out."""
     return [
         *comparison_rows(found.comparison),
         *_warmth_rows(found.warmth),
         *_cover_rows(found.covers),
+        *shear_learning_rows(found.shear, found.jointly),
+        *touch_error_rows(found.touches, found.pairs),
     ]
 
 

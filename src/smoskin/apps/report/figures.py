@@ -9,13 +9,12 @@ from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colorbar import Colorbar
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from smoskin.apps.report.maps import PoissonMap, StiffnessMap, signs_text
-from smoskin.apps.report.style import BLUE, GREY, INK, ORANGE, Plate, lay_out, styled
+from smoskin.apps.report.style import BLUE, GREY, INK, ORANGE, Plate, lay_out, quiet, styled
 from smoskin.sensing.location import Zone
 
 _LETTERS: Final = "abcdefghi"
@@ -58,7 +57,7 @@ def poisson_plate(found: PoissonMap) -> Plate:
             colours, ax=axes, ticks=levels[::2], label="Poisson's ratio (no unit)",
             format=FuncFormatter(lambda value, _: f"{value:g}"),
         )  # fmt: skip
-        _quiet(bar)
+        quiet(bar)
         lay_out(figure)
     return Plate(
         name="figure_s1",
@@ -150,7 +149,7 @@ def stiffness_plate(maps: Sequence[StiffnessMap]) -> Plate:
         bar = figure.colorbar(
             picture, ax=axes, shrink=0.6, label="stiffness over the stiffest cell's (no unit)"
         )
-        _quiet(bar)
+        quiet(bar)
         lay_out(figure)
     return Plate(
         name="figure_s7",
@@ -162,10 +161,3 @@ def stiffness_plate(maps: Sequence[StiffnessMap]) -> Plate:
         "leaves no mirror along y (E26).",
         figure=figure,
     )
-
-
-def _quiet(bar: Colorbar) -> None:
-    """A colour bar without a frame, as vectors."""
-    bar.outline.set_visible(False)
-    if bar.solids is not None:
-        bar.solids.set(rasterized=False, edgecolor="face")

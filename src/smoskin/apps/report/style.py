@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from matplotlib import rc_context
+from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
 
 BLUE, ORANGE, GREEN, RED, GREY, INK = (
@@ -62,3 +63,10 @@ def lay_out(figure: Figure) -> None:
     figure.draw_without_rendering()
     # A placeholder engine, "none", would have each file drawn twice.
     figure.set_layout_engine(None)
+
+
+def quiet(bar: Colorbar) -> None:
+    """A colour bar without a frame, as vectors."""
+    bar.outline.set_visible(False)
+    if bar.solids is not None:
+        bar.solids.set(rasterized=False, edgecolor="face")
