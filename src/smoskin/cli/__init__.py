@@ -9,6 +9,6 @@ try:
 except ImportError:
     sys.exit(f"error: {MissingExtraError('the command line', 'cli')}")
 
-from smoskin.cli import learning, live, skins
+from smoskin.cli import learning, live, optimise, score, skins, touches, train
 
-__all__ = ["app", "learning", "live", "main", "skins"]
+__all__ = ["app", "learning", "live", "main", "optimise", "score", "skins", "touches", "train"]
