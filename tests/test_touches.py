@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from networks import tiny_network
 from smoskin.apps import watch as watching
 from smoskin.apps.touch_sheet import read_contacts, read_held_touches, write_plan
 from smoskin.apps.touches import (
@@ -25,6 +26,7 @@ from smoskin.service.recording import Recorder
 from smoskin.service.source import TwinSource
 from smoskin.twin.creep import Creep
 from smoskin.twin.readout import Motion
+from smoskin.twin.reduced import ReducedTwin
 from smoskin.twin.rig import VirtualRig
 from tables_of_response import motions, plain, presses, signals, table_with_modes
 from virtual_skins import made_twin, saturating
@@ -298,6 +300,23 @@ def replace_time(reading, time):
     return type(reading)(
         time=time, field=reading.field, temperature=reading.temperature, flags=reading.flags
     )
+
+
+def test_a_skin_is_read_by_a_network(planar, tmp_path, monkeypatch):
+    pytest.importorskip("safetensors")
+    path = tmp_path / "skin.network"
+    tiny_network(planar, drag=0.4).save(path)
+    source = TwinSource(ReducedTwin(planar, seed=None), speed=np.inf)
+    monkeypatch.setattr(watching, "open_source", lambda url: source)
+    touch = Contact(position=(0.05, 0.0667), force=(0.0, 0.0, -0.5))
+    said = []
+    for estimate in watch(planar, "twin://planar", calibration=path, seconds=0.4):
+        said.append(estimate)
+        if len(said) == 30:
+            source.touch([touch])
+    assert [one.status for one in said[:20]] == [Status.NOT_CALIBRATED] * 20
+    assert {one.status for one in said[20:30]} == {Status.NO_CONTACT}
+    assert {one.status for one in said[32:]} == {Status.CONTACT}
 
 
 def test_a_table_of_another_design_does_not_run(planar, own_table):

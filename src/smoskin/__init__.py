@@ -14,9 +14,13 @@ from smoskin.errors import SmoskinError
 from smoskin.feasibility import load_design
 from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator, Sink, Source
+from smoskin.sensing.bayes import BayesEstimator
 from smoskin.sensing.calibration import Calibration
 from smoskin.sensing.closed_form import ClosedFormEstimator
 from smoskin.sensing.learned import LearnedEstimator, load_model
+from smoskin.sensing.network import load_network
+from smoskin.sensing.network_estimator import NetworkEstimator
+from smoskin.sensing.response import load_response_table
 from smoskin.service.loop import Loop, run
 from smoskin.service.recording import Recorder, open_recording
 from smoskin.service.source import open_source
@@ -26,6 +30,7 @@ from smoskin.twin.skin import Twin
 __version__ = "0.1.0"
 
 __all__ = [
+    "BayesEstimator",
     "Calibration",
     "ChipFlag",
     "ClosedFormEstimator",
@@ -34,6 +39,7 @@ __all__ = [
     "Estimator",
     "LearnedEstimator",
     "Loop",
+    "NetworkEstimator",
     "Reading",
     "Recorder",
     "ReducedTwin",
@@ -45,6 +51,8 @@ __all__ = [
     "Twin",
     "load_design",
     "load_model",
+    "load_network",
+    "load_response_table",
     "open_recording",
     "open_source",
     "run",

@@ -1,7 +1,8 @@
 """Estimates of any source, as lines: what `smoskin run` does.
 
 Decides which estimator reads a skin: the closed forms, or, where the calibration is a response
-table of the very skin, the Bayesian one, which is zeroed by the first readings.
+table of the very skin, the Bayesian one, or a trained network. The last two are zeroed by the first
+readings.
 """
 
 import json
@@ -20,14 +21,17 @@ from smoskin.roles import Estimator
 from smoskin.sensing.bayes import BayesEstimator
 from smoskin.sensing.calibration import read_calibration
 from smoskin.sensing.closed_form import ClosedFormEstimator
+from smoskin.sensing.network import load_network
+from smoskin.sensing.network_estimator import NetworkEstimator
 from smoskin.sensing.response import load_response_table
 from smoskin.sensing.signals import FOLLOWING
+from smoskin.sensing.tensor_file import NETWORK, tensor_key
 from smoskin.service.loop import Loop
 from smoskin.service.recording import Recorder
 from smoskin.service.source import open_source
 
 _ZEROS: Final = 20
-"""Good readings whose mean is the zero of an estimator that reads by a response table."""
+"""Good readings whose mean is the zero of an estimator that reads by what was learned."""
 
 
 def watch(
@@ -47,9 +51,9 @@ def watch(
     url : str
         As `smoskin.open_source` takes it.
     calibration : path, optional
-        Of this skin; as designed by default. A calibration (TOML), or a response table from a
-        calibration by touches: then nothing may touch the skin in the first 20 readings, which are
-        answered by `Status.NOT_CALIBRATED`, and the rubber's creep is undone.
+        Of this skin; as designed by default. A calibration (TOML), a response table from a
+        calibration by touches, or a network: with the last two nothing may touch the skin in the
+        first 20 readings, which are answered by `Status.NOT_CALIBRATED`, and creep is undone.
     seconds : float, optional
         Stop this long after the first reading, on the readings' clock.
     record : path, optional
@@ -62,7 +66,7 @@ def watch(
     ModelError
         If the calibration cannot be read or belongs to another design.
     MissingExtraError
-        If it is a response table and `safetensors` is not installed.
+        If it holds what was learned and `safetensors` is not installed.
     SourceError
         If the source cannot be opened or falls silent.
     """
@@ -88,15 +92,15 @@ def _estimator(design: SkinDesign, calibration: str | os.PathLike[str] | None) -
     """That which a skin's calibration is made for."""
     if calibration is None:
         return ClosedFormEstimator(design)
-    if not _holds_tensors(Path(calibration)):
-        return ClosedFormEstimator(design, read_calibration(calibration, design))
-    by_table = BayesEstimator(
-        design,
-        load_response_table(Path(calibration)),
-        creep=elastomer_prony(design.columns.material),
-        tracking=FOLLOWING,
-    )
-    return _ZeroedFirst(by_table)
+    file = Path(calibration)
+    if not _holds_tensors(file):
+        return ClosedFormEstimator(design, read_calibration(file, design))
+    rubber = elastomer_prony(design.columns.material)
+    if tensor_key(file) == NETWORK:
+        network = load_network(file)
+        return _ZeroedFirst(NetworkEstimator(design, network, creep=rubber, tracking=FOLLOWING))
+    table = load_response_table(file)
+    return _ZeroedFirst(BayesEstimator(design, table, creep=rubber, tracking=FOLLOWING))
 
 
 def _holds_tensors(path: Path) -> bool:
@@ -111,7 +115,7 @@ def _holds_tensors(path: Path) -> bool:
 class _ZeroedFirst(Estimator):
     """An estimator that takes its first good readings for its zero."""
 
-    def __init__(self, inner: BayesEstimator) -> None:
+    def __init__(self, inner: BayesEstimator | NetworkEstimator) -> None:
         self._inner = inner
         self._untouched: list[Reading] = []
         self._zeroed = False

@@ -68,7 +68,7 @@ def run(
     design: Annotated[str, typer.Option(help="Of the skin that the source reads.")] = "planar",
     calibration: Annotated[
         Path | None,
-        typer.Option(help="Of this skin, as `smoskin calibrate` or `smoskin touches` writes it."),
+        typer.Option(help="Of this skin, as `smoskin calibrate`, `touches` or `train` writes it."),
     ] = None,
     seconds: Seconds = None,
     record: Record = None,

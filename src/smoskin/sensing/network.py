@@ -20,11 +20,11 @@ from smoskin.arrays import Floats, floats, frozen
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.material import REFERENCE_TEMPERATURE
 from smoskin.sensing.learned import Metric
-from smoskin.sensing.tensor_file import TensorFile
+from smoskin.sensing.tensor_file import NETWORK, TensorFile
 
 Singles: TypeAlias = NDArray[np.float32]
 
-_FILE: Final = TensorFile("a network file", "smoskin_network", 1)
+_FILE: Final = TensorFile("a network file", NETWORK, 1)
 _TENSORS: Final = ("centre", "scale", "middle", "size", "stretch", "whitener")
 _PARTS: Final = tuple(
     f"{name}_{kind}" for name in ("first", "hidden", "last") for kind in ("weights", "bias")

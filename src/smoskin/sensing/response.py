@@ -20,10 +20,10 @@ from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.curvature import cross_signals
 from smoskin.magnetics.material import REFERENCE_TEMPERATURE
 from smoskin.sensing.pairing import mutual_drags
-from smoskin.sensing.tensor_file import TensorFile
+from smoskin.sensing.tensor_file import RESPONSE_TABLE, TensorFile
 from smoskin.sensing.touch_basis import PointLine, TouchBasis
 
-_FILE: Final = TensorFile("a response table", "smoskin_response_table", 2)
+_FILE: Final = TensorFile("a response table", RESPONSE_TABLE, 2)
 _TENSORS: Final = (
     "mean",
     "warmth",

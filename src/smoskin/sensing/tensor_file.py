@@ -7,12 +7,16 @@ format is safetensors, which carries no code.
 import json
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smoskin.errors import MissingExtraError, ModelError
+
+RESPONSE_TABLE: Final = "smoskin_response_table"
+NETWORK: Final = "smoskin_network"
+"""Keys of the kinds that programs tell apart by `tensor_key`."""
 
 _Content = TypeVar("_Content")
 

@@ -16,13 +16,13 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.mechanics.relaxation import elastomer_prony
 from smoskin.roles import Estimator
+from smoskin.sensing import tensor_file
 from smoskin.sensing.bayes import BayesEstimator
 from smoskin.sensing.few_touch import Target, calibrate_touches, plan_touches
 from smoskin.sensing.network import NetworkModel, load_network
 from smoskin.sensing.network_estimator import NetworkEstimator
 from smoskin.sensing.response import ResponseTable, load_response_table
 from smoskin.sensing.signals import FOLLOWING, signal_noise
-from smoskin.sensing.tensor_file import tensor_key
 from smoskin.sensing.touch_priors import TouchPriors
 from smoskin.twin.skin import Twin
 
@@ -111,12 +111,12 @@ def load_subject(path: Path | str, design: SkinDesign, exam: Exam) -> Subject:
     MissingExtraError
         If `safetensors` is not installed.
     """
-    match tensor_key(path):
-        case "smoskin_response_table":
+    match tensor_file.tensor_key(path):
+        case tensor_file.RESPONSE_TABLE:
             table = load_response_table(path)
             _check_design(path, design, table.design_hash)
             return table_subject(table, design, exam)
-        case "smoskin_network":
+        case tensor_file.NETWORK:
             model = load_network(path)
             _check_design(path, design, model.design_hash)
             if exam.chips not in (None, model.chips):
