@@ -28,9 +28,9 @@ from smoskin.sensing.touch_priors import Standing, TouchPosterior, TouchPriors
 
 _WARMER: Final = 0.25
 """degC: change of the rubber's temperature from which the table is taken anew."""
-_DOUBT: Final = 1e-25
-"""Chance of a single touch to fit so badly that two are tried. What a table misses has heavier tails
-than a normal: hard touches in a corner fit to 1e-20 on some skins, pairs far worse than this."""
+_DOUBT: Final = 1e-35
+"""Chance of a single touch to fit so badly that two are tried. What a table misses has heavier
+tails than a normal: hard touches in a corner fit to 1e-30 on some skins, few pairs better."""
 _TYPICAL: Final = 0.5
 """N: force at which the signals' curvature is taken."""
 _WORST: Final = 20.0
