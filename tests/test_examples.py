@@ -8,7 +8,14 @@ import pytest
 EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("[0-9]*.py"))
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+LONG = {"06_a_skin_by_thirty_touches"}
+CASES = [
+    pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in LONG else [])
+    for path in EXAMPLES
+]
+
+
+@pytest.mark.parametrize("path", CASES)
 def test_example(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "assert " in path.read_text()
     runpy.run_path(str(path))
@@ -16,4 +23,4 @@ def test_example(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_there_are_examples() -> None:
-    assert len(EXAMPLES) >= 5
+    assert len(EXAMPLES) >= 6

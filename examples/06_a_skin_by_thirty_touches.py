@@ -1,0 +1,37 @@
+"""Learn a made skin from thirty touches, and say where it is touched, with how sure that is."""
+
+import numpy as np
+
+import smoskin as smo
+from smoskin.apps.response import Effort, make_response_table
+from smoskin.apps.touches import TouchOrder, calibrate_with_rig, virtual_rig
+from smoskin.mechanics.relaxation import elastomer_prony
+from smoskin.twin.creep import Creep
+from smoskin.twin.rig import VirtualRig
+
+design = smo.load_design("planar")
+# A small table, for speed; `smoskin table planar --out planar.table` makes a good one.
+small = Effort(presses=4000, pairs=400, skins=16, draws=3, presses_a_skin=300)
+table = make_response_table(design, small)
+
+rig = virtual_rig(design, seed=7)
+found = calibrate_with_rig(design, table, rig, TouchOrder(count=30))
+print(f"a located touch is expected to be off by {found.errors[-1] * 1e3:.2f} mm")
+
+# The same skin on another rig, without errors of its stage, for an exact truth.
+skin = smo.Twin(design, seed=7, manufactured=True)
+exact = VirtualRig(skin, np.random.default_rng(1), creep=Creep(design), stage=0.0, gauge=0.0)
+estimator = smo.BayesEstimator(design, found.table, creep=elastomer_prony(design.columns.material))
+touch = smo.Contact(position=(0.052, 0.097), force=(0.1, -0.05, -0.5))
+held = exact.press(touch)
+start, end = held.rest
+estimator.zero([one for one in held.readings if start <= one.time <= end])
+estimate = [estimator.step(one) for one in held.readings][-1]
+(contact,) = estimate.contacts
+off = np.hypot(*(contact.position - touch.position))
+said = np.sqrt(np.trace(estimate.covariance[0, :2, :2]))
+print(f"found {off * 1e3:.2f} mm off, said to be good to {said * 1e3:.2f} mm")
+print(f"force {contact.force.round(3)} N")
+assert estimate.status is smo.Status.CONTACT
+assert off < 2.5e-3
+assert np.abs(contact.force - touch.force).max() < 0.02
