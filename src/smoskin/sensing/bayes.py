@@ -1,13 +1,11 @@
 """The estimator that knows what it does not know: touches by their posterior on a response table.
 
-Decides whether anything touches (chi-square of the signals in their noise, at a chosen rate of
-false alarms), how many touches there are (their evidence), and what is said of them. The table is
-of this skin after a few-touch calibration (`smoskin.sensing.few_touch`), or of its design with
-all that made skins differ by as its uncertainty.
+Decides how many touches there are (their evidence) and what is said of them. The table is of this
+skin after a few-touch calibration (`smoskin.sensing.few_touch`), or of its design with all that
+made skins differ by as its uncertainty.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -15,15 +13,14 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.curvature import field_curvature, straightened
 from smoskin.mechanics.relaxation import Prony
-from smoskin.records import Contact, Estimate, Reading, Status
-from smoskin.roles import Estimator
+from smoskin.records import Contact, Estimate, Status
 from smoskin.sensing.conditioning import ZeroTracking
 from smoskin.sensing.posterior import TouchSolver
 from smoskin.sensing.response import ResponseTable
-from smoskin.sensing.signals import Signals, signal_noise
+from smoskin.sensing.signal_estimator import SignalEstimator
+from smoskin.sensing.signals import signal_noise
 from smoskin.sensing.touch_priors import Standing, TouchPosterior, TouchPriors
 
 _WARMER: Final = 0.25
@@ -37,7 +34,7 @@ _WORST: Final = 20.0
 """Standard deviations a signal, root mean square, beyond which nothing on the table fits."""
 
 
-class BayesEstimator(Estimator):
+class BayesEstimator(SignalEstimator):
     """Place and force of no, one or two touches, with their covariance.
 
     Parameters
@@ -77,23 +74,20 @@ class BayesEstimator(Estimator):
         false_alarms: float = 1e-6,
         tracking: ZeroTracking | None = None,
     ) -> None:
-        if table.design_hash != design.content_hash:
-            raise ModelError(
-                f"table must be of the design {design.name!r} ({design.content_hash[:12]}); got "
-                f"one of {table.design_hash[:12]}"
-            )
-        if not 0.0 < false_alarms < 1.0:
-            raise ArgumentError(f"false_alarms must lie in (0, 1); got {false_alarms}")
+        super().__init__(
+            design,
+            table.design_hash,
+            table.chips,
+            creep=creep,
+            false_alarms=false_alarms,
+            tracking=tracking,
+        )
         # Here, so that whoever only imports the package does not wait for it.
         from scipy.stats import chi2
 
-        self.design = design
         self.table = table
-        self._chips = list(table.chips)
-        self._signals = Signals(design, creep=creep, tracking=tracking)
         known = table if creep is None else _with_creep_left(table, design, creep)
         self._solver = TouchSolver(known, signal_noise(design, table.chips), priors)
-        self._touched = float(chi2.isf(false_alarms, table.count))
         self._doubtful = float(chi2.isf(_DOUBT, table.count))
         self._pairs = (priors or TouchPriors()).chances[2] > 0
         self._solved_at = np.nan
@@ -102,48 +96,17 @@ class BayesEstimator(Estimator):
         self._alone: _Alone | None = None
 
     @property
-    def drift(self) -> Floats:
-        """How far the zero has followed since it was set, shape (S, 3), T."""
-        return self._signals.drift
+    def _known_as(self) -> str:
+        return "table"
 
-    def zero(self, readings: Sequence[Reading]) -> None:
-        """Take these readings of the untouched skin as its zero.
-
-        Raises
-        ------
-        ArgumentError
-            If there are none with all chips good.
-        """
-        self._signals.zero(readings)
+    def _forget(self) -> None:
         self._guess = self._alone = None
 
-    def reset(self) -> None:
-        """Return to the design's zero and forget earlier readings."""
-        self._signals.reset()
-        self._guess = self._alone = None
-
-    def step(self, reading: Reading) -> Estimate:
-        """The touches that one reading shows.
-
-        Raises
-        ------
-        ArgumentError
-            If the reading has another number of chips than the design.
-        """
-        signal = self._signals.step(reading)
-        if signal.status is not None:
-            return Estimate(time=reading.time, status=signal.status)
-        if not abs(signal.temperature - self._solved_at) < _WARMER:
-            self._solver.warm_to(signal.temperature)
-            self._solved_at = signal.temperature
-        values = signal.values[self._chips].ravel()
-        squared, _ = self._solver.silence(values)
-        if squared < self._touched:
-            self._signals.follow()
-            self._guess = self._alone = None
-            return Estimate(time=reading.time, status=Status.NO_CONTACT)
-        self._signals.touched()
-        return self._estimate(reading.time, self._likeliest(reading.time, values))
+    def _read(self, time: float, signals: Floats, temperature: float) -> Estimate:
+        if not abs(temperature - self._solved_at) < _WARMER:
+            self._solver.warm_to(temperature)
+            self._solved_at = temperature
+        return self._estimate(time, self._likeliest(time, signals))
 
     def _likeliest(self, time: float, values: Floats) -> TouchPosterior:
         """One touch, or two where one fits badly and two are likelier."""
@@ -162,7 +125,7 @@ class BayesEstimator(Estimator):
     def _estimate(self, time: float, found: TouchPosterior) -> Estimate:
         """A posterior as an estimate."""
         if found.misfit > _WORST**2 * self.table.count:
-            self._guess = self._alone = None
+            self._forget()
             return Estimate(time=time, status=Status.OUT_OF_RANGE)
         self._guess = found.values
         return Estimate(

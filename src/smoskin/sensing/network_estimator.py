@@ -1,28 +1,24 @@
 """Touches read by a network, one reading after the other.
 
-Decides whether anything touches (chi-square of the signals in their noise, at a chosen rate of
-false alarms) and whether the model may be believed; hides how all members of an ensemble run at
-once in a few steps. Needs NumPy and SciPy alone.
+Decides whether the model may be believed; hides how all members of an ensemble run at once in a
+few steps. Needs NumPy and SciPy alone.
 """
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.material import REFERENCE_TEMPERATURE
 from smoskin.mechanics.relaxation import Prony
-from smoskin.records import Contact, Estimate, Reading, Status
-from smoskin.roles import Estimator
+from smoskin.records import Contact, Estimate, Status
 from smoskin.sensing.conditioning import ZeroTracking
 from smoskin.sensing.network import SPREADS, Layer, NetworkModel, Singles
-from smoskin.sensing.signals import Signals, signal_noise
+from smoskin.sensing.signal_estimator import SignalEstimator
 
 
-class NetworkEstimator(Estimator):
+class NetworkEstimator(SignalEstimator):
     """No or one touch, by a network, with its covariance.
 
     Parameters
@@ -55,64 +51,30 @@ class NetworkEstimator(Estimator):
         tracking: ZeroTracking | None = None,
         false_alarms: float = 1e-6,
     ) -> None:
-        if model.design_hash != design.content_hash:
-            raise ModelError(
-                f"model must be of the design {design.name!r} ({design.content_hash[:12]}); got "
-                f"one of {model.design_hash[:12]}"
-            )
-        if not 0.0 < false_alarms < 1.0:
-            raise ArgumentError(f"false_alarms must lie in (0, 1); got {false_alarms}")
-        # Here, so that whoever only imports the package does not wait for it.
-        from scipy.stats import chi2
-
-        self.design = design
+        super().__init__(
+            design,
+            model.design_hash,
+            model.chips,
+            creep=creep,
+            false_alarms=false_alarms,
+            tracking=tracking,
+        )
         self.model = model
         self._network = PointNetwork(model)
-        self._chips = list(model.chips)
-        self._signals = Signals(design, creep=creep, tracking=tracking)
-        self._calm = np.linalg.inv(signal_noise(design, model.chips))
-        self._touched = float(chi2.isf(false_alarms, 3 * len(model.chips)))
 
     @property
-    def drift(self) -> Floats:
-        """How far the zero has followed since it was set, shape (S, 3), T."""
-        return self._signals.drift
+    def _known_as(self) -> str:
+        return "model"
 
-    def zero(self, readings: Sequence[Reading]) -> None:
-        """Take these readings of the untouched skin as its zero.
+    def _forget(self) -> None:
+        """Every reading is taken by itself."""
 
-        Raises
-        ------
-        ArgumentError
-            If there are none with all chips good.
-        """
-        self._signals.zero(readings)
-
-    def reset(self) -> None:
-        """Return to the design's zero and forget earlier readings."""
-        self._signals.reset()
-
-    def step(self, reading: Reading) -> Estimate:
-        """The touch that one reading shows.
-
-        Raises
-        ------
-        ArgumentError
-            If the reading has another number of chips than the design.
-        """
-        signal = self._signals.step(reading)
-        if signal.status is not None:
-            return Estimate(time=reading.time, status=signal.status)
-        values = signal.values[self._chips].ravel()
-        if values @ self._calm @ values < self._touched:
-            self._signals.follow()
-            return Estimate(time=reading.time, status=Status.NO_CONTACT)
-        self._signals.touched()
-        touch, spread, novelty = self._network.at(values, signal.temperature)
+    def _read(self, time: float, signals: Floats, temperature: float) -> Estimate:
+        touch, spread, novelty = self._network.at(signals, temperature)
         if not novelty <= 1.0:
-            return Estimate(time=reading.time, status=Status.OUT_OF_RANGE)
+            return Estimate(time=time, status=Status.OUT_OF_RANGE)
         return Estimate(
-            time=reading.time,
+            time=time,
             status=Status.CONTACT,
             contacts=(Contact(position=touch[:2], force=touch[2:]),),
             covariance=spread[None],
