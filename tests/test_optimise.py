@@ -158,6 +158,7 @@ def test_gaps_are_as_small_as_the_range_allows(planar, sheet):
         assert site.gap / 0.05e-3 == pytest.approx(round(site.gap / 0.05e-3))
 
 
+@pytest.mark.slow
 def test_better_places_lower_the_bound_and_keep_the_limits(planar, sheet, found):
     assert found.kept
     assert found.gain > 1.3
@@ -171,6 +172,7 @@ def test_better_places_lower_the_bound_and_keep_the_limits(planar, sheet, found)
     assert 1 / hall.conversion_time(found.after.hall_setting, 0) >= WITHIN.rate
 
 
+@pytest.mark.slow
 def test_the_same_seed_finds_the_same_design(planar):
     one, other = (
         find_design(planar, AIM, WITHIN, PLACED, lambda what, share: None, ticking())
@@ -193,6 +195,7 @@ def test_no_time_leaves_a_design_all_the_same(planar):
     assert len(told) == 4
 
 
+@pytest.mark.slow
 def test_the_comparison_is_told_in_full(planar, found, tmp_path):
     document, beside = found.write(tmp_path / "better.toml")
     read = load_design(document)
@@ -214,6 +217,7 @@ def test_the_comparison_is_told_in_full(planar, found, tmp_path):
     assert len(found.tables()) == 3
 
 
+@pytest.mark.slow
 def test_the_command_writes_both_files(found, tmp_path, monkeypatch):
     from typer.testing import CliRunner
 

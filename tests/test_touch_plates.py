@@ -30,6 +30,7 @@ from tables_of_response import plain, reduced_table
 
 pytest.importorskip("jax")
 pytest.importorskip("matplotlib")
+pytestmark = pytest.mark.slow
 
 
 def texts(figure) -> str:
@@ -112,7 +113,6 @@ def test_preprocessing_helps_the_whole_sheet_and_leaves_large_errors(shear):
     assert np.ptp(whole.answers, axis=0).min() > 0.5 * np.abs(whole.slide).min()
 
 
-@pytest.mark.slow
 def test_the_drag_found_in_straight_presses_is_the_pull_of_a_finger_that_sticks(planar):
     from smoskin.mechanics.contact import Frictionless
     from smoskin.twin.skin import Twin
