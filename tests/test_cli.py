@@ -91,8 +91,9 @@ def test_a_bench_calibrates_a_skin_and_the_skin_runs_with_it(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_report_writes_its_files_and_says_how_many_rows_hold(tmp_path):
-    done = smoskin("report", "--out", str(tmp_path / "report"))
+    done = smoskin("report", "--out", str(tmp_path / "report"), timeout=840.0)
     assert done.returncode == 0, done.stderr
     assert "reproduced" in done.stdout
     rows = json.loads((tmp_path / "report" / "report.json").read_text())["rows"]
