@@ -40,7 +40,7 @@ def touches_plate(found: TouchCurve) -> Plate:
             ticks = [one for one in _TICKS if low <= one <= high]
             axis.set_yticks(ticks, [f"{one:g}" for one in ticks])
             axis.minorticks_off()
-        place.legend(fontsize=6.5)
+        place.legend(fontsize=6.5, loc="upper right", bbox_to_anchor=(1.0, 0.9))
         lay_out(figure)
     least, most = found.counts[0], found.counts[-1]
     chips = f"{3 * len(found.chips)} signals"
