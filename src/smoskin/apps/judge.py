@@ -13,17 +13,16 @@ from typing import Final
 import numpy as np
 
 from smoskin.arrays import Bools, Floats, Ints
-from smoskin.magnetics import hall
 from smoskin.mechanics.contact import Touches
 from smoskin.mechanics.relaxation import elastomer_prony
-from smoskin.origami.layout import skin_extent
+from smoskin.origami.layout import places_to_the_rim, skin_extent
 from smoskin.records import Contact, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.few_touch import LabelledTouches, Target
 from smoskin.sensing.labelling import Labeller, labelled_touches
 from smoskin.twin.creep import Creep, creeping
 from smoskin.twin.readout import Motion
-from smoskin.twin.rig import VirtualRig
+from smoskin.twin.rig import VirtualRig, drifting_readings
 from smoskin.twin.skin import Twin
 from smoskin.twin.sweep import far_pairs
 
@@ -142,9 +141,7 @@ def grid_sessions(
     count : int, optional
         How many of the places, drawn anew for each force; all by default.
     """
-    extent = skin_extent(twin.design)
-    lines = [np.linspace(0, end, n) for end, n in zip(extent, places, strict=True)]
-    grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 1, 2)
+    grid = places_to_the_rim(skin_extent(twin.design), places)[:, None]
     for force in forces:
         push = np.zeros((len(grid), 1, 3))
         push[..., 2] = -force
@@ -191,15 +188,11 @@ def readings(
     motion = Motion(magnets=magnets, board=board, valid=valid)
     if disturbance.creep:
         motion = creeping(twin.design, steps, motion)
-    sample = twin.sample(motion, rng, temperature=np.full(total, session.temperature))
-    field = hall.tesla(sample.counts, twin.design.hall_setting)
-    walk = disturbance.drift * np.sqrt(steps)[:, None, None] * rng.normal(size=field.shape)
-    field = field + np.cumsum(walk, axis=0)
-    degrees = hall.degrees(sample.temperature_counts)
-    return [
-        Reading(time=float(t), field=f, temperature=d, flags=g)
-        for t, f, d, g in zip(times, field, degrees, sample.flags, strict=True)
-    ]
+    said, _ = drifting_readings(
+        twin, motion, times, steps, rng,
+        temperature=session.temperature, drift=disturbance.drift,
+    )  # fmt: skip
+    return list(said)
 
 
 def judge(

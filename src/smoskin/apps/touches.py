@@ -14,7 +14,7 @@ import numpy as np
 
 from smoskin.apps.touch_sheet import read_held_touches
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import ArgumentError, ModelError
+from smoskin.errors import ArgumentError
 from smoskin.mechanics.relaxation import elastomer_prony
 from smoskin.records import Contact, Status
 from smoskin.roles import Rig
@@ -205,15 +205,7 @@ def calibrate_with_rig(
         If no touch can be used: every one ends a chip's range.
     """
     asked = order or TouchOrder()
-    _check(design, table)
-    planner = TouchPlanner(
-        table,
-        signal_noise(design, table.chips),
-        force=asked.force,
-        drag=asked.drag,
-        place_spread=rig.place_spread,
-        force_spread=rig.force_spread,
-    )
+    planner = _planner(design, table, asked, rig.place_spread, rig.force_spread)
     labeller = Labeller(design, elastomer_prony(design.columns.material))
     labels: list[Label] = []
     errors = [planner.error]
@@ -283,15 +275,9 @@ def calibrate_with_sheet(
     ArgumentError
         If no touch can be used.
     """
-    _check(design, table)
+    planner = _planner(design, table, TouchOrder(), place_spread, force_spread)
     readings = None if recording is None else open_recording(recording).readings()
     touches = read_held_touches(sheet, design, readings)
-    planner = TouchPlanner(
-        table,
-        signal_noise(design, table.chips),
-        place_spread=place_spread,
-        force_spread=force_spread,
-    )
     rubber = None if recording is None else elastomer_prony(design.columns.material)
     labeller = Labeller(design, rubber)
     labels = [labeller.label(one) for one in touches]
@@ -331,15 +317,7 @@ def plan_of(
     ModelError
         If the table belongs to another design.
     """
-    _check(design, table)
-    planner = TouchPlanner(
-        table,
-        signal_noise(design, table.chips),
-        force=order.force,
-        drag=order.drag,
-        place_spread=place_spread,
-        force_spread=force_spread,
-    )
+    planner = _planner(design, table, order, place_spread, force_spread)
     for contact in made:
         planner.made(contact.position, contact.force)
     targets: list[Target] = []
@@ -366,9 +344,20 @@ def _calibrated(
     return TouchCalibration(table=fitted, labels=tuple(labels), errors=tuple(errors))
 
 
-def _check(design: SkinDesign, table: ResponseTable) -> None:
-    if table.design_hash != design.content_hash:
-        raise ModelError(
-            f"table must be of the design {design.name!r} ({design.content_hash[:12]}); got one "
-            f"of {table.design_hash[:12]}"
-        )
+def _planner(
+    design: SkinDesign,
+    table: ResponseTable,
+    order: TouchOrder,
+    place_spread: float,
+    force_spread: float,
+) -> TouchPlanner:
+    """Where to touch a skin of this design, whose table it must be."""
+    design.check_own("table", table.design_hash)
+    return TouchPlanner(
+        table,
+        signal_noise(design, table.chips),
+        force=order.force,
+        drag=order.drag,
+        place_spread=place_spread,
+        force_spread=force_spread,
+    )

@@ -15,7 +15,7 @@ from types import MappingProxyType
 from typing import Any, Final, Literal
 
 from smoskin.design.materials import ELASTOMERS, FILMS
-from smoskin.errors import DesignError
+from smoskin.errors import DesignError, ModelError
 
 Origin = Literal["printed", "inferred", "assumed"]
 AXES: Final = ("+x", "-x", "+y", "-y", "+z", "-z")
@@ -342,6 +342,20 @@ class SkinDesign:
         del values["name"], values["provenance"]
         text = json.dumps(values, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
+
+    def check_own(self, name: str, content_hash: str) -> None:
+        """Refuse what was made for another design.
+
+        Raises
+        ------
+        ModelError
+            Naming it, where its design's content hash is another.
+        """
+        if content_hash != self.content_hash:
+            raise ModelError(
+                f"{name} must be of the design {self.name!r} ({self.content_hash[:12]}); got one "
+                f"of {content_hash[:12]}"
+            )
 
     def magnet(self, name: str) -> Magnet:
         """The magnet of this name."""

@@ -25,6 +25,20 @@ def skin_extent(design: SkinDesign) -> Floats:
     return np.multiply(design.cells, [cell.length, cell.width])
 
 
+def places_to_the_rim(extent: Floats, counts: tuple[int, int]) -> Floats:
+    """A grid of places on a skin from rim to rim, shape (P, 2), m; y changes fastest."""
+    lines = [np.linspace(0.0, end, count) for end, count in zip(extent, counts, strict=True)]
+    return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def middles_of_fields(extent: Floats, counts: tuple[int, int]) -> Floats:
+    """The middles of as many equal fields of a skin, in the same order."""
+    lines = [
+        (np.arange(count) + 0.5) * end / count for end, count in zip(extent, counts, strict=True)
+    ]
+    return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
 def chip_offset(design: SkinDesign, site: HallSite) -> float:
     """Height of a chip's sensing point over the middle of its magnet at rest, m.
 

@@ -15,6 +15,7 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.curvature import field_curvature, straightened
 from smoskin.mechanics.relaxation import Prony
+from smoskin.origami.layout import middles_of_fields
 from smoskin.records import Contact, Estimate, Status
 from smoskin.sensing.conditioning import ZeroTracking
 from smoskin.sensing.posterior import TouchSolver
@@ -74,9 +75,9 @@ class BayesEstimator(SignalEstimator):
         false_alarms: float = 1e-6,
         tracking: ZeroTracking | None = None,
     ) -> None:
+        design.check_own("table", table.design_hash)
         super().__init__(
             design,
-            table.design_hash,
             table.chips,
             creep=creep,
             false_alarms=false_alarms,
@@ -94,10 +95,6 @@ class BayesEstimator(SignalEstimator):
         self._guess: Floats | None = None
         self._slide = (priors or TouchPriors()).slide
         self._alone: _Alone | None = None
-
-    @property
-    def _known_as(self) -> str:
-        return "table"
 
     def _forget(self) -> None:
         self._guess = self._alone = None
@@ -152,8 +149,7 @@ class _Alone(NamedTuple):
 
 def _with_creep_left(table: ResponseTable, design: SkinDesign, creep: Prony) -> ResponseTable:
     """The table with what undoing creep misses: it takes motions to be proportional to forces."""
-    lines = [(np.arange(7) + 0.5) * end / 7 for end in table.basis.extent]
-    places = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
+    places = middles_of_fields(table.basis.extent, (7, 7))
     force = np.tile([0.0, 0.0, -_TYPICAL], (len(places), 1))
     curvature = field_curvature(design)[list(table.chips)]
     whole, half = (

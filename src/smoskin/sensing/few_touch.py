@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from smoskin.arrays import Floats, floats, frozen
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.material import REFERENCE_TEMPERATURE
+from smoskin.origami.layout import places_to_the_rim
 from smoskin.sensing.response import ResponseTable
 from smoskin.sensing.response_fit import table_curvature
 
@@ -231,7 +232,7 @@ class TouchPlanner:
         self._table = table
         self._noise = noise
         self._off = np.array([place_spread] * 2 + [force_spread] * 3) ** 2
-        grid = _grid(table, _PLACES)
+        grid = places_to_the_rim(table.basis.extent, _PLACES)
         pushes = [(0.0, 0.0, -force), (0.0, 0.0, -_LIGHT * force)]
         if drag:
             pushes += [(drag, 0.0, -force), (-drag, 0.0, -force),
@@ -408,7 +409,7 @@ def _shifts(table: ResponseTable, noise: Floats) -> tuple[Floats, float]:
     floor : float
         m^2, mean square of the place's error.
     """
-    places = _grid(table, _JUDGED)
+    places = places_to_the_rim(table.basis.extent, _JUDGED)
     force = np.array([0.0, 0.0, -_TYPICAL])
     unknown = [0, 1, 4]
     slopes = table.point_table().scan(places[:, 0], places[:, 1], force)[1][:, unknown]
@@ -419,9 +420,3 @@ def _shifts(table: ResponseTable, noise: Floats) -> tuple[Floats, float]:
     solves[:, 2] *= _WEIGHT / _TYPICAL
     ways = table.mode_signals(places, np.tile(force, (len(places), 1)))
     return ways @ np.swapaxes(solves, 1, 2), float(np.einsum("eii->e", spread[:, :2, :2]).mean())
-
-
-def _grid(table: ResponseTable, counts: tuple[int, int]) -> Floats:
-    """Places from rim to rim, (P, 2), m."""
-    lines = [np.linspace(0, end, n) for end, n in zip(table.basis.extent, counts, strict=True)]
-    return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)

@@ -51,9 +51,9 @@ class NetworkEstimator(SignalEstimator):
         tracking: ZeroTracking | None = None,
         false_alarms: float = 1e-6,
     ) -> None:
+        design.check_own("model", model.design_hash)
         super().__init__(
             design,
-            model.design_hash,
             model.chips,
             creep=creep,
             false_alarms=false_alarms,
@@ -61,10 +61,6 @@ class NetworkEstimator(SignalEstimator):
         )
         self.model = model
         self._network = PointNetwork(model)
-
-    @property
-    def _known_as(self) -> str:
-        return "model"
 
     def _forget(self) -> None:
         """Every reading is taken by itself."""

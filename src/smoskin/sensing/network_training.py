@@ -120,11 +120,7 @@ def train_network(
         training.
     """
     work, report = effort or NetworkEffort(), progress or (lambda what, share: None)
-    if table.design_hash != design.content_hash:
-        raise ModelError(
-            f"table must be of the design {design.name!r} ({design.content_hash[:12]}); got one "
-            f"of {table.design_hash[:12]}"
-        )
+    design.check_own("table", table.design_hash)
     source = TouchSource(table, signal_noise(design, table.chips), spread, creep)
     lessons = Lessons(design, source, work, start)
     with jax.enable_x64(False), ThreadPoolExecutor(max_workers=1) as ahead:

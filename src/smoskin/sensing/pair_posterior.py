@@ -14,6 +14,7 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.magnetics.curvature import straightened
+from smoskin.origami.layout import middles_of_fields
 from smoskin.sensing.pair_point import PairPoint
 from smoskin.sensing.pairing import mutual_drags
 from smoskin.sensing.response import PointTable, ResponseTable
@@ -162,11 +163,7 @@ class PairSolver:
     def _coarse(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Pairs of places (G, 2, 2), a whitener (C, C), bases (G, 2, C) and loads (G, 2, 2)."""
         table = self._table
-        lines = [
-            (np.arange(count) + 0.5) * end / count
-            for count, end in zip(_GRID, self._extent, strict=True)
-        ]
-        grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
+        grid = middles_of_fields(self._extent, _GRID)
         forces = np.array([[0, 0, -_TYPICAL], *([a, b, -_TYPICAL] for a, b in _TUGS)])
         said = table.signals(np.repeat(grid, len(forces), axis=0), np.tile(forces, (len(grid), 1)))
         flat = straightened(table.curvature, said).reshape(len(grid), len(forces), -1)

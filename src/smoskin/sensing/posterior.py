@@ -14,6 +14,7 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.material import REFERENCE_TEMPERATURE
+from smoskin.origami.layout import places_to_the_rim
 from smoskin.sensing.pair_posterior import PairSolver
 from smoskin.sensing.response import ResponseTable
 from smoskin.sensing.touch_priors import Standing, TouchPosterior, TouchPriors
@@ -128,7 +129,7 @@ class TouchSolver:
 
     def _single_starts(self) -> tuple[Floats, Floats, Floats]:
         """Coarse places (G, 2), their answers' orthonormal bases (3 G, C) and loads (G, 3, 3)."""
-        places = _grid(self._extent, _GRID)
+        places = places_to_the_rim(self._extent, _GRID)
         force = np.array([0.0, 0.0, -_TYPICAL])
         slopes = self._point.scan(places[:, 0], places[:, 1], force)[1][:, 2:]
         white = slopes @ self._whiten.T
@@ -250,15 +251,9 @@ def _squared(at: Floats) -> float:
     return float(at[2] ** 2 + at[3] ** 2 + math.exp(2 * at[4]))
 
 
-def _grid(extent: Floats, counts: tuple[int, int]) -> Floats:
-    """Places from rim to rim, (G, 2)."""
-    lines = [np.linspace(0, end, count) for end, count in zip(extent, counts, strict=True)]
-    return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
-
-
 def _mode_energy(table: ResponseTable) -> Floats:
     """What the modes leave open in a touch of a newton, mean over the skin, (C, C), T^2/N^2."""
-    places = _grid(table.basis.extent, (7, 9))
+    places = places_to_the_rim(table.basis.extent, (7, 9))
     force = np.tile([0.0, 0.0, -_TYPICAL], (len(places), 1))
     open_ways = table.mode_signals(places, force) / _TYPICAL
     return np.asarray(np.einsum("bkc,bkd->cd", open_ways, open_ways) / len(places))

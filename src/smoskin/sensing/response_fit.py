@@ -19,6 +19,7 @@ from smoskin.magnetics.curvature import cross_signals
 from smoskin.magnetics.material import REFERENCE_TEMPERATURE
 from smoskin.mechanics.contact import FINGERTIP
 from smoskin.mechanics.relaxation import modulus_factor
+from smoskin.origami.layout import middles_of_fields
 from smoskin.sensing.pairing import mutual_drags
 from smoskin.sensing.response import ResponseTable
 from smoskin.sensing.touch_basis import TouchBasis
@@ -279,11 +280,7 @@ def add_coupling(
 
 def table_curvature(table: ResponseTable) -> Floats:
     """The curvature that a table of single touches shows, (S, 3, 3, 3), 1/T."""
-    lines = [
-        (np.arange(count) + 0.5) * end / count
-        for count, end in zip(_BENT_AT, table.basis.extent, strict=True)
-    ]
-    grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
+    grid = middles_of_fields(table.basis.extent, _BENT_AT)
     one, other = np.triu_indices(len(_BENT_BY))
 
     def answers(forces: Floats) -> Floats:

@@ -11,7 +11,7 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import ArgumentError, ModelError
+from smoskin.errors import ArgumentError
 from smoskin.mechanics.relaxation import Prony
 from smoskin.records import Estimate, Reading, Status
 from smoskin.roles import Estimator
@@ -25,8 +25,6 @@ class SignalEstimator(Estimator):
     Parameters
     ----------
     design : SkinDesign
-    design_hash : str
-        Of the design that the estimator's knowledge belongs to.
     chips : sequence of int
         Whose signals are read.
     creep : Prony, optional
@@ -38,8 +36,6 @@ class SignalEstimator(Estimator):
 
     Raises
     ------
-    ModelError
-        If the knowledge belongs to another design.
     ArgumentError
         If the chance does not lie in (0, 1).
     """
@@ -47,18 +43,12 @@ class SignalEstimator(Estimator):
     def __init__(
         self,
         design: SkinDesign,
-        design_hash: str,
         chips: Sequence[int],
         *,
         creep: Prony | None,
         false_alarms: float,
         tracking: ZeroTracking | None,
     ) -> None:
-        if design_hash != design.content_hash:
-            raise ModelError(
-                f"{self._known_as} must be of the design {design.name!r} "
-                f"({design.content_hash[:12]}); got one of {design_hash[:12]}"
-            )
         if not 0.0 < false_alarms < 1.0:
             raise ArgumentError(f"false_alarms must lie in (0, 1); got {false_alarms}")
         # Here, so that whoever only imports the package does not wait for it.
@@ -69,11 +59,6 @@ class SignalEstimator(Estimator):
         self._signals = Signals(design, creep=creep, tracking=tracking)
         self._calm = np.linalg.inv(signal_noise(design, chips))
         self._touched = float(chi2.isf(false_alarms, 3 * len(chips)))
-
-    @property
-    @abstractmethod
-    def _known_as(self) -> str:
-        """The argument that holds the estimator's knowledge."""
 
     @abstractmethod
     def _forget(self) -> None:

@@ -168,24 +168,62 @@ class VirtualRig(Rig):
         for step, touched in zip(steps.tolist(), pressed.tolist(), strict=True):
             state = motion if touched else still
             states.append(state if self._creep is None else self._creep.step(step, state))
-        design = self._twin.design
-        sample = self._twin.sample(
-            Motion(
-                magnets=np.stack([one.magnets for one in states]),
-                board=np.stack([one.board for one in states]),
-                valid=np.stack([one.valid for one in states]),
-            ),
-            self._rng,
-            temperature=np.full(len(times), self._temperature),
+        moved = Motion(
+            magnets=np.stack([one.magnets for one in states]),
+            board=np.stack([one.board for one in states]),
+            valid=np.stack([one.valid for one in states]),
         )
-        walk = self._drift * np.sqrt(steps)[:, None, None]
-        walked = self._walked + np.cumsum(
-            walk * self._rng.normal(size=(len(times), *self._walked.shape)), axis=0
-        )
-        self._walked = walked[-1]
-        field = hall.tesla(sample.counts, design.hall_setting) + walked
-        degrees = hall.degrees(sample.temperature_counts)
-        return tuple(
-            Reading(time=float(t), field=f, temperature=d, flags=g)
-            for t, f, d, g in zip(times, field, degrees, sample.flags, strict=True)
-        )
+        readings, self._walked = drifting_readings(
+            self._twin, moved, times, steps, self._rng,
+            temperature=self._temperature, drift=self._drift, walked=self._walked,
+        )  # fmt: skip
+        return readings
+
+
+def drifting_readings(
+    twin: Pressable,
+    motion: Motion,
+    times: Floats,
+    durations: Floats,
+    rng: np.random.Generator,
+    *,
+    temperature: float,
+    drift: float,
+    walked: Floats | float = 0.0,
+) -> tuple[tuple[Reading, ...], Floats]:
+    """What a skin's chips read in one state after the other, while they drift.
+
+    Parameters
+    ----------
+    twin : Pressable
+    motion : Motion
+        (T,) states.
+    times : Floats, shape (T,)
+        s, of the readings.
+    durations : Floats, shape (T,)
+        s, from the reading before to each.
+    rng : numpy.random.Generator
+        Of noise and drift.
+    temperature : float
+        degC, of skin and chips.
+    drift : float
+        T: how far each axis walks in a second, at random.
+    walked : Floats, shape (S, 3), optional
+        T, already.
+
+    Returns
+    -------
+    readings : tuple of Reading
+    walked : Floats, shape (S, 3)
+        T, by the last of them.
+    """
+    sample = twin.sample(motion, rng, temperature=np.full(len(times), temperature))
+    field = hall.tesla(sample.counts, twin.design.hall_setting)
+    steps = drift * np.sqrt(durations)[:, None, None] * rng.normal(size=field.shape)
+    walk = walked + np.cumsum(steps, axis=0)
+    degrees = hall.degrees(sample.temperature_counts)
+    readings = tuple(
+        Reading(time=float(t), field=f, temperature=d, flags=g)
+        for t, f, d, g in zip(times, field + walk, degrees, sample.flags, strict=True)
+    )
+    return readings, walk[-1]

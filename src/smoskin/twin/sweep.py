@@ -28,7 +28,7 @@ from smoskin.mechanics.contact import (
     Sticking,
     Touches,
 )
-from smoskin.origami.layout import skin_extent
+from smoskin.origami.layout import places_to_the_rim, skin_extent
 from smoskin.units import from_si, to_si
 
 LARGEST_FORCE: Final = 50.0
@@ -453,8 +453,7 @@ def _read(value: Any, suffix: str | None) -> Any:
 
 def _places(design: SkinDesign, places: tuple[int, int]) -> Floats:
     """Of a grid, shape (P, 2), m; y changes fastest."""
-    lines = [np.linspace(0.0, end, n) for end, n in zip(skin_extent(design), places, strict=True)]
-    return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
+    return places_to_the_rim(skin_extent(design), places)
 
 
 def _check_places(places: tuple[int, int]) -> None:

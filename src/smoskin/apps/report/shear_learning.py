@@ -19,7 +19,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.inversion import FieldInverse
 from smoskin.mechanics.contact import Touches
 from smoskin.mechanics.stiffness import cell_layers, folding_correction_map
-from smoskin.origami.layout import skin_extent
+from smoskin.origami.layout import places_to_the_rim, skin_extent
 from smoskin.origami.sheet import loaded_positions
 from smoskin.records import Contact
 from smoskin.sensing.calibration import Calibration
@@ -277,8 +277,7 @@ def _learn(bench: _Bench) -> LearnedModel:
     """A model of place and normal force from presses without shear."""
     extent = skin_extent(bench.design)
     rng = np.random.default_rng(1)
-    lines = [np.linspace(0, end, n) for end, n in zip(extent, PLACES, strict=True)]
-    grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
+    grid = places_to_the_rim(extent, PLACES)
     where = np.concatenate([grid, grid])
     push = np.zeros((len(where), 3))
     push[:, 2] = -rng.uniform(*_FORCE, len(where))

@@ -114,26 +114,17 @@ def load_subject(path: Path | str, design: SkinDesign, exam: Exam) -> Subject:
     match tensor_file.tensor_key(path):
         case tensor_file.RESPONSE_TABLE:
             table = load_response_table(path)
-            _check_design(path, design, table.design_hash)
+            design.check_own(f"{path}: the file", table.design_hash)
             return table_subject(table, design, exam)
         case tensor_file.NETWORK:
             model = load_network(path)
-            _check_design(path, design, model.design_hash)
+            design.check_own(f"{path}: the file", model.design_hash)
             if exam.chips not in (None, model.chips):
                 raise ArgumentError(
                     f"chips must be those of the network, {model.chips}; got {exam.chips}"
                 )
             return NetworkSubject(model=model)
     raise ModelError(f"{path}: a response table or a network file must be given; got another")
-
-
-def _check_design(path: Path | str, design: SkinDesign, content_hash: str) -> None:
-    """Raise where a file is of another design."""
-    if content_hash != design.content_hash:
-        raise ModelError(
-            f"{path}: the file must be of the design {design.name!r} "
-            f"({design.content_hash[:12]}); got one of {content_hash[:12]}"
-        )
 
 
 def table_subject(table: ResponseTable, design: SkinDesign, exam: Exam) -> TableSubject:
