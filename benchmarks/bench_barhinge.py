@@ -19,9 +19,9 @@ from scipy.sparse.linalg import splu
 
 from smoskin import load_design
 from smoskin.design.skin import SkinDesign
-from smoskin.mechanics.barhinge import BarHinge
-from smoskin.mechanics.contact import Frictionless, Touches, patch_shares
-from smoskin.mechanics.tangent import Tangent
+from smoskin.mechanics.sheet.model import BarHinge
+from smoskin.mechanics.sheet.tangent import Tangent
+from smoskin.mechanics.sheet.touches import Frictionless, Touches, patch_shares
 from smoskin.origami.cell import size
 
 BATCH, RESIDUAL = 1000, 1e-6

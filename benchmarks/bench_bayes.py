@@ -11,13 +11,13 @@ import numpy as np
 from rich.console import Console
 
 from smoskin import load_design
-from smoskin.apps.response import cached_response_table
-from smoskin.apps.score import Exam, examine
-from smoskin.apps.score.exam import parse_places
-from smoskin.apps.score.subject import table_subject
-from smoskin.apps.train import parse_chips
-from smoskin.sensing.bound import bound_map
-from smoskin.sensing.signals import signal_noise
+from smoskin.commands.response import cached_response_table
+from smoskin.commands.score import Exam, examine
+from smoskin.commands.score.files import table_subject
+from smoskin.commands.score.plan import parse_places
+from smoskin.commands.train import parse_chips
+from smoskin.sensing.response.bound import bound_map
+from smoskin.sensing.signals.signals import signal_noise
 
 
 def main() -> None:

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from smoskin import load_design
-from smoskin.apps.optimise import Limits, Objective, design_bound
-from smoskin.apps.optimise.objective import try_design
-from smoskin.apps.optimise.placing import fit_gaps
-from smoskin.apps.optimise.slopes import PressedSheet, exact_slopes, grid
-from smoskin.sensing.bound import BoundMap, bound_map, bound_of_slopes, figures
-from smoskin.sensing.response import load_response_table
-from smoskin.sensing.signals import signal_noise
+from smoskin.commands.optimise import Limits, Objective, design_bound
+from smoskin.commands.optimise.objective import try_design
+from smoskin.commands.optimise.placing import fit_gaps
+from smoskin.commands.optimise.slopes import PressedSheet, exact_slopes, grid
+from smoskin.sensing.response.bound import BoundMap, bound_map, bound_of_slopes, figures
+from smoskin.sensing.response.table import load_response_table
+from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.manufacture import draw
 
 

@@ -14,21 +14,27 @@ from typing import NamedTuple
 import numpy as np
 
 from smoskin import load_design
-from smoskin.apps.judge import Disturbance, grid_sessions, label, pair_session, readings
-from smoskin.apps.response import cached_response_table
-from smoskin.magnetics.hall import conversion_time
-from smoskin.mechanics.relaxation import elastomer_prony
+from smoskin.commands.response import cached_response_table
+from smoskin.commands.score.evaluate import (
+    Disturbance,
+    grid_sessions,
+    label,
+    pair_session,
+    readings,
+)
+from smoskin.magnetics.mlx90393 import conversion_time
+from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.records import Reading
 from smoskin.roles import Estimator
-from smoskin.sensing.bayes import BayesEstimator
-from smoskin.sensing.few_touch import calibrate_touches, plan_touches
-from smoskin.sensing.network import load_network
-from smoskin.sensing.network_estimator import NetworkEstimator
-from smoskin.sensing.response import ResponseTable
-from smoskin.sensing.signals import FOLLOWING, signal_noise
-from smoskin.sensing.touch_priors import TouchPriors
+from smoskin.sensing.bayes.estimator import BayesEstimator
+from smoskin.sensing.bayes.priors import TouchPriors
+from smoskin.sensing.network.estimator import NetworkEstimator
+from smoskin.sensing.network.model import load_network
+from smoskin.sensing.response.calibrate import calibrate_touches, plan_touches
+from smoskin.sensing.response.table import ResponseTable
+from smoskin.sensing.signals.signals import FOLLOWING, signal_noise
 from smoskin.sensing.tracking import TrackingEstimator
-from smoskin.twin.skin import Twin
+from smoskin.twin.whole import Twin
 
 UNTOUCHED = 20
 """Readings before the first touch."""

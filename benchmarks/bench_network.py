@@ -13,20 +13,28 @@ from pathlib import Path
 import numpy as np
 
 from smoskin import load_design
-from smoskin.apps.judge import FORCES, Disturbance, Judged, grid_sessions, judge, label, readings
-from smoskin.apps.response import cached_response_table
-from smoskin.apps.train import parse_chips
+from smoskin.commands.response import cached_response_table
+from smoskin.commands.score.evaluate import (
+    FORCES,
+    Disturbance,
+    Judged,
+    grid_sessions,
+    judge,
+    label,
+    readings,
+)
+from smoskin.commands.train import parse_chips
 from smoskin.design.skin import SkinDesign
-from smoskin.magnetics.hall import conversion_time
-from smoskin.mechanics.relaxation import elastomer_prony
-from smoskin.sensing.few_touch import calibrate_touches, plan_touches
-from smoskin.sensing.network import NetworkModel, load_network
-from smoskin.sensing.network_draws import TouchSpread
-from smoskin.sensing.network_estimator import NetworkEstimator, PointNetwork
-from smoskin.sensing.network_lessons import NetworkEffort
-from smoskin.sensing.network_training import train_network
-from smoskin.sensing.signals import FOLLOWING, signal_noise
-from smoskin.twin.skin import Twin
+from smoskin.magnetics.mlx90393 import conversion_time
+from smoskin.mechanics.viscoelasticity import elastomer_prony
+from smoskin.sensing.network.estimator import NetworkEstimator, PointNetwork
+from smoskin.sensing.network.lessons import NetworkEffort
+from smoskin.sensing.network.model import NetworkModel, load_network
+from smoskin.sensing.network.samples import TouchSpread
+from smoskin.sensing.network.training import train_network
+from smoskin.sensing.response.calibrate import calibrate_touches, plan_touches
+from smoskin.sensing.signals.signals import FOLLOWING, signal_noise
+from smoskin.twin.whole import Twin
 
 UNTOUCHED = 20
 """Readings of a session before its first touch."""

@@ -15,25 +15,25 @@ from typing import NamedTuple
 import numpy as np
 
 from smoskin import load_design
-from smoskin.apps.judge import Disturbance, label
-from smoskin.apps.response import cached_response_table
 from smoskin.arrays import Floats
-from smoskin.magnetics import hall
-from smoskin.mechanics.contact import Touches
-from smoskin.mechanics.relaxation import elastomer_prony
+from smoskin.commands.response import cached_response_table
+from smoskin.commands.score.evaluate import Disturbance, label
+from smoskin.datasets.patterns import far_pairs
+from smoskin.magnetics import mlx90393
+from smoskin.mechanics.sheet.touches import Touches
+from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.origami.layout import skin_extent
 from smoskin.records import Reading, Status
-from smoskin.sensing.bayes import BayesEstimator
-from smoskin.sensing.few_touch import calibrate_touches, plan_touches
-from smoskin.sensing.pair_point import PairPoint
-from smoskin.sensing.posterior import TouchSolver
-from smoskin.sensing.response import ResponseTable
-from smoskin.sensing.signals import FOLLOWING, signal_noise
-from smoskin.sensing.touch_priors import TouchPriors
+from smoskin.sensing.bayes.estimator import BayesEstimator
+from smoskin.sensing.bayes.priors import TouchPriors
+from smoskin.sensing.bayes.solver import TouchSolver
+from smoskin.sensing.response.calibrate import calibrate_touches, plan_touches
+from smoskin.sensing.response.pair_point import PairPoint
+from smoskin.sensing.response.table import ResponseTable
+from smoskin.sensing.signals.signals import FOLLOWING, signal_noise
 from smoskin.twin.creep import creeping
 from smoskin.twin.readout import Motion
-from smoskin.twin.skin import Twin
-from smoskin.twin.sweep import far_pairs
+from smoskin.twin.whole import Twin
 
 ZEROS = 20
 AT_ONCE = ((0.0, 0), (0.02, 2), (0.3, 2), (0.32, 0))
@@ -79,14 +79,14 @@ def readings(
     steps = np.diff(times, prepend=times[0])
     motion = creeping(twin.design, steps, Motion(magnets=magnets, board=board, valid=valid))
     sample = twin.sample(motion, rng, temperature=np.full(total, temperature))
-    field = hall.tesla(sample.counts, twin.design.hall_setting)
+    field = mlx90393.tesla(sample.counts, twin.design.hall_setting)
     walk = Disturbance().drift * np.sqrt(steps)[:, None, None] * rng.normal(size=field.shape)
     return [
         Reading(time=float(t), field=f, temperature=d, flags=g)
         for t, f, d, g in zip(
             times,
             field + np.cumsum(walk, axis=0),
-            hall.degrees(sample.temperature_counts),
+            mlx90393.degrees(sample.temperature_counts),
             sample.flags,
             strict=True,
         )

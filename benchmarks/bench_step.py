@@ -8,9 +8,9 @@ import time
 import numpy as np
 
 from smoskin import ClosedFormEstimator, Contact, Reading, ReducedTwin, load_design
-from smoskin.magnetics.hall import conversion_time
+from smoskin.magnetics.mlx90393 import conversion_time
 from smoskin.origami.sheet import loaded_positions
-from smoskin.sensing.table_fit import fit_press_table
+from smoskin.sensing.closed_form.table_fit import fit_press_table
 from smoskin.twin.bench import MadeSkin, measure, table_loads
 
 STEPS = 5000

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from paper.finite_press import column_response, crease_response
+from paper.stiffness_terms import stiffness_terms
 from smoskin import load_design
-from smoskin.mechanics.press import column_response, crease_response
-from smoskin.mechanics.stiffness import relative_stiffness_map
-from smoskin.mechanics.terms import stiffness_terms
+from smoskin.mechanics.reduced.stiffness import relative_stiffness_map
 
 SIZES = (6, 12, 24, 60, 120)
 BUDGET = {6: 5e-3, 60: 2.0}

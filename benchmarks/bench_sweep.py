@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from smoskin import load_design
-from smoskin.mechanics.barhinge import BarHinge
-from smoskin.mechanics.contact import Touches
-from smoskin.twin.dataset import write_dataset
-from smoskin.twin.engine import LocalEngine
-from smoskin.twin.sweep import Grid, Sweep
+from smoskin.datasets.patterns import Grid, Sweep
+from smoskin.datasets.store import write_dataset
+from smoskin.datasets.workers import LocalEngine
+from smoskin.mechanics.sheet.model import BarHinge
+from smoskin.mechanics.sheet.touches import Touches
 
 SI = Sweep(presses=Grid(forces=tuple(k / 10 for k in range(1, 11))))
 

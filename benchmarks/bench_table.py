@@ -13,16 +13,16 @@ import numpy as np
 
 from smoskin import ClosedFormEstimator, Reading, SkinDesign, Status, load_design
 from smoskin.arrays import Floats
-from smoskin.magnetics import hall
-from smoskin.mechanics.contact import Touches
+from smoskin.magnetics import mlx90393
+from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.cell import size
 from smoskin.origami.sheet import loaded_positions
-from smoskin.sensing.calibration import Calibration
-from smoskin.sensing.table_fit import fit_press_table
+from smoskin.sensing.closed_form.calibration import Calibration
+from smoskin.sensing.closed_form.table_fit import fit_press_table
 from smoskin.twin.bench import TwinSkin, measure, table_loads
 from smoskin.twin.manufacture import Tolerances
 from smoskin.twin.readout import Motion
-from smoskin.twin.skin import Twin
+from smoskin.twin.whole import Twin
 
 SKINS = 10
 REPEATS = 10
@@ -71,8 +71,8 @@ class Tally:
 def readings(twin: Twin, motion: Motion, rng: np.random.Generator, start: float) -> list[Reading]:
     """One reading of each state."""
     sample = twin.sample(motion, rng)
-    field = hall.tesla(sample.counts, twin.design.hall_setting)
-    warmth = hall.degrees(sample.temperature_counts)
+    field = mlx90393.tesla(sample.counts, twin.design.hall_setting)
+    warmth = mlx90393.degrees(sample.temperature_counts)
     return [
         Reading(time=start + k, field=field[k], temperature=warmth[k], flags=sample.flags[k])
         for k in range(len(field))

@@ -9,9 +9,9 @@ import json
 import sys
 from pathlib import Path
 
+from paper.touch_curve import CurveEffort, touch_curve
 from smoskin import load_design
-from smoskin.apps.response import cached_response_table
-from smoskin.apps.touch_curve import CurveEffort, touch_curve
+from smoskin.commands.response import cached_response_table
 
 
 def main() -> None:

@@ -35,9 +35,11 @@ def entries() -> list[Entry]:
     """All functions, classes and methods with a `Source:` line, in the order of the equations."""
     tests = {path: _imported(path) for path in sorted((ROOT / "tests").rglob("test_*.py"))}
     found = []
-    for path in sorted((ROOT / "src").rglob("*.py")):
+    sources = [(ROOT / "src", path) for path in sorted((ROOT / "src").rglob("*.py"))]
+    sources += [(ROOT, path) for path in sorted((ROOT / "paper").rglob("*.py"))]
+    for root, path in sources:
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        module = ".".join(path.relative_to(ROOT / "src").with_suffix("").parts)
+        module = ".".join(path.relative_to(root).with_suffix("").parts)
         for node in ast.walk(tree):
             if isinstance(node, ast.FunctionDef | ast.ClassDef):
                 match = re.search(r"Source: (SI .*?)(?:\n\s*\n|\Z|Valid for)",

@@ -6,7 +6,7 @@ fails while the page differs.
 
 from pathlib import Path
 
-from smoskin.apps.report.errata import page
+from paper.errata import page
 from smoskin.feasibility import load_design
 
 PAGE = Path(__file__).parent / "errata.md"

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import smoskin as smo
 from smoskin.feasibility import check_design
-from smoskin.mechanics.stiffness import stiffness_map
+from smoskin.mechanics.reduced.stiffness import stiffness_map
 
 design = smo.load_design("planar")
 softer = replace(design, name="softer", columns=replace(design.columns, radius=1.2e-3))

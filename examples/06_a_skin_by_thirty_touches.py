@@ -3,9 +3,9 @@
 import numpy as np
 
 import smoskin as smo
-from smoskin.apps.response import Effort, make_response_table
-from smoskin.apps.touches import TouchOrder, calibrate_with_rig, virtual_rig
-from smoskin.mechanics.relaxation import elastomer_prony
+from smoskin.commands.response import Effort, make_response_table
+from smoskin.commands.touches import TouchOrder, calibrate_with_rig, virtual_rig
+from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.twin.creep import Creep
 from smoskin.twin.rig import VirtualRig
 

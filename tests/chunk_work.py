@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from smoskin.datasets.patterns import Sweep
+from smoskin.datasets.simulation import Rows
 from smoskin.design.skin import SkinDesign
-from smoskin.twin.simulation import Rows
-from smoskin.twin.sweep import Sweep
 
 
 def log(folder: str, item: int) -> None:

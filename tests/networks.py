@@ -5,10 +5,10 @@ from functools import cache
 
 import numpy as np
 
-from smoskin.sensing.learned import Metric
-from smoskin.sensing.network import Layer, NetworkModel
-from smoskin.sensing.network_draws import TouchSpread
-from smoskin.sensing.network_lessons import NetworkEffort
+from smoskin.sensing.learned.gaussian_process import Metric
+from smoskin.sensing.network.lessons import NetworkEffort
+from smoskin.sensing.network.model import Layer, NetworkModel
+from smoskin.sensing.network.samples import TouchSpread
 from tables_of_response import reduced_table
 
 TINY = NetworkEffort(
@@ -53,7 +53,7 @@ def random_network(drag=0.0, members=3, width=8, depth=2, chips=(1, 2), seed=0, 
 @cache
 def tiny_network(design, drag=0.0, chips=None):
     """What some seconds of training make of the reduced model's table."""
-    from smoskin.sensing.network_training import train_network
+    from smoskin.sensing.network.training import train_network
 
     table = reduced_table(design) if chips is None else reduced_table(design).of_chips(chips)
     return train_network(design, table, spread=TouchSpread(drag=drag), effort=TINY).model

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from smoskin.mechanics.stiffness import stiffness_map
-from smoskin.sensing.location import unit_press
-from smoskin.sensing.press_table import PressTable, uniform_drag
+from smoskin.mechanics.reduced.stiffness import stiffness_map
+from smoskin.sensing.closed_form.location import unit_press
+from smoskin.sensing.closed_form.press_table import PressTable, uniform_drag
 
 
 def ideal_table(design, factor=1.0):

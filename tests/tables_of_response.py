@@ -5,10 +5,10 @@ from functools import cache
 
 import numpy as np
 
-from smoskin.magnetics import hall
+from smoskin.magnetics import mlx90393
 from smoskin.origami.cell import size
 from smoskin.records import Contact
-from smoskin.sensing.response_fit import add_modes, fit_response_table
+from smoskin.sensing.response.fit import add_modes, fit_response_table
 from smoskin.twin.readout import Motion, Readout
 from smoskin.twin.reduced import ReducedTwin
 
@@ -56,7 +56,7 @@ def signals(design, readout, motion):
         board=np.zeros((1, 3)),
         valid=np.ones(1, dtype=bool),
     )
-    turns = np.stack([hall.rotation(site) for site in design.halls])
+    turns = np.stack([mlx90393.rotation(site) for site in design.halls])
     return np.einsum("sij,bsj->bsi", turns, readout.seen(motion) - readout.seen(rest))
 
 

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from smoskin.magnetics.hall import HallSample
+from smoskin.magnetics.mlx90393 import HallSample
 from smoskin.records import ChipFlag
 from smoskin.twin.manufacture import draw
 from smoskin.twin.readout import Readout

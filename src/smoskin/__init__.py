@@ -14,18 +14,18 @@ from smoskin.errors import SmoskinError
 from smoskin.feasibility import load_design
 from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator, Sink, Source
-from smoskin.sensing.bayes import BayesEstimator
-from smoskin.sensing.calibration import Calibration
-from smoskin.sensing.closed_form import ClosedFormEstimator
-from smoskin.sensing.learned import LearnedEstimator, load_model
-from smoskin.sensing.network import load_network
-from smoskin.sensing.network_estimator import NetworkEstimator
-from smoskin.sensing.response import load_response_table
+from smoskin.sensing.bayes.estimator import BayesEstimator
+from smoskin.sensing.closed_form.calibration import Calibration
+from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
+from smoskin.sensing.learned.gaussian_process import LearnedEstimator, load_model
+from smoskin.sensing.network.estimator import NetworkEstimator
+from smoskin.sensing.network.model import load_network
+from smoskin.sensing.response.table import load_response_table
 from smoskin.service.loop import Loop, run
-from smoskin.service.recording import Recorder, open_recording
+from smoskin.service.recorder import Recorder, open_recording
 from smoskin.service.source import open_source
 from smoskin.twin.reduced import ReducedTwin
-from smoskin.twin.skin import Twin
+from smoskin.twin.whole import Twin
 
 __version__ = "0.1.0"
 

@@ -16,9 +16,9 @@ from smoskin.arrays import Floats
 from smoskin.design.document import read_design
 from smoskin.design.skin import HallSite, Magnet, SkinDesign
 from smoskin.errors import DesignError
-from smoskin.magnetics import hall, sector
-from smoskin.mechanics.attenuation import magnet_displacements, profiles
-from smoskin.mechanics.stiffness import board_stiffness, sheet_stiffness, stiffness_map
+from smoskin.magnetics import mlx90393, sector
+from smoskin.mechanics.reduced.attenuation import magnet_displacements, profiles
+from smoskin.mechanics.reduced.stiffness import board_stiffness, sheet_stiffness, stiffness_map
 from smoskin.origami.cell import size
 from smoskin.origami.layout import chip_offset, magnet_positions
 from smoskin.origami.sheet import vertex_positions
@@ -86,7 +86,7 @@ def field_extent(design: SkinDesign, site: HallSite) -> FieldExtent:
     steps = np.linspace(-stroke, stroke, 9)
     x, y = np.meshgrid(steps, steps, indexing="ij")
     points = np.stack([x, y, np.full_like(x, chip_offset(design, site))], axis=-1)
-    seen = sector.field(magnet, points) @ hall.rotation(site)
+    seen = sector.field(magnet, points) @ mlx90393.rotation(site)
     return FieldExtent(rest=seen[4, 4], largest=np.abs(seen).max(axis=(0, 1)), stroke=stroke)
 
 
@@ -142,7 +142,7 @@ def _check_room(design: SkinDesign) -> None:
 
 def _check_fields(design: SkinDesign) -> None:
     """Every chip inside its range over the rated stroke."""
-    limit = MARGIN * hall.full_scale(design.hall_setting)
+    limit = MARGIN * mlx90393.full_scale(design.hall_setting)
     for site in design.halls:
         largest = field_extent(design, site).largest
         for axis, name in enumerate("xyz"):
@@ -156,13 +156,15 @@ def _check_fields(design: SkinDesign) -> None:
 
 def _remedy(design: SkinDesign, site: HallSite) -> str:
     """What would bring a chip back into its range."""
-    limit = MARGIN * hall.full_scale(design.hall_setting)
+    limit = MARGIN * mlx90393.full_scale(design.hall_setting)
     magnet = design.magnet(site.magnet)
     stroke = _stroke(design, magnet)
     corners = np.array([[0, 0], [stroke, 0], [0, stroke], [stroke, stroke]])
     for gap in np.arange(site.gap, 10 * magnet.radius, 1e-4):
         depth = np.full((len(corners), 1), -(gap + magnet.height / 2))
-        seen = sector.field(magnet, np.concatenate([corners, depth], axis=1)) @ hall.rotation(site)
+        seen = sector.field(magnet, np.concatenate([corners, depth], axis=1)) @ mlx90393.rotation(
+            site
+        )
         if (np.abs(seen) <= limit).all():
             return f"a gap of at least {gap * 1e3:.1f} mm would do; got {site.gap * 1e3:.1f} mm"
     return f"no gap up to {10 * magnet.radius * 1e3:.0f} mm would do: choose a wider range"

@@ -9,9 +9,9 @@ from networks import tiny_network
 from smoskin.errors import ArgumentError
 from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
-from smoskin.sensing.bayes import BayesEstimator
-from smoskin.sensing.closed_form import ClosedFormEstimator
-from smoskin.sensing.network_estimator import NetworkEstimator
+from smoskin.sensing.bayes.estimator import BayesEstimator
+from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
+from smoskin.sensing.network.estimator import NetworkEstimator
 from smoskin.twin.reduced import ReducedTwin
 from tables_of_response import reduced_table
 

@@ -12,11 +12,11 @@ from smoskin.design.document import read_design
 from smoskin.errors import SourceError
 from smoskin.records import Reading
 from smoskin.roles import Source
-from smoskin.service.recording import Recorder, open_recording
+from smoskin.service.recorder import Recorder, open_recording
 from smoskin.service.source import ReplaySource, TwinSource, open_source
 from smoskin.twin.creep import Creep
 from smoskin.twin.reduced import ReducedTwin
-from smoskin.twin.skin import Twin
+from smoskin.twin.whole import Twin
 
 DESIGN = read_design("planar")
 

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from smoskin.apps.report.dividing import attempts, attenuation_needed
-from smoskin.apps.report.golden import COLUMN, CREASE, rigid_stiffness
+from paper.dividing import attempts, attenuation_needed
+from paper.golden import COLUMN, CREASE, rigid_stiffness
 from smoskin.design.skin import MiuraCell
-from smoskin.mechanics.attenuation import magnet_displacements, profiles
-from smoskin.mechanics.stiffness import relative_stiffness_map
+from smoskin.mechanics.reduced.attenuation import magnet_displacements, profiles
+from smoskin.mechanics.reduced.stiffness import relative_stiffness_map
 from smoskin.origami.cell import dihedral_angles, fold_angle, poisson_ratios, size
 from smoskin.origami.sheet import build_sheet
-from smoskin.sensing.location import signal_matrix
+from smoskin.sensing.closed_form.location import signal_matrix
 
 
 def unit_press(planar):

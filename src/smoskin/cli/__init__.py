@@ -1,4 +1,4 @@
-"""The command line: thin commands over `smoskin.apps`, each in the module of its theme."""
+"""The command line: thin commands over `smoskin.commands`, each in the module of its theme."""
 
 import sys
 

@@ -25,8 +25,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Design, simulate, calibrate, train, run and see a sandwich Miura-ori tactile skin.",
 )
-bench = typer.Typer(no_args_is_help=True, help="Measure estimators on data.")
-app.add_typer(bench, name="bench")
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
 Design = Annotated[str, typer.Argument(help="A shipped design or the path of a TOML document.")]

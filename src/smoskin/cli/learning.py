@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from smoskin.cli.frame import Json, app, bench, progress_bar, show
+from smoskin.cli.frame import Json, app, show
 from smoskin.cli.touches import touch_on_rig
 from smoskin.errors import ArgumentError
 
@@ -60,7 +60,7 @@ def calibrate(
         touch_on_rig(table, out, design=design, seed=seed, count=touches, as_json=as_json)
         return
 
-    from smoskin.apps import calibrate as bench_work
+    from smoskin.commands import calibrate as bench_work
     from smoskin.feasibility import load_design
 
     result = bench_work.calibrate(
@@ -92,32 +92,8 @@ def virtual_bench(
     ] = "whole",
 ) -> None:
     """Measure a virtual skin as a person would measure a real one for calibration."""
-    from smoskin.apps.calibrate import write_virtual_bench
+    from smoskin.commands.calibrate import write_virtual_bench
     from smoskin.feasibility import load_design
 
     write_virtual_bench(load_design(design), out, seed=seed, sheet=sheet)
     typer.echo(f"Now: smoskin calibrate {out} --out calibration.toml", err=True)
-
-
-@bench.command()
-def recordings(
-    directory: Annotated[
-        Path, typer.Argument(help="A folder of eFlesh or EFlashTeam7 recordings.")
-    ],
-    chips: Annotated[
-        int | None, typer.Option(min=1, help="Judge this many chips, best on training data.")
-    ] = None,
-    as_json: Json = False,
-    seed: Annotated[int, typer.Option(min=0, help="Of splits and training.")] = 0,
-) -> None:
-    """Train on real recordings and judge on places and runs that training never saw."""
-    from smoskin.apps.recordings import bench_recordings
-
-    with progress_bar() as progress:
-        result = bench_recordings(directory, chips=chips, seed=seed, progress=progress)
-    for note in result.notes:
-        typer.echo(note, err=True)
-    if as_json:
-        typer.echo(json.dumps(result.as_json()))
-    else:
-        show(result.table())

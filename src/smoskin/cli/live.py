@@ -10,7 +10,7 @@ import typer
 from smoskin.cli.frame import Design, Json, Record, Seconds, app, show
 
 if TYPE_CHECKING:
-    from smoskin.apps.demo import DemoResult
+    from smoskin.commands.demo import DemoResult
 
 
 @app.command()
@@ -32,7 +32,7 @@ def demo(
     over; in the page the mouse presses it too. At the end every touch of the hand is listed beside
     its estimate; the exit code is 1 if one was missed.
     """
-    from smoskin.apps.demo import run_demo
+    from smoskin.commands.demo import run_demo
     from smoskin.feasibility import load_design
 
     if headless and seconds is None:
@@ -77,7 +77,7 @@ def run(
     ] = False,
 ) -> None:
     """Estimate touches from a source of readings and print them as they come."""
-    from smoskin.apps.watch import estimate_line, watch
+    from smoskin.commands.run import estimate_line, watch
     from smoskin.feasibility import load_design
 
     skin = load_design(design)

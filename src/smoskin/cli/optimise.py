@@ -29,8 +29,8 @@ def optimise(
     what the skin must stand; made skins are checked too. The exit code is 1 if the design found
     does not keep every limit.
     """
-    from smoskin.apps.optimise import Effort, Limits, Objective
-    from smoskin.apps.optimise import optimise as vary
+    from smoskin.commands.optimise import Effort, Limits, Objective
+    from smoskin.commands.optimise import optimise as vary
     from smoskin.feasibility import load_design
 
     effort = Effort(seed=seed) if minutes is None else Effort(seed=seed, seconds=60 * minutes)

@@ -41,9 +41,9 @@ def score(
     The folder gets score.json and the figures: errors over the skin, their distributions, stated
     against observed confidence. A missed touch counts as one in the middle of the skin.
     """
-    from smoskin.apps.score import Exam, score_file
-    from smoskin.apps.score.exam import parse_places
-    from smoskin.apps.train import parse_chips
+    from smoskin.commands.score import Exam, score_file
+    from smoskin.commands.score.plan import parse_places
+    from smoskin.commands.train import parse_chips
     from smoskin.feasibility import load_design
 
     exam = Exam(

@@ -12,7 +12,7 @@ from smoskin.cli.frame import Design, Json, app, progress_bar, show
 @app.command()
 def info(design: Design = "planar", as_json: Json = False) -> None:
     """Print a design: what is built, where each value comes from, and what follows from it."""
-    from smoskin.apps.info import describe
+    from smoskin.commands.info import describe
     from smoskin.feasibility import load_design
 
     sheet = describe(load_design(design))
@@ -82,7 +82,7 @@ def simulate(
     A sweep that was stopped goes on when the command is repeated. The exit code is 1 if a single
     press finds no equilibrium; a sweep counts such rows and flags them in its files.
     """
-    from smoskin.apps import simulate as simulation
+    from smoskin.commands import simulate as simulation
     from smoskin.errors import ArgumentError
     from smoskin.feasibility import load_design
 
@@ -145,27 +145,3 @@ def simulate(
         return
     for line in done.lines():
         typer.echo(line)
-
-
-@app.command()
-def report(
-    out: Annotated[Path, typer.Option(help="The folder to write to.", file_okay=False)],
-    design: Design = "planar",
-    table: Annotated[
-        Path | None,
-        typer.Option(help="A response table of the design; a small one is made by default."),
-    ] = None,
-) -> None:
-    """Write the paper's figures, tables and numbers beside what this package computes.
-
-    The folder gets report.html, report.pdf, report.json and every figure as SVG.
-    """
-    from smoskin.apps.report.build import build_report
-    from smoskin.feasibility import load_design
-    from smoskin.sensing.response import load_response_table
-
-    known = None if table is None else load_response_table(table)
-    with progress_bar() as progress:
-        written = build_report(load_design(design), out, table=known, progress=progress)
-    typer.echo(written.summary)
-    typer.echo(str(written.page))

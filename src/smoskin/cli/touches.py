@@ -9,7 +9,7 @@ import typer
 from smoskin.cli.frame import Json, app, progress_bar, show
 
 if TYPE_CHECKING:
-    from smoskin.apps.touches import TouchCalibration
+    from smoskin.commands.touches import TouchCalibration
 
 touches = typer.Typer(
     no_args_is_help=True,
@@ -53,10 +53,10 @@ def plan_touches(
     Each touch is the one that tells most after those before it. Fill in what the chips read once a
     touch has settled, or from when until when it was held while a recording ran.
     """
-    from smoskin.apps.touch_sheet import read_contacts, write_plan
-    from smoskin.apps.touches import TouchOrder, plan_of
+    from smoskin.commands.touch_sheet import read_contacts, write_plan
+    from smoskin.commands.touches import TouchOrder, plan_of
     from smoskin.feasibility import load_design
-    from smoskin.sensing.response import load_response_table
+    from smoskin.sensing.response.table import load_response_table
 
     skin = load_design(design)
     order = TouchOrder(count=count, until=until_mm * 1e-3, force=force, drag=drag)
@@ -94,9 +94,9 @@ def fit_touches(
     as_json: Json = False,
 ) -> None:
     """Calibrate a skin from a sheet of touches made by hand."""
-    from smoskin.apps.touches import calibrate_with_sheet
+    from smoskin.commands.touches import calibrate_with_sheet
     from smoskin.feasibility import load_design
-    from smoskin.sensing.response import load_response_table
+    from smoskin.sensing.response.table import load_response_table
 
     done = calibrate_with_sheet(
         load_design(design),
@@ -146,9 +146,9 @@ def touch_on_rig(
     as_json: bool,
 ) -> None:
     """Calibrate on the virtual rig, with a bar, and say what came of it."""
-    from smoskin.apps.touches import TouchOrder, calibrate_with_rig, virtual_rig
+    from smoskin.commands.touches import TouchOrder, calibrate_with_rig, virtual_rig
     from smoskin.feasibility import load_design
-    from smoskin.sensing.response import load_response_table
+    from smoskin.sensing.response.table import load_response_table
 
     skin, table = load_design(design), load_response_table(response)
     order = TouchOrder(count=count, until=until_mm * 1e-3, force=force, drag=drag)

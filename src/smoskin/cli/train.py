@@ -30,7 +30,7 @@ def make_table(
     It takes some minutes. Calibration by a few touches, networks and the Bayesian estimator all
     start from this file.
     """
-    from smoskin.apps.table import write_table
+    from smoskin.commands.table import write_table
     from smoskin.feasibility import load_design
 
     with progress_bar() as progress:
@@ -78,9 +78,9 @@ def train(
     skins as they differ. Of a design's table the network serves any skin made of it; of the table
     of one skin, calibrated by a few touches, that skin alone, and better.
     """
-    from smoskin.apps.train import effort_of, parse_chips, train_on_table
+    from smoskin.commands.train import effort_of, parse_chips, train_on_table
     from smoskin.feasibility import load_design
-    from smoskin.sensing.response import load_response_table
+    from smoskin.sensing.response.table import load_response_table
 
     with progress_bar() as progress:
         trained = train_on_table(

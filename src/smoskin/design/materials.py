@@ -17,7 +17,7 @@ class Elastomer:
     shear_modulus: float
     """Pa, initial slope, long-term: under a load that stays, at 25 degC."""
     relaxing_shares: tuple[float, ...]
-    """g_k of the instantaneous modulus, which relax (`smoskin.mechanics.relaxation.Prony`)."""
+    """g_k of the instantaneous modulus, which relax (`smoskin.mechanics.viscoelasticity.Prony`)."""
     relaxation_times: tuple[float, ...]
     """s, tau_k of each share, rising."""
     temperature_coefficient: float

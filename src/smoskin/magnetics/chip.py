@@ -2,7 +2,7 @@
 
 Decides the order of a chip's errors: the field at the sensing point is turned into the chip's
 true axes, each axis takes in a little of the others and has its own sensitivity and zero, and
-only then is it converted (`smoskin.magnetics.hall.measure`). Records hold one chip or, with a
+only then is it converted (`smoskin.magnetics.mlx90393.measure`). Records hold one chip or, with a
 leading axis, all chips of a skin.
 """
 
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from smoskin.arrays import Floats, floats, frozen
 from smoskin.design.skin import HallSite
 from smoskin.errors import ArgumentError
-from smoskin.magnetics import hall
+from smoskin.magnetics import mlx90393
 from smoskin.magnetics.arrangement import rotation_matrix
 
 
@@ -97,7 +97,7 @@ def mounting(sites: Sequence[HallSite], pose: ChipPose) -> Floats:
     >>> (mounting([site], quarter)[0] @ [1.0, 0.0, 0.0]).round(12)
     array([0., 1., 0.])
     """
-    designed = hall.rotations(sites)
+    designed = mlx90393.rotations(sites)
     if pose.turn.shape not in ((3,), (len(sites), 3)):
         raise ArgumentError(
             f"pose must be of one chip or of {len(sites)}; its arrays have shape {pose.turn.shape}"
@@ -118,7 +118,7 @@ def answered(field: ArrayLike, errors: ChipErrors) -> Floats:
     Returns
     -------
     Floats, shape (..., 3)
-        T; for `smoskin.magnetics.hall.measure`.
+        T; for `smoskin.magnetics.mlx90393.measure`.
     """
     true = floats("field", field, (3,))
     taken = true + np.einsum("...ij,...j->...i", errors.cross_axis, true)

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Final, Protocol, final
 from urllib.parse import parse_qsl
 
 from smoskin.errors import ArgumentError, RecordingError, SourceError
-from smoskin.magnetics.material import check_temperature
+from smoskin.magnetics.temperature import check_temperature
 from smoskin.records import Contact, Reading
 from smoskin.roles import Source
 
 if TYPE_CHECKING:
     from smoskin.design.skin import SkinDesign
-    from smoskin.service.recording import Recording
+    from smoskin.service.recorder import Recording
     from smoskin.twin.creep import Creep
     from smoskin.twin.readout import Motion
 
@@ -211,7 +211,7 @@ class TwinSource(Source):
     Parameters
     ----------
     twin : Skin
-        The skin: a `smoskin.twin.skin.Twin` or a `smoskin.twin.reduced.ReducedTwin`.
+        The skin: a `smoskin.twin.whole.Twin` or a `smoskin.twin.reduced.ReducedTwin`.
     rate : float
         Hz, in the twin's time.
     speed : float
@@ -350,7 +350,7 @@ class _Pace:
 
 
 def _open_replay(path: str, *, speed: float, longest_gap: float) -> ReplaySource:
-    from smoskin.service.recording import open_recording
+    from smoskin.service.recorder import open_recording
 
     try:
         recording = open_recording(path)
@@ -373,7 +373,7 @@ def _open_twin(
     from smoskin.feasibility import load_design
     from smoskin.twin.creep import Creep
     from smoskin.twin.reduced import ReducedTwin
-    from smoskin.twin.skin import Twin
+    from smoskin.twin.whole import Twin
 
     if manufactured and mechanics == "reduced":
         raise ArgumentError("manufactured=yes needs mechanics=whole; got mechanics=reduced")

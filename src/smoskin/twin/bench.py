@@ -2,7 +2,7 @@
 
 Decides which touches a person would measure in an hour, how noisy gauge and stage are, and how a
 made skin of the reduced model differs from the designed one; a made skin of the whole sheet is
-`smoskin.twin.skin.Twin`'s. The table that comes out is what a real bench writes.
+`smoskin.twin.whole.Twin`'s. The table that comes out is what a real bench writes.
 """
 
 from collections.abc import Sequence
@@ -14,18 +14,18 @@ import numpy as np
 from smoskin.arrays import Floats, Ints, frozen
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.magnetics import hall
-from smoskin.magnetics.material import temperature_factor
+from smoskin.magnetics import mlx90393
+from smoskin.magnetics.temperature import temperature_factor
 from smoskin.measurement import TouchTable
-from smoskin.mechanics.contact import touches_of
-from smoskin.mechanics.stiffness import cell_layers, sheet_stiffness
+from smoskin.mechanics.reduced.stiffness import cell_layers, sheet_stiffness
+from smoskin.mechanics.sheet.touches import touches_of
 from smoskin.origami.sheet import loaded_positions
 from smoskin.records import ChipFlag, Contact, Reading
 from smoskin.twin.readout import Motion
 from smoskin.twin.reduced import ReducedTwin
 
 if TYPE_CHECKING:
-    from smoskin.twin.skin import Twin
+    from smoskin.twin.whole import Twin
 
 GAUGE_NOISE: Final = 0.02
 """Of force and of depth, relative: the project's assumption of a hand-held gauge and stage."""
@@ -71,7 +71,7 @@ class BenchSkin(Protocol):
 
     def sample(
         self, loads: Sequence[Load], rng: np.random.Generator, temperature: Floats
-    ) -> hall.HallSample:
+    ) -> mlx90393.HallSample:
         """One conversion of every chip under each load at its temperature (T,), degC."""
         ...
 
@@ -97,7 +97,7 @@ class MadeSkin:
         self.design = design
         self.chip_rotation = frozen("chip_rotation", chip_rotation, (chips, 3))  # type: ignore[arg-type]
         self.chip_offset = frozen("chip_offset", chip_offset, (chips, 3))  # type: ignore[arg-type]
-        mounts = hall.rotations(design.halls)
+        mounts = mlx90393.rotations(design.halls)
         self._to_skin = Rotation.from_rotvec(self.chip_rotation.copy()).as_matrix() @ mounts
         self._twin = ReducedTwin(design, seed=None)
 
@@ -118,7 +118,7 @@ class MadeSkin:
 
     def sample(
         self, loads: Sequence[Load], rng: np.random.Generator, temperature: Floats
-    ) -> hall.HallSample:
+    ) -> mlx90393.HallSample:
         """One conversion of every chip under each load at its temperature (T,), degC."""
         distinct, place = _distinct(loads)
         fields = np.array([self.field(_touching(self.design, load)) for load in distinct])
@@ -136,18 +136,18 @@ class MadeSkin:
         sample = self._converted(self.field(contacts)[None], rng, np.array([temperature]))
         return Reading(
             time=time,
-            field=hall.tesla(sample.counts[0], self.design.hall_setting),
-            temperature=hall.degrees(sample.temperature_counts[0]),
+            field=mlx90393.tesla(sample.counts[0], self.design.hall_setting),
+            temperature=mlx90393.degrees(sample.temperature_counts[0]),
             flags=sample.flags[0],
         )
 
     def _converted(
         self, fields: Floats, rng: np.random.Generator, temperature: Floats
-    ) -> hall.HallSample:
+    ) -> mlx90393.HallSample:
         """Fields at reference temperature, (T, S, 3), as the chips answer."""
         seen = fields * temperature_factor(temperature)[:, None, None] + self.chip_offset
         warmth = np.broadcast_to(temperature[:, None], seen.shape[:2])
-        return hall.measure(seen, self.design.hall_setting, temperature=warmth, rng=rng)
+        return mlx90393.measure(seen, self.design.hall_setting, temperature=warmth, rng=rng)
 
 
 class TwinSkin:
@@ -175,7 +175,7 @@ class TwinSkin:
 
     def sample(
         self, loads: Sequence[Load], rng: np.random.Generator, temperature: Floats
-    ) -> hall.HallSample:
+    ) -> mlx90393.HallSample:
         """One conversion of every chip under each load at its temperature (T,), degC."""
         distinct, place = _distinct(loads)
         touches = touches_of([_touching(self.design, load) for load in distinct])
@@ -334,14 +334,14 @@ def measure(
     depth = depth * (1 + gauge_noise * rng.normal(size=depth.shape))
     warmth = np.linspace(*_WARMING, len(loads))
     sample = skin.sample(loads, rng, warmth)
-    field = hall.tesla(sample.counts, skin.design.hall_setting)
+    field = mlx90393.tesla(sample.counts, skin.design.hall_setting)
     field[(sample.flags & int(ChipFlag.INVALID)) != 0] = np.nan
     return TouchTable(
         cell=[(-1, -1) if load.cell is None else load.cell for load in loads],
         force=np.round(force / _FORCE_STEP) * _FORCE_STEP,
         depth=np.round(depth / _DEPTH_STEP) * _DEPTH_STEP,
         field=field,
-        temperature=np.broadcast_to(hall.degrees(sample.temperature_counts), field.shape[:2]),
+        temperature=np.broadcast_to(mlx90393.degrees(sample.temperature_counts), field.shape[:2]),
     )
 
 

@@ -1,7 +1,7 @@
 """A skin's motion in time: what the rubber remembers of earlier touches.
 
 Decides which rubber each part of a motion hangs on: the magnets on the columns, the board on the
-shear layer. How rubber creeps is `smoskin.mechanics.relaxation`'s.
+shear layer. How rubber creeps is `smoskin.mechanics.viscoelasticity`'s.
 """
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from smoskin.arrays import floats
 from smoskin.design.skin import SkinDesign
-from smoskin.mechanics.relaxation import Memory, elastomer_prony
+from smoskin.mechanics.viscoelasticity import Memory, elastomer_prony
 from smoskin.twin.readout import Motion
 
 

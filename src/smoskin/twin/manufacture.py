@@ -14,8 +14,8 @@ from smoskin.arrays import Floats, frozen
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.chip import ChipErrors, ChipPose
-from smoskin.mechanics.lattice import Lattice, build_lattice, springs_of
-from smoskin.mechanics.relaxation import modulus_factor
+from smoskin.mechanics.sheet.lattice import Lattice, build_lattice, springs_of
+from smoskin.mechanics.viscoelasticity import modulus_factor
 from smoskin.origami.sheet import build_sheet
 
 _CUT = 3.0

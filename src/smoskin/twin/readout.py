@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 
 from smoskin.arrays import Bools, Floats
 from smoskin.design.skin import SkinDesign
-from smoskin.magnetics import hall
+from smoskin.magnetics import mlx90393
 from smoskin.magnetics.arrangement import arrangement_field, rotation_matrix
 from smoskin.magnetics.chip import answered, mounting
-from smoskin.magnetics.material import (
+from smoskin.magnetics.temperature import (
     REFERENCE_TEMPERATURE,
     check_temperature,
     temperature_factor,
@@ -125,7 +125,7 @@ class Readout:
             board=np.zeros_like(motion.board[:1]),
             valid=np.ones(1, dtype=bool),
         )
-        turns = hall.rotations(self._design.halls)
+        turns = mlx90393.rotations(self._design.halls)
         return np.asarray(np.einsum("sij,bsj->bsi", turns, self.seen(motion) - self.seen(rest)))
 
     def sample(
@@ -133,7 +133,7 @@ class Readout:
         motion: Motion,
         rng: np.random.Generator,
         temperature: ArrayLike = REFERENCE_TEMPERATURE,
-    ) -> hall.HallSample:
+    ) -> mlx90393.HallSample:
         """One conversion of every chip in every state.
 
         Parameters
@@ -151,7 +151,7 @@ class Readout:
         """
         warmth = np.asarray(temperature, dtype=np.float64)[..., None] + self._errors.warmth
         seen = self.seen(motion, temperature)
-        return hall.measure(seen, self._design.hall_setting, temperature=warmth, rng=rng)
+        return mlx90393.measure(seen, self._design.hall_setting, temperature=warmth, rng=rng)
 
     def read(
         self,
@@ -174,8 +174,8 @@ class Readout:
         sample = self.sample(motion, rng, temperature)
         return Reading(
             time=time,
-            field=hall.tesla(sample.counts, self._design.hall_setting),
-            temperature=hall.degrees(sample.temperature_counts),
+            field=mlx90393.tesla(sample.counts, self._design.hall_setting),
+            temperature=mlx90393.degrees(sample.temperature_counts),
             flags=sample.flags,
         )
 

@@ -12,11 +12,13 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.magnetics.material import REFERENCE_TEMPERATURE
-from smoskin.mechanics.attenuation import column_displacements, magnet_displacements, profiles
-from smoskin.mechanics.contact import vertex_shares
-from smoskin.mechanics.relaxation import modulus_factor
-from smoskin.mechanics.stiffness import (
+from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
+from smoskin.mechanics.reduced.attenuation import (
+    column_displacements,
+    magnet_displacements,
+    profiles,
+)
+from smoskin.mechanics.reduced.stiffness import (
     board_stiffness,
     folding_correction_map,
     press_depth,
@@ -24,6 +26,8 @@ from smoskin.mechanics.stiffness import (
     sheet_stiffness,
     stiffness_map,
 )
+from smoskin.mechanics.sheet.touches import vertex_shares
+from smoskin.mechanics.viscoelasticity import modulus_factor
 from smoskin.origami.sheet import vertex_positions
 from smoskin.records import Contact, Reading
 from smoskin.twin.readout import Motion, Readout

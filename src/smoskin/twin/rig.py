@@ -11,8 +11,8 @@ import numpy as np
 from smoskin.arrays import Bools, Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, SourceError
-from smoskin.magnetics import hall
-from smoskin.magnetics.material import REFERENCE_TEMPERATURE, check_temperature
+from smoskin.magnetics import mlx90393
+from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, check_temperature
 from smoskin.records import Contact, HeldTouch, Reading
 from smoskin.roles import Rig
 from smoskin.twin.creep import Creep
@@ -31,7 +31,7 @@ _PERIOD: Final = 1.0
 
 
 class Pressable(Protocol):
-    """What a virtual rig presses: a `smoskin.twin.skin.Twin`."""
+    """What a virtual rig presses: a `smoskin.twin.whole.Twin`."""
 
     @property
     def design(self) -> SkinDesign:
@@ -44,7 +44,7 @@ class Pressable(Protocol):
 
     def sample(
         self, motion: Motion, rng: np.random.Generator, *, temperature: Floats
-    ) -> hall.HallSample:
+    ) -> mlx90393.HallSample:
         """One conversion of every chip in each of many states."""
         ...
 
@@ -218,10 +218,10 @@ def drifting_readings(
         T, by the last of them.
     """
     sample = twin.sample(motion, rng, temperature=np.full(len(times), temperature))
-    field = hall.tesla(sample.counts, twin.design.hall_setting)
+    field = mlx90393.tesla(sample.counts, twin.design.hall_setting)
     steps = drift * np.sqrt(durations)[:, None, None] * rng.normal(size=field.shape)
     walk = walked + np.cumsum(steps, axis=0)
-    degrees = hall.degrees(sample.temperature_counts)
+    degrees = mlx90393.degrees(sample.temperature_counts)
     readings = tuple(
         Reading(time=float(t), field=f, temperature=d, flags=g)
         for t, f, d, g in zip(times, field + walk, degrees, sample.flags, strict=True)

@@ -1,0 +1,218 @@
+"""Recovery after a load is taken away: how long it takes, and the rubber that explains it.
+
+Decides when a signal counts as back at rest, and how a recorded recovery is turned into a solid
+(Figure S9): least squares over retardation times tried in advance, with shares that are not
+negative. Hides the scaling and the way from the fitted shares to their uncertainty.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from smoskin.arrays import Floats, floats, frozen
+from smoskin.errors import ArgumentError
+from smoskin.mechanics.viscoelasticity import Prony, checked_history, late_parts
+
+
+def recovery_time(
+    times: ArrayLike, signal: ArrayLike, released: float, *, within: float = 0.05
+) -> Floats:
+    """How long a signal takes to come back once the load is taken away.
+
+    Parameters
+    ----------
+    times : array_like, shape (T,)
+        s, never falling.
+    signal : array_like, shape (T, ...)
+        Any readings or motions; its rest is its last value.
+    released : float
+        s: when the load was taken away, within `times`.
+    within : float
+        The part of the loaded signal that may be left.
+
+    Returns
+    -------
+    Floats, shape (...)
+        s from the release until the signal stays that near to its rest, between samples on a
+        straight line; NaN where the signal is at rest all along.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of bounds.
+
+    Notes
+    -----
+    Source: SI Text S6, "Recovery Time", and Figure S9: a load of 1 N taken from a cell. Noise
+    larger than what may be left never settles; smooth such a signal first.
+
+    Examples
+    --------
+    >>> times = np.linspace(0, 5, 5001)
+    >>> round(float(recovery_time(times, np.exp(-times), 0.0)), 2)  # ln 20, less a little
+    2.88
+    """
+    instants, values = checked_history(times, signal)
+    if not 0 < within < 1:
+        raise ArgumentError(f"within must lie in (0, 1); got {within}")
+    if not instants[0] <= released <= instants[-1]:
+        raise ArgumentError(
+            f"released must lie in {instants[0]:g}..{instants[-1]:g} s; got {released}"
+        )
+    start = int(np.searchsorted(instants, released, side="right")) - 1
+    start = int(np.searchsorted(instants, instants[start], side="left"))
+    off = np.abs(values - values[-1])[start:].reshape(len(values) - start, -1)
+    allowed = within * off[0]
+    outside = off > allowed
+    last = len(outside) - 1 - np.argmax(outside[::-1], axis=0)
+    after = np.minimum(last + 1, len(off) - 1)
+    column = np.arange(off.shape[1])
+    fall = off[last, column] - off[after, column]
+    part = np.divide(off[last, column] - allowed, fall, out=np.zeros_like(fall), where=fall > 0)
+    clock = instants[start:]
+    settled = clock[last] + part * (clock[after] - clock[last]) - released
+    settled = np.where(off[0] > 0, np.maximum(settled, 0.0), np.nan)
+    return np.asarray(settled.reshape(values.shape[1:]))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PronyFit:
+    """A solid found from a recording, and how well it is known."""
+
+    prony: Prony
+    """Only the terms that the recording shows."""
+    moduli_deviation: Floats
+    """(K,), standard deviation of g_k."""
+    times_deviation: Floats
+    """(K,), s, standard deviation of tau_k, with the retardation times as they were tried."""
+    rest: float
+    """The signal without load, in its own unit."""
+    scale: float
+    """Settled signal per load, in their units; may be negative."""
+    residual: float
+    """Root mean square of what the model leaves, in the signal's unit."""
+
+
+def fit_prony(
+    times: ArrayLike,
+    load: ArrayLike,
+    signal: ArrayLike,
+    retardation_times: ArrayLike | None = None,
+) -> PronyFit:
+    """The solid whose creep explains a recorded load and recovery.
+
+    Parameters
+    ----------
+    times : array_like, shape (T,)
+        s, never falling; a time that occurs twice is a jump.
+    load : array_like, shape (T,)
+        The load, or any elastic response in proportion to it; the skin has rested under the
+        first. A release is enough: 1 until then and 0 after.
+    signal : array_like, shape (T,)
+        One reading or motion, in proportion to the creeping response.
+    retardation_times : array_like, shape (K,), optional
+        s, rising: what is tried. By default five a decade, from five samples to a third of the
+        record; neighbours that both show are then taken as one between them.
+
+    Returns
+    -------
+    PronyFit
+        Least squares with shares of creep that are not negative; times without a share are
+        left out. Deviations take the residuals as independent from sample to sample.
+
+    Raises
+    ------
+    ArgumentError
+        If lengths differ, numbers are not finite, nothing changes, or the signal does not
+        follow the load.
+
+    Notes
+    -----
+    Source: SI Figure S9, of such recordings: its values are not in the text.
+    """
+    instants, drive = checked_history(times, load)
+    answer = floats("signal", signal)
+    if answer.shape != instants.shape or drive.shape != instants.shape:
+        raise ArgumentError(
+            f"load and signal must have the shape {instants.shape} of times; "
+            f"got {drive.shape} and {answer.shape}"
+        )
+    if not (np.isfinite(drive).all() and np.isfinite(answer).all()):
+        raise ArgumentError("load and signal must be finite")
+    reach, stroke = float(np.ptp(drive)), float(np.ptp(answer))
+    if not (reach > 0 and stroke > 0):
+        raise ArgumentError("load and signal must change; one of them does not")
+    sign = 1.0 if np.dot(drive - drive.mean(), answer) >= 0 else -1.0
+    drive, answer = drive / reach, answer * (sign / stroke)
+    if retardation_times is None:
+        tried = _tried_times(instants)
+        _, weights = _nonnegative_fit(tried, instants, drive, answer)
+        tried = _merged(tried, weights[2:])
+    else:
+        tried = frozen("retardation_times", retardation_times, (None,))
+    columns, weights = _nonnegative_fit(tried, instants, drive, answer)
+    if not weights[1] > 0:
+        raise ArgumentError("signal must follow the load at once, at least in part; it does not")
+    shown = np.flatnonzero(weights[2:] > 1e-12 * weights[1:].sum())
+    kept = np.concatenate([[0, 1], shown + 2])
+    left = answer - columns[:, kept] @ weights[kept]
+    freedom = max(len(answer) - len(kept), 1)
+    spread = np.linalg.pinv(columns[:, kept].T @ columns[:, kept]) * (left @ left) / freedom
+    settled = weights[kept][1:]
+    deviation = _deviation(settled, tried[shown], spread[1:, 1:])
+    return PronyFit(
+        prony=_solid(settled, tried[shown]),
+        moduli_deviation=frozen("deviation", deviation[: len(shown)], (None,)),
+        times_deviation=frozen("deviation", deviation[len(shown) :], (None,)),
+        rest=float(sign * stroke * weights[0]),
+        scale=float(sign * stroke / reach * settled.sum()),
+        residual=float(stroke * np.sqrt(np.mean(left**2))),
+    )
+
+
+def _solid(settled: Floats, retardation_times: Floats) -> Prony:
+    """The solid that answers a load at once by the first part and late by the others."""
+    return Prony.from_creep(settled[1:] / settled.sum(), retardation_times)
+
+
+def _deviation(settled: Floats, retardation_times: Floats, spread: Floats) -> Floats:
+    """Standard deviation of the moduli and times of `_solid`, from the covariance of its parts."""
+    change = np.empty((2 * len(retardation_times), len(settled)))
+    for index, value in enumerate(settled):
+        # Half a part in a million keeps every share positive and the difference linear.
+        step = np.zeros_like(settled)
+        step[index] = 0.5e-6 * value
+        more = _solid(settled + step, retardation_times)
+        less = _solid(settled - step, retardation_times)
+        change[:, index] = np.concatenate([more.moduli - less.moduli, more.times - less.times])
+        change[:, index] /= 1e-6 * value
+    return np.asarray(np.sqrt(np.einsum("ki,ij,kj->k", change, spread, change)))
+
+
+def _tried_times(instants: Floats) -> Floats:
+    """Five a decade over what the record can show."""
+    steps = np.diff(instants)
+    least, most = 5 * float(np.median(steps[steps > 0])), float(np.ptp(instants)) / 3
+    count = max(int(np.ceil(5 * np.log10(max(most / least, 1.0)))) + 1, 1)
+    return np.geomspace(least, most, count) if count > 1 else np.array([most])
+
+
+def _nonnegative_fit(
+    tried: Floats, instants: Floats, drive: Floats, answer: Floats
+) -> tuple[Floats, Floats]:
+    """Columns (rest, load, late parts) and their least-squares weights, none but rest's below 0."""
+    from scipy.optimize import nnls
+
+    late = late_parts(tried, instants, drive)
+    columns = np.stack([np.ones_like(drive), drive, *late], axis=1)
+    weights, _ = nnls(np.column_stack([columns, -columns[:, 0]]), answer)
+    weights[0] -= weights[-1]
+    return columns, np.asarray(weights[:-1])
+
+
+def _merged(tried: Floats, weights: Floats) -> Floats:
+    """One time for each run of times with weight, at their weighted mean of the logarithm."""
+    shown = np.flatnonzero(weights > 1e-9 * weights.sum())
+    runs = np.split(shown, np.flatnonzero(np.diff(shown) > 1) + 1) if len(shown) else []
+    return np.array([np.exp(np.average(np.log(tried[run]), weights=weights[run])) for run in runs])

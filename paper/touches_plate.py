@@ -1,0 +1,82 @@
+"""Draws how the error of estimates falls with the touches that calibrate a skin."""
+
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from paper.style import BLUE, GREY, INK, ORANGE, Plate, lay_out, styled
+from paper.touch_curve import TouchCurve
+from smoskin.arrays import Floats
+
+_TICKS: Final = (0.05, 0.1, 0.2, 0.3, 0.5, 1, 2, 3, 5, 10, 20)
+_PRINTED_PLACE: Final = 1.89
+"""mm: mean error of the paper's network on one skin, after 825 presses for each force."""
+_PRINTED_FORCE: Final = 8.0
+"""Per cent, likewise."""
+
+
+def touches_plate(found: TouchCurve) -> Plate:
+    """Errors of place and of force over the number of touches, planned and random."""
+    with styled():
+        figure = Figure(figsize=(7.2, 3.1), layout="constrained")
+        place, force = figure.subplots(1, 2)
+        _curves(place, found.counts, 1e3 * found.planned, 1e3 * found.random)
+        place.plot(found.counts, 1e3 * found.expected, color=BLUE, linewidth=0.8, linestyle=":",
+                   label="expected of planned ones")  # fmt: skip
+        _level(place, 1e3 * found.bound, "bound by noise")
+        _level(place, _PRINTED_PLACE, "paper, 825 presses a force")
+        place.set(title="(a) place", ylabel="mean error (mm)")
+        _curves(force, found.counts, 100 * found.planned_force, 100 * found.random_force)
+        _level(force, _PRINTED_FORCE, "paper")
+        force.set(title="(b) normal force", ylabel="mean error (%)")
+        for axis in (place, force):
+            axis.set(xscale="log", yscale="log", xlabel="touches of the calibration")
+            axis.set_xticks(found.counts, [str(count) for count in found.counts])
+            for side in ("top", "right"):
+                axis.spines[side].set_visible(False)
+            low, high = axis.get_ylim()
+            ticks = [one for one in _TICKS if low <= one <= high]
+            axis.set_yticks(ticks, [f"{one:g}" for one in ticks])
+            axis.minorticks_off()
+        place.legend(fontsize=6.5, loc="upper right", bbox_to_anchor=(1.0, 0.9))
+        lay_out(figure)
+    least, most = found.counts[0], found.counts[-1]
+    chips = f"{3 * len(found.chips)} signals"
+    return Plate(
+        name="calibration_touches",
+        title="Calibration touches against error",
+        caption=f"Not in the paper: mean errors of the Bayesian estimator with {chips} on "
+        f"{len(found.planned)} made skins after a calibration of {least} to {most} touches, "
+        "straight touches from rim to rim at 15 to 35 °C on rubber that creeps, under chips that "
+        "drift. Every touch counts; one that is not told as one touch is taken to lie in the "
+        "middle. Blue: each touch is the one that tells most after those before it; orange: "
+        f"anywhere; bands from the best to the worst skin. After {most} planned touches "
+        f"{1e3 * found.planned[:, -1].mean():.2f} mm and "
+        f"{100 * found.planned_force[:, -1].mean():.2f} % remain; by the "
+        f"chips' noise alone {1e3 * found.bound:.2f} mm would; "
+        f"{100 * found.inside[:, -1].mean():.0f} % of the truths lie in the stated 90 % regions. "
+        f"The paper's network has {_PRINTED_PLACE} mm and {_PRINTED_FORCE:g} % after 825 presses "
+        "for each force.",
+        figure=figure,
+    )
+
+
+def _curves(axis: Axes, counts: tuple[int, ...], planned: Floats, random: Floats) -> None:
+    """Means over the skins, in bands from the best to the worst."""
+    for values, colour, marker, name in (
+        (planned, BLUE, "o", "planned touches"),
+        (random, ORANGE, "s", "random touches"),
+    ):
+        axis.fill_between(counts, values.min(axis=0), values.max(axis=0), color=colour, alpha=0.15,
+                          linewidth=0)  # fmt: skip
+        axis.plot(counts, np.mean(values, axis=0), color=colour, marker=marker, markersize=3,
+                  linewidth=1.0, label=name)  # fmt: skip
+
+
+def _level(axis: Axes, value: float, name: str) -> None:
+    """A line across, with its name."""
+    axis.axhline(value, color=GREY, linewidth=0.8, linestyle="--")
+    axis.annotate(name, (1.0, value), (-2, 2), xycoords=("axes fraction", "data"),
+                  textcoords="offset points", ha="right", fontsize=6.5, color=INK)  # fmt: skip

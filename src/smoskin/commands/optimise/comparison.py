@@ -1,0 +1,270 @@
+"""A design beside the one that was made of it: changed values, bounds of both, limits reached.
+
+Decides which bounds stand side by side and how the comparison is written: as tables, as JSON, and
+as reasons in the new design's own document.
+"""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from smoskin.arrays import Floats
+from smoskin.commands.optimise.limits import Limits, Reached, made_limits
+from smoskin.commands.optimise.objective import unknown_of
+from smoskin.commands.optimise.slopes import Places, PressedSheet
+from smoskin.design.document import design_values, format_design
+from smoskin.design.skin import Provenance, SkinDesign
+from smoskin.sensing.response.bound import BoundMap, bound_of_slopes, figures
+from smoskin.sensing.signals.signals import signal_noise
+from smoskin.twin.manufacture import draw
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+_MADE: Final = 3
+"""Made skins over which their bounds are averaged."""
+_SEED: Final = 500_000
+"""Of the first made skin: far from those of judgements and of response tables."""
+
+
+_HIGHER: Final = "super-resolution"
+"""Quantities of which more is better."""
+
+
+class Change(NamedTuple):
+    """One value that differs, as documents write it."""
+
+    path: str
+    key: str
+    before: str | int | float
+    after: str | int | float
+
+
+class Side(NamedTuple):
+    """One number of both designs."""
+
+    case: str
+    """What is read and what is unknown."""
+    quantity: str
+    """With its unit."""
+    before: float
+    after: float
+
+    @property
+    def gain(self) -> float:
+        """How many times better: a bound lower, a super-resolution higher."""
+        less, more = sorted((self.before, self.after))
+        times = more / less if less else math.inf
+        higher = self.quantity.startswith(_HIGHER)
+        return times if (self.after > self.before) == higher else 1 / times
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Optimised:
+    """What a search has found."""
+
+    before: SkinDesign
+    after: SkinDesign
+    """With its provenance."""
+    changes: tuple[Change, ...]
+    bounds: tuple[Side, ...]
+    limits: tuple[Reached, ...]
+    """Of the new design."""
+    made: tuple[Reached, ...]
+    """Of the worst of some made skins of it."""
+
+    @property
+    def kept(self) -> bool:
+        """Whether the new design keeps every limit, also as made."""
+        return all(one.kept for one in (*self.limits, *self.made))
+
+    @property
+    def gain(self) -> float:
+        """Mean bound of location of the old design over that of the new one, drags unknown."""
+        return self.bounds[0].gain
+
+    def as_json(self) -> dict[str, object]:
+        """Plain values for machines."""
+        return {
+            "before": {"name": self.before.name, "content_hash": self.before.content_hash},
+            "after": {"name": self.after.name, "content_hash": self.after.content_hash},
+            "gain": self.gain,
+            "kept": self.kept,
+            "changes": [one._asdict() for one in self.changes],
+            "bounds": [{**one._asdict(), "gain": one.gain} for one in self.bounds],
+            "limits": [_plain(one) for one in self.limits],
+            "made_skins": [_plain(one) for one in self.made],
+        }
+
+    def tables(self) -> "list[Table]":
+        """Three tables for people."""
+        from rich.table import Table
+
+        changed = Table("value", "before", "after", title="Changed values")
+        for change in self.changes:
+            where = change.path.rpartition(".")[0]
+            name = f"{where}.{change.key}" if where else change.key
+            changed.add_row(name, str(change.before), str(change.after))
+        bounds = Table("signals", "bound", "before", "after", "times better", title="Bounds")
+        for side in self.bounds:
+            bounds.add_row(
+                side.case,
+                side.quantity,
+                f"{side.before:.4g}",
+                f"{side.after:.4g}",
+                f"{side.gain:.2f}",
+            )
+        limits = Table("limit", "reached", "allowed", "", title="Limits")
+        for group, rows in (("", self.limits), ("made skins: ", self.made)):
+            for one in rows:
+                ends = [f">= {one.least:.4g}"] if math.isfinite(one.least) else []
+                ends += [f"<= {one.most:.4g}"] if math.isfinite(one.most) else []
+                said = "kept" if one.kept else "broken"
+                limits.add_row(group + one.name, f"{one.value:.4g}", ", ".join(ends), said)
+        return [changed, bounds, limits]
+
+    def write(self, path: Path | str) -> tuple[Path, Path]:
+        """Write the new design to this TOML document and the comparison beside it, as JSON.
+
+        Raises
+        ------
+        MissingExtraError
+            If the TOML writer is not installed.
+        """
+        document = Path(path)
+        document.write_text(format_design(self.after), encoding="utf-8")
+        beside = document.with_suffix(".json")
+        beside.write_text(json.dumps(self.as_json(), indent=2) + "\n", encoding="utf-8")
+        return document, beside
+
+
+def changes_of(before: SkinDesign, after: SkinDesign) -> tuple[Change, ...]:
+    """All values that differ but the name."""
+    rows = zip(design_values(before), design_values(after), strict=True)
+    return tuple(
+        Change(path, key, old, new)
+        for (path, key, old), (_, _, new) in rows
+        if old != new and path != "name"
+    )
+
+
+def with_reasons(design: SkinDesign, name: str, changes: Sequence[Change]) -> SkinDesign:
+    """The design under its own name, each changed value saying what it was."""
+    reasons = {
+        one.path: Provenance(
+            origin="assumed",
+            reason=f"found by smoskin optimise, which lowers the bound of location; {one.before} "
+            "before",
+        )
+        for one in changes
+    }
+    return replace(design, name=name, provenance={**design.provenance, **reasons})
+
+
+def compare_bounds(
+    before: SkinDesign, after: SkinDesign, *, force: float, unmodelled: float, places: Places
+) -> tuple[Side, ...]:
+    """Bounds of both designs, as designed and as made."""
+    both = [_figures_of(one, force, unmodelled, places) for one in (before, after)]
+    return tuple(
+        Side(case, quantity, value, both[1][case, quantity])
+        for (case, quantity), value in both[0].items()
+    )
+
+
+def made_sheets(design: SkinDesign, limits: Limits) -> list[PressedSheet]:
+    """Sheets of some made skins; they serve whatever magnets hang on them."""
+    return [
+        PressedSheet(design, draw(design, np.random.default_rng([_SEED, skin])), places=(2, 2))
+        for skin in range(limits.made_skins)
+    ]
+
+
+def check_made(
+    design: SkinDesign, sheets: Sequence[PressedSheet], limits: Limits
+) -> tuple[Reached, ...]:
+    """The worst of made skins against what they must stand.
+
+    Each sheet is read with the magnets and chips of several draws, which cost next to nothing.
+    """
+    worst: dict[str, Reached] = {}
+    for skin, sheet in enumerate(sheets):
+        rng = np.random.default_rng([_SEED, skin, 1])
+        others = [draw(design, rng) for _ in range(limits.made_draws)]
+        for made in others:
+            for one in made_limits(design, sheet, made, limits):
+                known = worst.get(one.name)
+                if known is None or one.slack < known.slack:
+                    worst[one.name] = one
+    return tuple(worst.values())
+
+
+def coarser(places: Places) -> Places:
+    """Every other place of a map, for made skins and rated touches."""
+    return max((places[0] + 1) // 2, 2), max((places[1] + 1) // 2, 2)
+
+
+def _figures_of(
+    design: SkinDesign, force: float, unmodelled: float, places: Places
+) -> dict[tuple[str, str], float]:
+    """Numbers of one design by case and quantity."""
+    sheet = PressedSheet(design, force=force, places=places, rated_places=(2, 2))
+    signals, slopes = sheet.slopes(design)
+    noise = signal_noise(design)
+    unknown = unknown_of(design, signals, unmodelled)
+    upper = [
+        s for s, site in enumerate(design.halls) if design.magnet(site.magnet).mount == "sheet"
+    ]
+    rows = [3 * s + axis for s in upper for axis in range(3)]
+    own = signal_noise(design, upper)
+    found: dict[tuple[str, str], float] = {}
+
+    def note(case: str, told: BoundMap, drags: bool) -> None:
+        for name, value, scale in (
+            ("location, mm", told.location, 1e3),
+            ("normal force, mN", told.force, 1e3),
+            ("drag, mN", np.hypot(told.drag[..., 0], told.drag[..., 1]), 1e3),
+        ):
+            if name.startswith("drag") and not drags:
+                continue
+            for kind, number in figures(np.asarray(value) * scale)._asdict().items():
+                found[case, f"{kind} {name}"] = number
+        area, spacing = told.super_resolution
+        found[case, f"{_HIGHER} by area"] = area
+        found[case, f"{_HIGHER} by spacing"] = spacing
+
+    def bound(slopes: Floats, noise: Floats, drags: bool) -> BoundMap:
+        return bound_of_slopes(sheet.x, sheet.y, slopes, noise, drags=drags)
+
+    note("all chips, drag unknown", bound(slopes, noise, True), True)
+    note("all chips, no drag", bound(slopes, noise, False), False)
+    if upper and len(upper) < len(design.halls):
+        note("the sheet's chips, no drag", bound(slopes[..., rows, :], own, False), False)
+    note(
+        "all chips, drag and a share of signals unknown", bound(slopes, noise + unknown, True), True
+    )
+    means = []
+    for skin in range(_MADE):
+        made = draw(design, np.random.default_rng([_SEED, skin]))
+        rough = PressedSheet(design, made, force=force, places=coarser(places), rated_places=(2, 2))
+        told = bound_of_slopes(rough.x, rough.y, rough.slopes(design)[1], noise, drags=True)
+        means.append(figures(told.location * 1e3))
+    for kind, number in zip(means[0]._fields, np.mean(means, axis=0), strict=True):
+        found["all chips, drag unknown, made skins", f"{kind} location, mm"] = float(number)
+    return found
+
+
+def _plain(one: Reached) -> dict[str, object]:
+    """For JSON, which knows no infinity."""
+    ends = {"least": one.least, "most": one.most}
+    return {
+        "name": one.name,
+        "value": one.value if math.isfinite(one.value) else None,
+        **{key: end if math.isfinite(end) else None for key, end in ends.items()},
+        "kept": one.kept,
+    }

@@ -1,0 +1,313 @@
+"""How good an estimator is on made skins that it has not seen: sessions of touches, and figures.
+
+A session is one skin at one temperature: touches one after the other, each held for a moment, on
+rubber that creeps, under chips that drift and make noise. Decides how such a session goes and
+which figures are taken from it; every touch counts. Nothing here knows what is inside an
+estimator.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from typing import Final
+
+import numpy as np
+
+from smoskin.arrays import Bools, Floats, Ints
+from smoskin.datasets.patterns import far_pairs
+from smoskin.mechanics.sheet.touches import Touches
+from smoskin.mechanics.viscoelasticity import elastomer_prony
+from smoskin.origami.layout import places_to_the_rim, skin_extent
+from smoskin.records import Contact, Reading, Status
+from smoskin.roles import Estimator
+from smoskin.sensing.response.calibrate import LabelledTouches, Target
+from smoskin.sensing.response.labels import Labeller, labelled_touches
+from smoskin.twin.creep import Creep, creeping
+from smoskin.twin.readout import Motion
+from smoskin.twin.rig import VirtualRig, drifting_readings
+from smoskin.twin.whole import Twin
+
+_RAMP: Final = 0.02
+"""s, in which a touch comes and goes."""
+_HOLD: Final = 0.3
+"""s after which it is judged and goes."""
+_PERIOD: Final = 1.0
+"""s from touch to touch."""
+_MOMENTS: Final = (0.0, _RAMP, _HOLD, _HOLD + _RAMP)
+_JUDGED: Final = 2
+"""Of the moments at which a touch is read, the one at which it counts."""
+_ZEROS: Final = 20
+"""Readings of the untouched skin before the first touch."""
+FORCES: Final = tuple(k / 10 for k in range(1, 11))
+"""N: normal forces of a judgement."""
+_INSIDE: Final = 4.605170185988092
+"""Squared deviations that hold 90 % of a normal in the plane."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Disturbance:
+    """What spoils a session besides the chips' noise."""
+
+    creep: bool = True
+    """Whether the rubber creeps."""
+    drift: float = 0.3e-6
+    """T: how far each axis walks in a second, at random; in four seconds twice as far."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Session:
+    """Touches of one skin at one temperature, and where they hold its magnets once settled."""
+
+    touches: Touches
+    """(B, K)."""
+    motion: Motion
+    """(B,), elastic."""
+    temperature: float
+    """degC."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Judged:
+    """What an estimator has said of B touches with K places each."""
+
+    truth: Floats
+    """(B, K, 5): x, y, Fx, Fy, Fz."""
+    error: Floats
+    """(B, K, 5): said less true; NaN where it did not say as many touches."""
+    spread: Floats
+    """(B, K, 5, 5): covariance that it stated."""
+    count: Ints
+    """(B,): touches that it said; -1 where it said that it could not tell."""
+    idle: Ints
+    """(B,): likewise just before each touch, where there is none."""
+
+    @property
+    def distance(self) -> Floats:
+        """Of the place from the true one, (B, K), m."""
+        return np.asarray(np.hypot(self.error[..., 0], self.error[..., 1]))
+
+    @property
+    def inside(self) -> Bools:
+        """Whether the truth lies in the stated 90 % region of place, (B, K)."""
+        place = self.error[..., :2]
+        said = np.isfinite(place).all(axis=-1)
+        inside = np.zeros(said.shape, dtype=bool)
+        sure = np.linalg.solve(self.spread[said][:, :2, :2], place[said][..., None])[..., 0]
+        inside[said] = np.einsum("ti,ti->t", place[said], sure) <= _INSIDE
+        return inside
+
+    def __add__(self, other: "Judged") -> "Judged":
+        """Both together."""
+        joined = (
+            np.concatenate([getattr(part, one.name) for part in (self, other)])
+            for one in fields(Judged)
+        )
+        return Judged(**dict(zip((one.name for one in fields(Judged)), joined, strict=True)))
+
+
+def press(twin: Twin, touches: Touches, temperature: float) -> Session:
+    """A session of these touches in this order."""
+    return Session(
+        touches=touches,
+        motion=twin.motions(touches, temperature=temperature),
+        temperature=temperature,
+    )
+
+
+def grid_sessions(
+    twin: Twin,
+    rng: np.random.Generator,
+    *,
+    places: tuple[int, int] = (25, 33),
+    forces: Sequence[float] = FORCES,
+    temperatures: tuple[float, float] = (15.0, 35.0),
+    drag: float = 0.0,
+    count: int | None = None,
+) -> Iterator[Session]:
+    """A session a force: every place from rim to rim once, in random order, at one temperature.
+
+    Parameters
+    ----------
+    twin : Twin
+    rng : numpy.random.Generator
+        Of order, temperatures and drags.
+    places : tuple of int
+        Along x and y.
+    forces : sequence of float
+        N, normal.
+    temperatures : tuple of float
+        degC, from and to.
+    drag : float
+        N: largest drag, of any direction; evenly spread.
+    count : int, optional
+        How many of the places, drawn anew for each force; all by default.
+    """
+    grid = places_to_the_rim(skin_extent(twin.design), places)[:, None]
+    for force in forces:
+        push = np.zeros((len(grid), 1, 3))
+        push[..., 2] = -force
+        size, angle = rng.uniform(0, drag, len(grid)), rng.uniform(0, 2 * np.pi, len(grid))
+        push[:, 0, 0], push[:, 0, 1] = size * np.cos(angle), size * np.sin(angle)
+        touches = Touches(position=rng.permutation(grid)[:count], force=push[:count])
+        yield press(twin, touches, float(rng.uniform(*temperatures)))
+
+
+def pair_session(
+    twin: Twin,
+    rng: np.random.Generator,
+    count: int,
+    *,
+    forces: tuple[float, float] = (0.3, 1.0),
+    apart: float = 0.04,
+    temperature: float = 25.0,
+) -> Session:
+    """Pairs of straight touches at once, anywhere but so far apart."""
+    position = far_pairs(skin_extent(twin.design), apart, count, rng)
+    push = np.zeros((count, 2, 3))
+    push[..., 2] = -rng.uniform(*forces, (count, 2))
+    return press(twin, Touches(position=position, force=push), temperature)
+
+
+def readings(
+    twin: Twin, session: Session, rng: np.random.Generator, disturbance: Disturbance
+) -> list[Reading]:
+    """All that the chips read in a session: first untouched, then four times a touch."""
+    moments = len(_MOMENTS)
+    total = _ZEROS + moments * len(session.touches)
+    starts = _PERIOD * np.arange(1, len(session.touches) + 1)
+    times = np.concatenate([np.linspace(-1.0, 0.0, _ZEROS), np.add.outer(starts, _MOMENTS).ravel()])
+    held = np.zeros((len(session.touches), moments), dtype=bool)
+    held[:, 1 : _JUDGED + 1] = True
+    held = np.concatenate([np.zeros(_ZEROS, dtype=bool), held.ravel()])
+    steps = np.diff(times, prepend=times[0])
+    magnets = np.zeros((total, *session.motion.magnets.shape[1:]))
+    board = np.zeros((total, 3))
+    magnets[held] = np.repeat(session.motion.magnets, _JUDGED, axis=0)
+    board[held] = np.repeat(session.motion.board, _JUDGED, axis=0)
+    valid = np.ones(total, dtype=bool)
+    valid[held] = np.repeat(session.motion.valid, _JUDGED)
+    motion = Motion(magnets=magnets, board=board, valid=valid)
+    if disturbance.creep:
+        motion = creeping(twin.design, steps, motion)
+    said, _ = drifting_readings(
+        twin, motion, times, steps, rng,
+        temperature=session.temperature, drift=disturbance.drift,
+    )  # fmt: skip
+    return list(said)
+
+
+def judge(
+    estimator: Estimator,
+    twin: Twin,
+    session: Session,
+    rng: np.random.Generator,
+    disturbance: Disturbance | None = None,
+) -> Judged:
+    """What an estimator with a method `zero` says in a session, against the truth."""
+    said = readings(twin, session, rng, disturbance or Disturbance())
+    estimator.reset()
+    _zero(estimator, said[:_ZEROS])
+    touches = session.touches
+    count, places = touches.force.shape[:2]
+    truth = np.concatenate([touches.position, touches.force], axis=-1)
+    error = np.full((count, places, 5), np.nan)
+    spread = np.full((count, places, 5, 5), np.nan)
+    counts, idle = np.full(count, -1), np.full(count, -1)
+    moments = len(_MOMENTS)
+    for k, reading in enumerate(said):
+        estimate = estimator.step(reading)
+        row, moment = divmod(k - _ZEROS, moments)
+        known = estimate.status in (Status.CONTACT, Status.NO_CONTACT)
+        number = len(estimate.contacts) if known else -1
+        if row < 0:
+            continue
+        if moment == 0:
+            idle[row] = number
+        elif moment == _JUDGED:
+            counts[row] = number
+            if number == places:
+                values = np.stack([_vector(one) for one in estimate.contacts])
+                order = _matched(values, truth[row])
+                error[row] = values[order] - truth[row]
+                spread[row] = estimate.covariance[order]
+    return Judged(truth=truth, error=error, spread=spread, count=counts, idle=idle)
+
+
+def label(
+    twin: Twin,
+    plan: Sequence[Target],
+    rng: np.random.Generator,
+    *,
+    temperature: float = 25.0,
+    chips: Sequence[int] | None = None,
+    disturbance: Disturbance | None = None,
+    stage: float = 20e-6,
+    gauge: float = 2e-3,
+) -> LabelledTouches:
+    """The labelled touches that a rig would make of a plan, on this skin.
+
+    Touches under which a chip reaches the end of its range are left out.
+
+    Parameters
+    ----------
+    twin : Twin
+        The skin.
+    plan : sequence of Target
+    rng : numpy.random.Generator
+        Of noise, drift, and the rig's errors.
+    temperature : float
+        degC.
+    chips : sequence of int, optional
+        Which chips' signals are kept; all by default.
+    disturbance : Disturbance, optional
+    stage, gauge : float
+        m and N: standard deviations of where the rig's stage stands and its gauge reads.
+    """
+    position = np.stack([one.position for one in plan])
+    force = np.stack([one.force for one in plan])
+    touches = Touches(position=position[:, None], force=force[:, None])
+    motion = twin.motions(touches, temperature=temperature)
+    spoilt = disturbance or Disturbance()
+    rig = VirtualRig(
+        twin,
+        rng,
+        temperature=temperature,
+        creep=Creep(twin.design) if spoilt.creep else None,
+        drift=spoilt.drift,
+        stage=stage,
+        gauge=gauge,
+    )
+    labeller = Labeller(
+        twin.design, elastomer_prony(twin.design.columns.material) if spoilt.creep else None
+    )
+    labels = []
+    for row, (place, push) in enumerate(zip(position, force, strict=True)):
+        held = Motion(magnets=motion.magnets[row], board=motion.board[row], valid=motion.valid[row])
+        labels.append(labeller.label(rig.hold(Contact(position=place, force=push), held)))
+    return labelled_touches(
+        labels,
+        tuple(range(len(twin.design.halls))) if chips is None else tuple(chips),
+        place_spread=stage,
+        force_spread=gauge,
+    )
+
+
+def _zero(estimator: Estimator, untouched: Sequence[Reading]) -> None:
+    """Give an estimator its zero; those of the package that track one have a method for it."""
+    zero = getattr(estimator, "zero", None)
+    if zero is not None:
+        zero(untouched)
+
+
+def _matched(values: Floats, truth: Floats) -> Ints:
+    """Order of the touches said in which they lie nearest to the true ones; at most two."""
+    order = np.arange(len(values))
+    if len(values) == 2:
+        straight, crossed = (
+            np.hypot(*(values[turn, :2] - truth[:, :2]).T).sum() for turn in ([0, 1], [1, 0])
+        )
+        order = order if straight <= crossed else order[::-1]
+    return np.asarray(order)
+
+
+def _vector(contact: Contact) -> Floats:
+    return np.concatenate([contact.position, contact.force])

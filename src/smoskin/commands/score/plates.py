@@ -1,0 +1,177 @@
+"""Draws what a score has found: maps of the error, histograms as Figure S12, stated confidence.
+
+Loaded on demand alone, as Matplotlib is an extra.
+"""
+
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from paper.style import BLUE, GREEN, GREY, INK, ORANGE, RED, Plate, lay_out, styled
+from smoskin.arrays import Bools, Floats
+from smoskin.commands.score.plan import HEADLINE
+from smoskin.commands.score.report import (
+    FORCE,
+    LEVELS,
+    LOCATION,
+    Case,
+    PlaceMap,
+    ScoreSheet,
+    regions,
+)
+from smoskin.design.skin import SkinDesign
+from smoskin.origami.layout import magnet_positions
+
+_MAP: Final = "cividis"
+_COLOURS: Final = (BLUE, ORANGE, GREEN, RED)
+_BANDS: Final = ((0.1, 0.2), (0.3, 0.5), (0.6, 0.8), (0.9, 1.0))
+"""N, from and to: forces whose errors share a histogram."""
+_BINS: Final = 41
+_BRIGHT: Final = 95.0
+"""Per cent of a map's values that its colours span."""
+_SHOWN: Final = 98.0
+"""Per cent of the errors that a histogram's axis spans; the others stand in its end bins."""
+
+
+def score_plates(design: SkinDesign, sheet: ScoreSheet) -> list[Plate]:
+    """Maps, histograms of each case on the grid, and the confidence of all cases."""
+    pressed = [case for case in sheet.cases if case.map is not None]
+    return [
+        _map_plate(design, sheet, pressed),
+        *(_histogram_plate(design, case) for case in pressed),
+        _confidence_plate(sheet),
+    ]
+
+
+def _map_plate(design: SkinDesign, sheet: ScoreSheet, cases: list[Case]) -> Plate:
+    """Mean errors of place and force over the skin."""
+    with styled():
+        figure = Figure(figsize=(6.2, 3.9 * len(cases)), layout="constrained")
+        axes = figure.subplots(len(cases), 2, squeeze=False)
+        for (left, right), case in zip(axes, cases, strict=True):
+            shown = case.map
+            if shown is not None:
+                _draw_map(left, design, shown, 1e3 * shown.location, 1e3 * LOCATION,
+                          f"{case.name}: error of the place (mm)")  # fmt: skip
+                _draw_map(right, design, shown, 100 * shown.force, 100 * FORCE,
+                          f"{case.name}: error of the force (%)")  # fmt: skip
+        lay_out(figure)
+    return Plate(
+        name="score_maps",
+        title="Errors over the skin",
+        caption=f"Mean errors over {sheet.exam.skins} made skins and forces from {HEADLINE:g} N; "
+        "a missed touch counts as one in the middle of the skin without force. Circles are "
+        "magnets; blank places were not pressed.",
+        figure=figure,
+    )
+
+
+def _draw_map(
+    axis: Axes, design: SkinDesign, shown: PlaceMap, values: Floats, target: float, title: str
+) -> None:
+    """One map; each place of the grid is a pixel."""
+    seen = values[np.isfinite(values)]
+    (left, right), (low, high) = (1e3 * line[[0, -1]] for line in (shown.x, shown.y))
+    dx, dy = (1e3 * line[1] / 2 for line in (shown.x, shown.y))
+    colours = axis.imshow(
+        np.ma.masked_invalid(values.T), origin="lower", interpolation="none", cmap=_MAP, vmin=0.0,
+        vmax=max(float(np.percentile(seen, _BRIGHT)), 1e-9),
+        extent=(left - dx, right + dx, low - dy, high + dy),
+    )  # fmt: skip
+    for magnet, place in zip(design.magnets, 1e3 * magnet_positions(design), strict=True):
+        axis.add_patch(
+            Circle(place[:2], 1e3 * magnet.radius, fill=False, edgecolor="white", linewidth=0.8)
+        )
+    bar = axis.figure.colorbar(colours, ax=axis, extend="max", shrink=0.8)
+    bar.outline.set_visible(False)
+    axis.set(title=title, xlabel="x (mm)", ylabel="y (mm)")
+    axis.set_aspect("equal")
+    axis.text(
+        0.5, -0.2, f"target {target:g}: met at {(seen <= target).mean():.0%} of the places",
+        transform=axis.transAxes, ha="center", fontsize=7, color=INK,
+    )  # fmt: skip
+
+
+def _histogram_plate(design: SkinDesign, case: Case) -> Plate:
+    """Figures S12a to S12c for a planar skin, by force and by region."""
+    marks = case.marks
+    force = -marks.truth[:, 4]
+    bands = {
+        f"{low:g} to {high:g} N": (force > low - 0.05) & (force < high + 0.05)
+        for low, high in _BANDS
+    }
+    chief = force > HEADLINE - 0.05
+    places = {name: rows & chief for name, rows in regions(design, marks.truth[:, :2]).items()}
+    errors = (
+        ("error of x (mm)", 1e3 * marks.error[:, 0]),
+        ("error of y (mm)", 1e3 * marks.error[:, 1]),
+        ("error of the normal force (%)", -100 * marks.error[:, 4] / force),
+    )
+    with styled():
+        figure = Figure(figsize=(7.2, 4.4), layout="constrained")
+        axes = figure.subplots(2, 3)
+        for row, groups in zip(axes, (bands, places), strict=True):
+            for axis, (label, values) in zip(row, errors, strict=True):
+                _draw_histogram(axis, values, groups, chief)
+                axis.set_xlabel(label)
+            row[0].set_ylabel("share of the touches (%)")
+            row[0].legend(fontsize=6.5, handlelength=1.2)
+        for letter, axis in zip("abcdef", axes.flat, strict=True):
+            axis.set_title(f"({letter})")
+        lay_out(figure)
+    one = case.headline
+    return Plate(
+        name=f"score_histograms_{case.name}",
+        title=f"Distribution of the errors, {case.name} touches",
+        caption=f"As Figure S12: signed errors of {len(marks.truth)} touches, by force (a to c) "
+        f"and, from {HEADLINE:g} N, by region of the skin (d to f). Mean error of the place "
+        f"{1e3 * one.location.mean:.2f} mm, of the force {one.force:.1%}; {1 - one.found:.1%} of "
+        "the touches were missed and stand in no bin. End bins hold what lies beyond.",
+        figure=figure,
+    )
+
+
+def _draw_histogram(axis: Axes, values: Floats, groups: dict[str, Bools], chief: Bools) -> None:
+    """Signed errors of each group; a missed touch has none."""
+    said = values[chief & np.isfinite(values)]
+    reach = max(float(np.percentile(np.abs(said), _SHOWN)), 1e-9) if len(said) else 1.0
+    edges = np.linspace(-reach, reach, _BINS + 1)
+    for (name, rows), colour in zip(groups.items(), _COLOURS[: len(groups)], strict=True):
+        part = values[rows]
+        if len(part):
+            inside = np.clip(part[np.isfinite(part)], -reach, reach)
+            shares = 100 * np.histogram(inside, edges)[0] / len(part)
+            axis.stairs(shares, edges, color=colour, label=name, linewidth=1.0)
+    axis.axvline(0.0, color=GREY, linewidth=0.5)
+    for side in ("top", "right"):
+        axis.spines[side].set_visible(False)
+
+
+def _confidence_plate(sheet: ScoreSheet) -> Plate:
+    """Share of truths in regions of each stated confidence."""
+    stated = 100 * np.array(LEVELS)
+    with styled():
+        figure = Figure(figsize=(6.2, 3.2), layout="constrained")
+        axes = figure.subplots(1, 2, sharey=True)
+        for k, (axis, name) in enumerate(zip(axes, ("place", "normal force"), strict=True)):
+            axis.plot([0, 100], [0, 100], color=GREY, linewidth=0.6, linestyle="--")
+            for case, colour in zip(sheet.cases, _COLOURS[: len(sheet.cases)], strict=True):
+                axis.plot(stated, 100 * case.confidence[:, k], "o-", color=colour, markersize=2.5,
+                          linewidth=1.0, label=case.name)  # fmt: skip
+            axis.set(title=f"({'ab'[k]}) regions of the {name}", xlabel="stated confidence (%)",
+                     xlim=(0, 100), ylim=(0, 100))  # fmt: skip
+            axis.set_aspect("equal")
+        axes[0].set_ylabel("truths inside (%)")
+        axes[0].legend(fontsize=7)
+        lay_out(figure)
+    return Plate(
+        name="score_confidence",
+        title="Stated and observed confidence",
+        caption=f"Share of the touches from {HEADLINE:g} N whose truth lies in the region that "
+        "the estimator states for each confidence; a missed touch lies outside all of them. Above "
+        "the dashed line regions are too wide, below it too narrow.",
+        figure=figure,
+    )

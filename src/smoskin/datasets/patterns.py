@@ -1,0 +1,480 @@
+"""What to press: sweeps over places, forces, temperatures and made skins.
+
+Decides the order of presses and where chunks begin and end, from the sweep alone: a chunk holds
+the same rows whoever computes it, whenever, and beside whom. Hides random draws, which each chunk
+makes from the sweep's seed and its own number, and the sweep's written form, which is hashed.
+"""
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from types import MappingProxyType
+from typing import Any, Final, Literal, Protocol, get_args
+
+import numpy as np
+
+from smoskin.arrays import Floats, Ints
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError, RecordingError
+from smoskin.magnetics.temperature import SERVICE_LIMITS
+from smoskin.mechanics.sheet.touches import (
+    FINGERTIP,
+    Covered,
+    Frictionless,
+    Grip,
+    Sliding,
+    Sticking,
+    Touches,
+)
+from smoskin.origami.layout import places_to_the_rim, skin_extent
+from smoskin.units import from_si, to_si
+
+LARGEST_FORCE: Final = 50.0
+"""N: any more would tear a skin; the model is meant for presses of a few newtons."""
+_SMALLEST_RADIUS, _LARGEST_RADIUS = 1e-4, 0.05
+"""m: of a touch."""
+
+Mechanics = Literal["whole", "reduced"]
+
+_STICKING: Final = Sticking()
+_PRESSES, _NOISE = 0, 1
+"""What a chunk draws, each from its own stream."""
+
+#: Unit suffix of each field that has one; the document's key is ``field_suffix``.
+_SUFFIXES: Final = MappingProxyType(
+    {
+        "forces": "N",
+        "drags": "N",
+        "radius": "mm",
+        "margin": "mm",
+        "temperatures": "degC",
+    }
+)
+
+
+class Pattern(Protocol):
+    """Presses in a row, each of one or more touches at once."""
+
+    @property
+    def count(self) -> int:
+        """How many presses."""
+        ...
+
+    def touches(self, design: SkinDesign, index: Ints, rng: np.random.Generator) -> Touches:
+        """The presses of these numbers, from 0; only random patterns draw from `rng`."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grid:
+    """Every force and drag at every place of a grid, one touch a press.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is out of bounds.
+
+    Examples
+    --------
+    The SI's sweep:
+
+    >>> Grid(forces=tuple(k / 10 for k in range(1, 11))).count
+    8250
+    """
+
+    forces: tuple[float, ...]
+    """N, how hard each press pushes down, from 0 to `LARGEST_FORCE`."""
+    drags: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
+    """N, sideways along x and y; each with every force."""
+    places: tuple[int, int] = (25, 33)
+    """Places along x and y, evenly from rim to rim: 5 mm apart on the reference skin."""
+    radius: float = FINGERTIP
+    """m, of the touch."""
+
+    def __post_init__(self) -> None:
+        _check_forces(self.forces)
+        _check_places(self.places)
+        _within("radius", (self.radius,), _SMALLEST_RADIUS, _LARGEST_RADIUS, "m")
+        if not self.drags:
+            raise ArgumentError("drags must name at least one; got none")
+        for drag in self.drags:
+            _within("drags", drag, -LARGEST_FORCE, LARGEST_FORCE, "N")
+
+    @property
+    def count(self) -> int:
+        """How many presses."""
+        return math.prod(self.places) * len(self.forces) * len(self.drags)
+
+    def touches(self, design: SkinDesign, index: Ints, rng: np.random.Generator) -> Touches:
+        """The presses of these numbers; places change fastest, forces slowest."""
+        force, drag, place = np.unravel_index(
+            index, (len(self.forces), len(self.drags), math.prod(self.places))
+        )
+        push = np.empty((len(index), 1, 3))
+        push[:, 0, :2] = np.array(self.drags)[drag]
+        push[:, 0, 2] = -np.array(self.forces)[force]
+        position = _places(design, self.places)[place][:, None]
+        return Touches(position=position, force=push, radius=np.full((len(index), 1), self.radius))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pairs:
+    """Every pair of places of a grid touched at once, each of both with every force.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is out of bounds.
+
+    Examples
+    --------
+    As many as the SI counts for ten forces:
+
+    >>> Pairs(forces=tuple(k / 10 for k in range(1, 11))).count
+    68062500
+    """
+
+    forces: tuple[float, ...]
+    """N, how hard each of both pushes down, from 0 to `LARGEST_FORCE`."""
+    places: tuple[int, int] = (25, 33)
+    """Places along x and y, evenly from rim to rim."""
+    radius: float = FINGERTIP
+    """m, of both touches."""
+
+    def __post_init__(self) -> None:
+        _check_forces(self.forces)
+        _check_places(self.places)
+        _within("radius", (self.radius,), _SMALLEST_RADIUS, _LARGEST_RADIUS, "m")
+
+    @property
+    def count(self) -> int:
+        """How many presses."""
+        return (math.prod(self.places) * len(self.forces)) ** 2
+
+    def touches(self, design: SkinDesign, index: Ints, rng: np.random.Generator) -> Touches:
+        """The presses of these numbers; the second place changes fastest, then the first."""
+        forces, places = len(self.forces), math.prod(self.places)
+        one, other, first, second = np.unravel_index(index, (forces, forces, places, places))
+        push = np.zeros((len(index), 2, 3))
+        push[..., 2] = -np.array(self.forces)[np.stack([one, other], axis=1)]
+        position = _places(design, self.places)[np.stack([first, second], axis=1)]
+        return Touches(position=position, force=push, radius=np.full((len(index), 2), self.radius))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Random:
+    """Presses drawn evenly: places over the skin, forces, drags and radii within bounds.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is out of bounds.
+    """
+
+    count: int
+    """How many presses."""
+    forces: tuple[float, float] = (0.1, 1.0)
+    """N, from and to: how hard each touch pushes down."""
+    drags: tuple[float, float] = (0.0, 0.0)
+    """N, from and to: sideways, in any direction."""
+    radius: tuple[float, float] = (FINGERTIP, FINGERTIP)
+    """m, from and to: of each touch."""
+    touches_at_once: tuple[int, int] = (1, 1)
+    """Fewest and most touches in a press."""
+    margin: float = 0.0
+    """m: how far within the rim the places lie."""
+
+    def __post_init__(self) -> None:
+        if self.count < 1:
+            raise ArgumentError(f"count must be at least 1; got {self.count}")
+        least, most = self.touches_at_once
+        if not 1 <= least <= most:
+            raise ArgumentError(f"touches_at_once must rise from 1; got {self.touches_at_once}")
+        _rising("forces", self.forces, 0.0, LARGEST_FORCE, "N")
+        _rising("drags", self.drags, 0.0, LARGEST_FORCE, "N")
+        _rising("radius", self.radius, _SMALLEST_RADIUS, _LARGEST_RADIUS, "m")
+        _within("margin", (self.margin,), 0.0, math.inf, "m")
+
+    def touches(self, design: SkinDesign, index: Ints, rng: np.random.Generator) -> Touches:
+        """As many presses as numbers are given."""
+        extent = skin_extent(design)
+        if 2 * self.margin > extent.min():
+            raise ArgumentError(
+                f"margin must be at most half the skin, {extent.min() / 2} m; got {self.margin}"
+            )
+        most = self.touches_at_once[1]
+        shape = (len(index), most)
+        position = rng.uniform(self.margin, extent - self.margin, (*shape, 2))
+        push = np.empty((*shape, 3))
+        push[..., 2] = -rng.uniform(*self.forces, shape)
+        drag, angle = rng.uniform(*self.drags, shape), rng.uniform(0.0, 2 * np.pi, shape)
+        push[..., 0], push[..., 1] = drag * np.cos(angle), drag * np.sin(angle)
+        radius = rng.uniform(*self.radius, shape)
+        present = rng.integers(self.touches_at_once[0], most, len(index), endpoint=True)
+        push[np.arange(most) >= present[:, None]] = 0.0
+        return Touches(position=position, force=push, radius=radius)
+
+
+def far_pairs(extent: Floats, apart: float, count: int, rng: np.random.Generator) -> Floats:
+    """Pairs of places drawn evenly, of which none lie nearer to each other than `apart`.
+
+    Parameters
+    ----------
+    extent : Floats, shape (2,)
+        m, of the skin.
+    apart : float
+        m; less than the skin's diagonal.
+    count : int
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    Floats, shape (count, 2, 2)
+
+    Raises
+    ------
+    ArgumentError
+        If no two places lie so far apart.
+    """
+    if not apart < np.hypot(*extent):
+        raise ArgumentError(f"apart must be below {np.hypot(*extent):g} m; got {apart:g}")
+    kept = np.empty((0, 2, 2))
+    while len(kept) < count:
+        drawn = rng.uniform(0, extent, (4 * count, 2, 2))
+        kept = np.concatenate([kept, drawn[np.hypot(*(drawn[:, 0] - drawn[:, 1]).T) >= apart]])
+    return kept[:count]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sweep:
+    """Everything that a data set is made of, but for the skin.
+
+    Each skin is pressed in every way of the pattern at each temperature. Rows are ordered by skin,
+    then temperature, then press; a chunk holds presses of one skin at one temperature.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is out of bounds.
+
+    Examples
+    --------
+    >>> sweep = Sweep(presses=Grid(forces=(0.5,)), temperatures=(25.0, 35.0), skins=(1, 2, 3))
+    >>> sweep.rows, sweep.chunks
+    (4950, 24)
+    """
+
+    presses: Grid | Pairs | Random
+    temperatures: tuple[float, ...] = (25.0,)
+    """degC, of rubber, magnets and chips, within what they stand."""
+    skins: tuple[int, ...] = ()
+    """Seeds of manufactured skins; none: one skin, as designed."""
+    mechanics: Mechanics = "whole"
+    """The whole sheet, or the reduced model of the SI."""
+    grip: Grip = _STICKING
+    """How touches hold on to the whole sheet."""
+    seed: int = 0
+    """Of random presses and of the chips' noise."""
+    presses_per_chunk: int = 256
+
+    def __post_init__(self) -> None:
+        for name, kind in (("presses", Grid | Pairs | Random), ("grip", Grip)):
+            if not isinstance(getattr(self, name), kind):
+                known = ", ".join(one.__name__ for one in get_args(kind))
+                raise ArgumentError(f"{name} must be one of {known}; got {getattr(self, name)!r}")
+        _within("temperatures", self.temperatures, *SERVICE_LIMITS, "degC")
+        if self.presses_per_chunk < 1:
+            raise ArgumentError(
+                f"presses_per_chunk must be at least 1; got {self.presses_per_chunk}"
+            )
+        for name, seeds in (("seed", (self.seed,)), ("skins", self.skins)):
+            if any(seed < 0 for seed in seeds):
+                raise ArgumentError(f"{name} must be >= 0; got {min(seeds)}")
+        if len(set(self.skins)) < len(self.skins):
+            raise ArgumentError(f"skins must differ; got {self.skins}")
+        if self.mechanics not in ("whole", "reduced"):
+            raise ArgumentError(f"mechanics must be whole or reduced; got {self.mechanics!r}")
+        if self.mechanics == "reduced" and self.grip != Sticking():
+            raise ArgumentError(
+                f"grip must be left out with reduced mechanics, which know none; got {self.grip}"
+            )
+        if self.mechanics == "reduced" and self.skins:
+            raise ArgumentError(
+                "skins must be left out with reduced mechanics, which know the design alone; "
+                f"got {len(self.skins)}"
+            )
+
+    @property
+    def chunks(self) -> int:
+        """How many chunks."""
+        return max(len(self.skins), 1) * len(self.temperatures) * self._parts
+
+    @property
+    def rows(self) -> int:
+        """How many rows in all chunks."""
+        return max(len(self.skins), 1) * len(self.temperatures) * self.presses.count
+
+    def rows_in(self, chunk: int) -> int:
+        """How many rows a chunk has."""
+        return len(self._split(chunk)[2])
+
+    def skin(self, chunk: int) -> int | None:
+        """Seed of the skin that a chunk presses; None is the skin as designed."""
+        return self.skins[self._split(chunk)[0]] if self.skins else None
+
+    def temperature(self, chunk: int) -> float:
+        """Of skin, magnets and chips in a chunk, degC."""
+        return self.temperatures[self._split(chunk)[1]]
+
+    def touches(self, design: SkinDesign, chunk: int) -> Touches:
+        """The presses of a chunk."""
+        index = self._split(chunk)[2]
+        return self.presses.touches(design, index, self._stream(chunk, _PRESSES))
+
+    def noise(self, chunk: int) -> np.random.Generator:
+        """Of the chips' noise in a chunk."""
+        return self._stream(chunk, _NOISE)
+
+    @property
+    def content_hash(self) -> str:
+        """SHA-256 over everything that decides the rows."""
+        text = json.dumps(format_sweep(self), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    @property
+    def _parts(self) -> int:
+        """Chunks of a skin at a temperature."""
+        return -(-self.presses.count // self.presses_per_chunk)
+
+    def _split(self, chunk: int) -> tuple[int, int, Ints]:
+        """Numbers of a chunk's skin, of its temperature and of its presses."""
+        if not 0 <= chunk < self.chunks:
+            raise ArgumentError(f"chunk must lie in 0..{self.chunks - 1}; got {chunk}")
+        rest, part = divmod(chunk, self._parts)
+        skin, temperature = divmod(rest, len(self.temperatures))
+        begin = part * self.presses_per_chunk
+        end = min(begin + self.presses_per_chunk, self.presses.count)
+        return skin, temperature, np.arange(begin, end)
+
+    def _stream(self, chunk: int, purpose: int) -> np.random.Generator:
+        return np.random.default_rng(np.random.SeedSequence([self.seed, chunk, purpose]))
+
+
+#: Parts of a sweep's document by the name of their kind.
+_KINDS: Final[Mapping[str, type[Any]]] = MappingProxyType(
+    {
+        one.__name__.lower(): one
+        for one in (Grid, Pairs, Random, Sticking, Sliding, Frictionless, Covered)
+    }
+)
+
+
+def sideways(sizes: Sequence[float], directions: int) -> tuple[tuple[float, float], ...]:
+    """Drags of each size in evenly spread directions, the first along x; for `Grid`.
+
+    Parameters
+    ----------
+    sizes : sequence of float
+        N.
+    directions : int
+        How many.
+
+    Examples
+    --------
+    >>> sideways([0.2], 2)
+    ((0.2, 0.0), (-0.2, 0.0))
+    """
+    if directions < 1:
+        raise ArgumentError(f"directions must be at least 1; got {directions}")
+    turns = [2 * math.pi * k / directions for k in range(directions)]
+    # Rounded to far below a noticeable force, so that an axis is exactly an axis.
+    return tuple(
+        (round(one * math.cos(turn), 12) + 0.0, round(one * math.sin(turn), 12) + 0.0)
+        for one in sizes
+        for turn in turns
+    )
+
+
+def format_sweep(sweep: Sweep) -> dict[str, Any]:
+    """A sweep in plain values, with units in its keys; `parse_sweep` reads it back."""
+    return _table(sweep)
+
+
+def parse_sweep(document: Mapping[str, Any]) -> Sweep:
+    """The sweep that plain values describe.
+
+    Raises
+    ------
+    RecordingError
+        If they do not describe one.
+    """
+    try:
+        return Sweep(**_values(Sweep, document))
+    except (KeyError, TypeError, ValueError) as error:
+        raise RecordingError(f"not the description of a sweep: {error!r}") from error
+
+
+def _table(part: Any) -> dict[str, Any]:
+    """Fields by their keys."""
+    return {
+        _key(one.name): _written(getattr(part, one.name), _SUFFIXES.get(one.name))
+        for one in fields(part)
+    }
+
+
+def _values(kind: type[Any], table: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields by their names."""
+    names = {_key(one.name): one.name for one in fields(kind)}
+    return {names[key]: _read(value, _SUFFIXES.get(names[key])) for key, value in table.items()}
+
+
+def _key(name: str) -> str:
+    return f"{name}_{_SUFFIXES[name]}" if name in _SUFFIXES else name
+
+
+def _written(value: Any, suffix: str | None) -> Any:
+    if is_dataclass(value):
+        return {"kind": type(value).__name__.lower(), **_table(value)}
+    if isinstance(value, tuple):
+        return [_written(one, suffix) for one in value]
+    return value if suffix is None else float(from_si(float(value), suffix))
+
+
+def _read(value: Any, suffix: str | None) -> Any:
+    if isinstance(value, Mapping):
+        kind = _KINDS[value["kind"]]
+        return kind(**_values(kind, {key: one for key, one in value.items() if key != "kind"}))
+    if isinstance(value, list):
+        return tuple(_read(one, suffix) for one in value)
+    return value if suffix is None else to_si(float(value), suffix)
+
+
+def _places(design: SkinDesign, places: tuple[int, int]) -> Floats:
+    """Of a grid, shape (P, 2), m; y changes fastest."""
+    return places_to_the_rim(skin_extent(design), places)
+
+
+def _check_places(places: tuple[int, int]) -> None:
+    if len(places) != 2 or min(places) < 2:
+        raise ArgumentError(f"places must be two numbers of at least 2; got {places}")
+
+
+def _check_forces(forces: tuple[float, ...]) -> None:
+    _within("forces", forces, 0.0, LARGEST_FORCE, "N")
+
+
+def _within(name: str, values: Sequence[float], least: float, most: float, unit: str) -> None:
+    """Refuse none at all, and any that are out of bounds or not finite."""
+    if not values:
+        raise ArgumentError(f"{name} must name at least one; got none")
+    for value in values:
+        if not (math.isfinite(value) and least <= value <= most):
+            raise ArgumentError(f"{name} must lie in {least:g}..{most:g} {unit}; got {value:g}")
+
+
+def _rising(name: str, pair: tuple[float, float], least: float, most: float, unit: str) -> None:
+    _within(name, pair, least, most, unit)
+    if len(pair) != 2 or pair[0] > pair[1]:
+        raise ArgumentError(f"{name} must be from and to, rising; got {pair}")

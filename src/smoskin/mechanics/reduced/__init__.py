@@ -1,0 +1,1 @@
+"""The published reduced model: attenuation, stiffness, creases and panels."""

@@ -1,0 +1,57 @@
+"""How the sheet gives way in the plane where touches grip it, for small loads.
+
+A touch that sticks holds its patch over the ground, so that what another one does to that patch
+comes back as a sideways force. How large it is follows from one matrix between the vertices that
+can be touched: the sheet's compliance at rest and the board's on its pillars.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from smoskin.arrays import Floats
+from smoskin.design.skin import SkinDesign
+from smoskin.mechanics.reduced.stiffness import board_stiffness
+from smoskin.mechanics.sheet.lattice import Lattice, build_lattice
+from smoskin.mechanics.sheet.model import yaw_stiffness
+from smoskin.mechanics.sheet.tangent import Tangent
+from smoskin.origami.layout import skin_extent
+from smoskin.origami.sheet import loaded_positions
+
+_SIGNS: Final = (1.0, 1.0, -1.0)
+"""Of the forces asked for: along x, along y, and pressing."""
+
+
+def grip_compliance(design: SkinDesign, lattice: Lattice | None = None) -> Floats:
+    """Motion in the plane of every vertex that can be touched, by a force on every other.
+
+    Parameters
+    ----------
+    design : SkinDesign
+        Whose board carries the sheet.
+    lattice : Lattice, optional
+        Of this design with springs of its own; `build_lattice(design)` by default.
+
+    Returns
+    -------
+    Floats, shape (H, 2, H, 3), m/N
+        Over the ground, along x and y; by a force along x, along y and down.
+
+    Notes
+    -----
+    Valid for small loads: under a newton the forces that follow from it are off by some 2 %.
+    """
+    made = lattice or build_lattice(design)
+    tangent = Tangent(made)
+    top = made.loaded.ravel()
+    count = len(top)
+    right = np.zeros((len(made.nodes), 3, count, 3))
+    for axis, sign in enumerate(_SIGNS):
+        right[top, axis, np.arange(count), axis] = sign
+    place = tangent.at(np.zeros_like(made.nodes))
+    moved = tangent.solve(place, right)[top, :2]
+    arms = loaded_positions(design).reshape(-1, 2) - skin_extent(design) / 2
+    turned = np.stack([-arms[:, 1], arms[:, 0]], axis=-1)
+    moved[..., :2] += np.eye(2)[None, :, None] / board_stiffness(design)
+    moved[..., :2] += turned[:, :, None, None] * turned / yaw_stiffness(design)
+    return np.asarray(moved)

@@ -1,0 +1,142 @@
+"""Equilibrium of one press that the tangent at rest does not find: load steps, tangents renewed.
+
+Bars and panels keep forces of their own here too: the tangent takes those that the last step
+foresaw, so that stiff panels do not force short steps.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from smoskin.arrays import Floats
+from smoskin.mechanics.sheet.tangent import Place, Tangent
+
+_NEWTON_STEPS: Final = 16
+_SHORTEST: Final = 1 / 64
+_ALL_STEPS: Final = 200
+_LOST: Final = 1e9
+
+
+LIGHTEST: Final = 0.01
+"""N: residuals are relative to the load or to this, as rounding alone leaves some 1e-11 N."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Press:
+    """One case's load, on all nodes."""
+
+    dead: Floats
+    """(V, 3), N."""
+    pulls: Floats
+    """(V, 3, R): motion of the held patches by the nodes, one direction after the other."""
+    link: Floats
+    """(R, R), m/N: how much the held patches give way."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Standing:
+    """An equilibrium."""
+
+    motion: Floats
+    """(V, 3), m."""
+    reaction: Floats
+    """(R,), N."""
+    force: Floats
+    """(E + P,): of bars, N, and of panels' hinges, N m."""
+    residual: float
+    """Relative to the load, or to `LIGHTEST`."""
+    steps: int
+    """Of Newton's method, all together."""
+
+
+def follow(tangent: Tangent, press: Press, tolerance: float) -> Standing | None:
+    """The equilibrium that grows from rest with the load, or None where it cannot be followed."""
+    lattice = tangent.lattice
+    strains = len(lattice.bars) + lattice.panel_hinges
+    state = Standing(
+        motion=np.zeros_like(lattice.nodes),
+        reaction=np.zeros(press.link.shape[0]),
+        force=np.zeros(strains),
+        residual=0.0,
+        steps=0,
+    )
+    linear, _ = constrained_solve(
+        tangent, tangent.at(state.motion), press, press.dead, state.reaction
+    )
+    if _crushed(tangent, linear):
+        return None
+    reached, step = 0.0, 1.0
+    while reached < 1.0 and step >= _SHORTEST and state.steps < _ALL_STEPS:
+        target = min(reached + step, 1.0)
+        found = _newton(tangent, press, target, tolerance, state)
+        if found.residual <= tolerance:
+            state, reached, step = found, target, 2 * step
+        else:
+            state = Standing(
+                motion=state.motion,
+                reaction=state.reaction,
+                force=state.force,
+                residual=state.residual,
+                steps=found.steps,
+            )
+            step /= 2
+    return state if reached >= 1.0 else None
+
+
+def constrained_solve(
+    tangent: Tangent, place: Place, press: Press, right: Floats, closing: Floats
+) -> tuple[Floats, Floats]:
+    """Small motions (V, 3, ...) and reactions (R, ...) with held patches.
+
+    They balance the forces `right`, (V, 3, ...), and close the gaps `closing`, (R, ...), m.
+    """
+    free = tangent.solve(place, right)
+    if not press.link.size:
+        return free, np.zeros((0, *right.shape[2:]))
+    yielding = tangent.solve(place, press.pulls)
+    give = np.einsum("vdr,vds->rs", press.pulls, yielding) + press.link
+    gap = closing - np.tensordot(press.pulls, free, axes=((0, 1), (0, 1)))
+    # Two touches on one patch share what holds it: the least of all reactions that would do.
+    reaction = np.linalg.lstsq(give, gap.reshape(len(gap), -1), rcond=None)[0].reshape(gap.shape)
+    return free + np.tensordot(yielding, reaction, axes=1), reaction
+
+
+def _newton(
+    tangent: Tangent, press: Press, load: float, tolerance: float, state: Standing
+) -> Standing:
+    """Newton's method at a share of the load; the residual says whether it converged."""
+    lattice = tangent.lattice
+    stiffness = np.concatenate(
+        [lattice.bar_stiffness, lattice.hinge_stiffness[: lattice.panel_hinges]]
+    )
+    motion, reaction, force = state.motion, state.reaction, state.force
+    scale = max(load * float(np.linalg.norm(press.dead)), LIGHTEST)
+    residual, steps = np.inf, state.steps
+    for step in range(_NEWTON_STEPS):
+        try:
+            place = tangent.at(motion, force)
+        except (np.linalg.LinAlgError, ValueError):  # no stable place, or no finite one
+            residual = np.inf
+            break
+        outer = load * press.dead + press.pulls @ reaction
+        right = outer - place.inner.sum(axis=0)
+        residual = float(np.linalg.norm(right)) / scale
+        if (residual <= tolerance and step > 0) or not residual < _LOST:
+            break
+        gap = -np.tensordot(press.pulls, motion, axes=((0, 1), (0, 1))) - press.link @ reaction
+        move, change = constrained_solve(tangent, place, press, right, gap)
+        growth = tangent.strain_change(place, move)
+        motion, reaction = motion + move, reaction + change
+        force = stiffness * (place.strain + growth)
+        steps += 1
+        if _crushed(tangent, motion):
+            residual = np.inf
+            break
+    return Standing(motion=motion, reaction=reaction, force=force, residual=residual, steps=steps)
+
+
+def _crushed(tangent: Tangent, motion: Floats) -> bool:
+    """Whether a foot has sunk so far past the columns' height that no answer lies that way."""
+    lattice = tangent.lattice
+    return bool(motion[lattice.feet, 2].min() < -4 * lattice.stroke)

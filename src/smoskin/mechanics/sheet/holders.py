@@ -1,0 +1,111 @@
+"""Magnets as rigid bodies on their holders, hung between the tops of the columns round them.
+
+Decides which columns hold a magnet and how much of its six motions each decides. A holder is
+notched to the two columns of the cells' middle lines on either side of it, which have no zigzag:
+they carry it in the plane, and turn it about z and about the line across. About the line through
+both it would be free; there the nearer of the two columns on its own line, ahead of it and behind
+it, supports it in z alone. At the rim, where a side is missing, the three nearest columns hold it.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from smoskin.arrays import Floats, Ints, floats
+from smoskin.design.skin import Magnet, SkinDesign
+from smoskin.origami.cell import size
+from smoskin.origami.layout import magnet_positions
+from smoskin.origami.sheet import build_sheet
+
+
+def holder_columns(design: SkinDesign, magnet: Magnet) -> tuple[Ints, Ints]:
+    """Vertices on whose columns a magnet of the sheet hangs.
+
+    Returns
+    -------
+    gripping : Ints, shape (2,) or (3,)
+        Those that carry it in the plane.
+    bearing : Ints, shape (3,)
+        Those that carry it in z; the gripping ones are among them.
+    """
+    sheet, extent = build_sheet(design.cell, design.cells), size(design.cell)
+    (columns, rows), (p, q) = design.cells, magnet.corner
+    place = np.array([p * extent.length, q * extent.width])
+    beside = [(i, q) for i in (2 * p - 1, 2 * p + 1) if 0 <= i <= 2 * columns]
+    near = sorted(
+        ((2 * p, k) for k in range(rows + 1)),
+        key=lambda column: float(np.hypot(*(sheet.vertices[sheet.columns[column], :2] - place))),
+    )
+    # On the rim in x there is one column beside the magnet only.
+    gripping = beside if len(beside) == 2 else [*beside, *near[:2]]
+    bearing = [*beside, *near[: 3 - len(beside)]]
+    return (
+        np.array([sheet.columns[column] for column in gripping]),
+        np.array([sheet.columns[column] for column in bearing]),
+    )
+
+
+def holder_matrix(design: SkinDesign) -> Floats:
+    """From the vertices' displacements to the magnets' motion, a linear map.
+
+    Returns
+    -------
+    Floats, shape (G, 6, V, 3)
+        As `magnet_motion` applies it; zero for a magnet on the base.
+    """
+    vertices = build_sheet(design.cell, design.cells).vertices
+    matrix = np.zeros((len(design.magnets), 6, len(vertices), 3))
+    middles = magnet_positions(design)
+    for g, magnet in enumerate(design.magnets):
+        if magnet.mount != "sheet":
+            continue
+        gripping, bearing = holder_columns(design, magnet)
+        # Least squares of u = t + r x d, d from the magnet's middle to a column's top. The
+        # rotations about x and y come from z alone; in the plane they shift by the lever d_z.
+        dx, dy, _ = (vertices[bearing] - middles[g]).T
+        tilt = np.linalg.pinv(np.stack([np.ones_like(dx), dy, -dx], axis=1))
+        matrix[g, [[2], [3], [4]], bearing, 2] = tilt
+        dx, dy, dz = (vertices[gripping] - middles[g]).T
+        still = np.zeros_like(dx)
+        of_x = np.stack([still + 1, still, -dy], axis=1)
+        of_y = np.stack([still, still + 1, dx], axis=1)
+        plane = np.linalg.pinv(np.concatenate([of_x, of_y]))
+        half = len(gripping)
+        rows = [[0], [1], [5]]
+        matrix[g, rows, gripping, 0] = plane[:, :half]
+        matrix[g, rows, gripping, 1] = plane[:, half:]
+        # What the tilt moves at the columns' tops, the middle of the magnet lags behind.
+        lever = float(dz.mean())
+        matrix[g, 0] -= lever * matrix[g, 4]
+        matrix[g, 1] += lever * matrix[g, 3]
+    return matrix
+
+
+def magnet_motion(design: SkinDesign, displacements: ArrayLike) -> Floats:
+    """Translation and rotation of every magnet from the vertices' displacements.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    displacements : array_like, shape (..., V, 3)
+        Of the sheet's vertices over the board, m.
+
+    Returns
+    -------
+    Floats, shape (..., G, 6)
+        Over the board: of each magnet's middle along x, y, z, m, then its rotation vector, rad;
+        zero for a magnet on the base.
+
+    Notes
+    -----
+    Source: SI Text S3, "Structure Connections": the holder is notched to the bottom support
+    columns. Which columns, and that they hold it as rigidly as least squares says, is this
+    project's reading. Valid for small rotations. Where the sheet moves as a rigid plate, and
+    where neighbouring cells grow alike (v_a = 1), the plane motion is that of
+    `smoskin.mechanics.reduced.attenuation.magnet_displacements`; elsewhere x differs by a quarter
+    of the difference of their growths, y not at all.
+    """
+    matrix = holder_matrix(design)
+    moved = floats("displacements", displacements, (matrix.shape[2], 3))
+    flat = moved.reshape(*moved.shape[:-2], -1)
+    motion = flat @ matrix.reshape(-1, flat.shape[-1]).T
+    return np.asarray(motion.reshape(*moved.shape[:-2], len(design.magnets), 6))

@@ -1,0 +1,435 @@
+"""The whole folded sheet under touches: nonlinear statics of bars and hinges on columns.
+
+Decides what a touch is to the sheet (a patch of loaded vertices that is held in the plane, slides
+or is free), what carries the sheet (columns on a board that moves and turns on its pillars), and
+which answers count. How equilibria are found is `smoskin.mechanics.sheet.equilibrium`'s, how stiff
+the parts are `smoskin.mechanics.sheet.lattice`'s.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from smoskin.arrays import Bools, Floats, Ints
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError, MissingExtraError
+
+try:
+    from smoskin.mechanics.sheet.equilibrium import Equilibrium, Relaxed
+except ModuleNotFoundError as error:
+    raise MissingExtraError("the nonlinear model of the whole sheet", "twin") from error
+
+from smoskin.mechanics.reduced.stiffness import board_stiffness
+from smoskin.mechanics.sheet.continuation import constrained_solve
+from smoskin.mechanics.sheet.lattice import Lattice, build_lattice
+from smoskin.mechanics.sheet.tangent import Place
+from smoskin.mechanics.sheet.touches import (
+    Covered,
+    Frictionless,
+    Grip,
+    Sliding,
+    Sticking,
+    Touches,
+    cover_shares,
+    patch_shares,
+    patch_slopes,
+)
+from smoskin.origami.layout import skin_extent
+from smoskin.origami.sheet import loaded_positions
+
+STIFFNESSES: Final = (
+    "column_shear",
+    "column_axial",
+    "frame",
+    "crease",
+    "panel_bending",
+    "panel_membrane",
+)
+"""Kinds of springs that `Sensitivity` knows, in its order; fields of `lattice.Springs`."""
+
+
+_PAD: Final = 1e-12
+"""m/N: how much any touch gives way by itself, so that two on one place share what they hold."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Pressed:
+    """Answers of the sheet to touches, one a row."""
+
+    displacements: Floats
+    """(B, V, 3), m: of the sheet's vertices, relative to the board; NaN where not converged."""
+    board: Floats
+    """(B, 3): x and y, m, and yaw, rad, of the board over its base."""
+    reaction: Floats
+    """(B, K, 2), N: sideways force of each touch on the sheet beyond the drag asked for; under
+    cover panels, of the guide."""
+    residual: Floats
+    """(B,): unbalanced force over the load, or over 10 mN where the load is less."""
+    iterations: Ints
+    """(B,): steps of the solver."""
+    converged: Bools
+    """(B,): an equilibrium was found, with every column shorter by less than half its height."""
+    pulled: Bools
+    """(B,): some column is pulled harder than its bond to the base holds."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sensitivity:
+    """Exact derivatives of the sheet's and the board's motion, one case a row."""
+
+    displacements: Floats
+    """(B, K, 5, V, 3): by x and y, m/m, and by Fx, Fy and Fz, m/N, of each touch."""
+    board: Floats
+    """(B, K, 5, 3): likewise of the board's x, y and yaw."""
+    displacements_by_stiffness: Floats
+    """(B, 6, V, 3), m: by the relative change of each kind of spring, `STIFFNESSES`."""
+    board_by_stiffness: Floats
+    """(B, 6, 3)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Case:
+    """Touches as loads on the sheet."""
+
+    force: Floats
+    """(B, K, 3), N."""
+    shares: Floats
+    """(B, K, T)."""
+    arms: Floats
+    """(B, K, 2), m: from the board's middle to each patch at rest."""
+    held: Bools
+    """(B, K): patches that are held in the plane."""
+    link: Floats
+    """(B, 2K, 2K), m/N: how the board moves at each patch per force at each patch."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Answer:
+    """Both equilibria of a case."""
+
+    straight: Relaxed
+    """Without the drags."""
+    sideways: Floats
+    """(B, K, 2), N: what each touch then exerts on the sheet."""
+    final: Relaxed
+
+
+class BarHinge:
+    """The nonlinear sheet of one design.
+
+    A touch first presses straight: where it grips, the mean motion in the plane of its patch over
+    the ground is zero, and what that takes is its reaction, counting what the board gives way.
+    Its drag then comes on top of that reaction, as a load that follows no motion. With friction,
+    the sum of both is cut to friction times normal force.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    grip : Grip, optional
+        How touches hold on to the scales; `Sticking` by default.
+    lattice : Lattice, optional
+        Of this design with springs of its own; `build_lattice(design)` by default.
+
+    Raises
+    ------
+    DesignError
+        If the sheet can move without resistance.
+    MissingExtraError
+        When imported without JAX.
+
+    Notes
+    -----
+    Source: SI Figure S6 and Eqs. (S16), (S21) and (S25), their energies taken at any
+    displacement; (S26) for the board, which stays level.
+    Valid for columns pressed by less than half their height; they neither buckle nor touch.
+    """
+
+    def __init__(
+        self, design: SkinDesign, *, grip: Grip | None = None, lattice: Lattice | None = None
+    ) -> None:
+        self.design = design
+        self.grip: Grip = grip or Sticking()
+        self.lattice = lattice or build_lattice(design)
+        self._equilibrium = Equilibrium(self.lattice)
+        self._board = board_stiffness(design)
+        self._yaw = yaw_stiffness(design)
+
+    def press(
+        self, touches: Touches, *, tolerance: float = 1e-8, start: Floats | None = None
+    ) -> Pressed:
+        """Equilibria under touches.
+
+        Parameters
+        ----------
+        touches : Touches
+        tolerance : float
+            Residual up to which an answer counts.
+        start : Floats, shape (B, V, 3), optional
+            Displacements near the answers, m, such as those of a moment ago.
+
+        Raises
+        ------
+        ArgumentError
+            If a touch lies off the skin.
+        """
+        if not 0.0 < tolerance < 1.0:
+            raise ArgumentError(f"tolerance must lie in (0, 1); got {tolerance}")
+        case = self._case(touches)
+        answer = self._solve(case, tolerance, start)
+        final, drag = answer.final, case.force[..., :2]
+        feet = self.lattice.feet
+        converged = self._counts(final, tolerance)
+        lost = np.where(converged, 0.0, np.nan)
+        pull = final.displacements[:, feet, 2] * self.lattice.ground[feet, 2]
+        on_board = drag if isinstance(self.grip, Covered) else answer.sideways
+        turn = (_turned(case.arms) * on_board).sum(axis=(1, 2)) / self._yaw
+        slide = on_board.sum(axis=1) / self._board
+        excess = answer.sideways - (0.0 if isinstance(self.grip, Covered) else drag)
+        return Pressed(
+            displacements=final.displacements + lost[:, None, None],
+            board=np.concatenate([slide, turn[:, None]], axis=-1) + lost[:, None],
+            reaction=excess + lost[:, None, None],
+            residual=final.residual,
+            iterations=final.iterations,
+            converged=converged,
+            pulled=(pull > self.lattice.bond_limit).any(axis=1) & converged,
+        )
+
+    def sensitivity(self, touches: Touches, *, tolerance: float = 1e-10) -> Sensitivity:
+        """Derivatives of the answers to touches, by the implicit function theorem.
+
+        Parameters
+        ----------
+        touches : Touches
+        tolerance : float
+            Of the equilibria at which they are taken.
+
+        Returns
+        -------
+        Sensitivity
+            NaN where no equilibrium was found. Between the vertices a patch's shares have a
+            slope of their own at each point; the derivative by the position is that of the
+            shares as they are computed.
+
+        Raises
+        ------
+        ArgumentError
+            If a touch lies off the skin.
+        """
+        case = self._case(touches)
+        answer = self._solve(case, tolerance, None)
+        rows, places, tops = case.shares.shape
+        slopes = np.zeros((rows, places, 2, tops))
+        if not isinstance(self.grip, Covered):
+            slopes = patch_slopes(self.design, touches).reshape(slopes.shape)
+        count, nodes = 5 * places + len(STIFFNESSES), len(self.lattice.nodes)
+        motion, board = np.full((rows, count, nodes, 3), np.nan), np.full((rows, count, 3), np.nan)
+        for row in map(int, np.flatnonzero(self._counts(answer.final, tolerance))):
+            moved, carried = self._derive(case, answer, slopes[row], row)
+            motion[row], board[row] = np.moveaxis(moved, -1, 0), carried.T
+        by_touch = 5 * places
+        return Sensitivity(
+            displacements=motion[:, :by_touch].reshape(rows, places, 5, nodes, 3),
+            board=board[:, :by_touch].reshape(rows, places, 5, 3),
+            displacements_by_stiffness=motion[:, by_touch:],
+            board_by_stiffness=board[:, by_touch:],
+        )
+
+    def _derive(
+        self, case: _Case, answer: _Answer, slopes: Floats, row: int
+    ) -> tuple[Floats, Floats]:
+        """Derivatives of one case's motion, (V, 3, P), and of the board's, (3, P)."""
+        force, shares, arms = case.force[row], case.shares[row], case.arms[row]
+        places, top = len(force), self.lattice.loaded.ravel()
+        count = 5 * places + len(STIFFNESSES)
+        # What each parameter changes by itself: shares, arms, drags and normal forces.
+        share = np.zeros((places, len(top), count))
+        drag, normal = np.zeros((places, 2, count)), np.zeros((places, count))
+        for k in range(places):
+            share[k, :, 5 * k : 5 * k + 2] = slopes[k].T
+            drag[k, :, 5 * k + 2 : 5 * k + 4] = np.eye(2)
+            normal[k, 5 * k + 4] = 1.0
+        arm = np.einsum("ktp,td->kdp", share, loaded_positions(self.design).reshape(-1, 2))
+
+        def right_side(place: Place, sideways: Floats, change: Floats) -> Floats:
+            """What unbalances the nodes, when touches push by `sideways` and `change` more."""
+            right = -_by_stiffness(self.lattice, place, count)
+            pushed = np.concatenate([sideways, force[:, 2:]], axis=1)
+            more = np.concatenate([change, normal[:, None]], axis=1)
+            right[top] += np.einsum("ktp,kd->tdp", share, pushed)
+            right[top] += np.einsum("kt,kdp->tdp", shares, more)
+            return right
+
+        # The straight press, for how the reactions change.
+        press = self._equilibrium.one_press(shares, force, case.held[row], case.link[row])
+        first = answer.straight.displacements[row]
+        reaction = answer.straight.reaction[row]
+        change = np.zeros((places, 2, count))
+        if isinstance(self.grip, Frictionless):
+            moved = np.zeros((*first.shape, count))
+        else:
+            place = self._equilibrium.tangent.at(first)
+            gap = -np.einsum("ktp,td->kdp", share, first[top, :2])
+            if not isinstance(self.grip, Covered):
+                turn, turned = _turned_axis(arm), _turned(arms)
+                gap -= np.einsum("kdp,le,le->kdp", turn, turned, reaction) / self._yaw
+                gap -= np.einsum("kd,lep,le->kdp", turned, turn, reaction) / self._yaw
+            moved, found = constrained_solve(
+                self._equilibrium.tangent,
+                place,
+                press,
+                right_side(place, reaction, change),
+                gap[case.held[row]].reshape(-1, count),
+            )
+            change[case.held[row]] = found.reshape(-1, 2, count)
+        if isinstance(self.grip, Covered):
+            sideways, change = force[:, :2], drag
+        else:
+            sideways = answer.sideways[row]
+            change = self._cut_change(reaction + force[:, :2], force[:, 2], change + drag, normal)
+            place = self._equilibrium.tangent.at(answer.final.displacements[row])
+            right = right_side(place, sideways, change)
+            moved = self._equilibrium.tangent.solve(place, right)
+        slide = change.sum(axis=0) / self._board
+        turn = np.einsum("kd,kdp->p", _turned(arms), change)
+        turn += np.einsum("kdp,kd->p", _turned_axis(arm), sideways)
+        return moved, np.concatenate([slide, turn[None] / self._yaw])
+
+    def _cut_change(
+        self, asked: Floats, normal: Floats, change: Floats, pressing: Floats
+    ) -> Floats:
+        """How `_cut` changes, (K, 2, P), with its first (K, 2, P) and second (K, P) argument."""
+        if not isinstance(self.grip, Sliding):
+            return change
+        most, amount = -self.grip.friction * normal, np.hypot(asked[:, 0], asked[:, 1])
+        slides = amount > most
+        along = asked[slides] / amount[slides, None]
+        across = (
+            change[slides]
+            - along[:, :, None] * np.einsum("kd,kdp->kp", along, change[slides])[:, None]
+        )
+        cut = change.copy()
+        cut[slides] = across * (most[slides] / amount[slides])[:, None, None]
+        cut[slides] -= self.grip.friction * along[:, :, None] * pressing[slides, None]
+        return cut
+
+    def _case(self, touches: Touches) -> _Case:
+        """The touches' patches and what they can hold on to."""
+        rows, places = touches.force.shape[:2]
+        covered = isinstance(self.grip, Covered)
+        weigh = cover_shares if covered else patch_shares
+        shares = weigh(self.design, touches).reshape(rows, places, -1)
+        middle = skin_extent(self.design) / 2
+        arms = shares @ (loaded_positions(self.design).reshape(-1, 2) - middle)
+        link = np.broadcast_to(_PAD * np.eye(2 * places), (rows, 2 * places, 2 * places)).copy()
+        if not covered:
+            turned = _turned(arms).reshape(rows, 2 * places)
+            link += np.kron(np.ones((places, places)), np.eye(2)) / self._board
+            link += turned[:, :, None] * turned[:, None, :] / self._yaw
+        pressed = touches.force[..., 2] < 0
+        return _Case(
+            force=touches.force,
+            shares=shares,
+            arms=arms,
+            held=pressed & (not isinstance(self.grip, Frictionless)),
+            link=link,
+        )
+
+    def _solve(self, case: _Case, tolerance: float, start: Floats | None) -> _Answer:
+        """The straight press, then the drags."""
+        free = np.zeros_like(case.held)
+        upright = case.force.copy()
+        if not isinstance(self.grip, Frictionless):
+            upright[..., :2] = 0.0
+        straight = self._equilibrium.relax(
+            case.shares, upright, case.held, case.link, tolerance=tolerance, start=start
+        )
+        if isinstance(self.grip, Frictionless | Covered):
+            sideways = straight.reaction if case.held.any() else case.force[..., :2]
+            return _Answer(straight=straight, sideways=sideways, final=straight)
+        sideways = self._cut(straight.reaction + case.force[..., :2], case.force[..., 2])
+        again = (sideways != straight.reaction).any(axis=(1, 2))
+        again &= straight.residual <= tolerance
+        if not again.any():
+            return _Answer(straight=straight, sideways=sideways, final=straight)
+        dead = np.concatenate([sideways, case.force[..., 2:]], axis=-1)
+        dragged = self._equilibrium.relax(
+            case.shares[again],
+            dead[again],
+            free[again],
+            case.link[again],
+            tolerance=tolerance,
+            start=straight.displacements[again],
+        )
+        final = Relaxed(
+            displacements=straight.displacements.copy(),
+            reaction=straight.reaction,
+            residual=straight.residual.copy(),
+            iterations=straight.iterations.copy(),
+        )
+        final.displacements[again] = dragged.displacements
+        final.residual[again] = dragged.residual
+        final.iterations[again] += dragged.iterations
+        return _Answer(straight=straight, sideways=sideways, final=final)
+
+    def _counts(self, final: Relaxed, tolerance: float) -> Bools:
+        """Which answers are equilibria within what the columns can do, (B,)."""
+        sunk = final.displacements[:, self.lattice.feet, 2]
+        unbroken = (sunk > -self.lattice.stroke / 2).all(axis=1)
+        return np.asarray((final.residual <= tolerance) & unbroken)
+
+    def _cut(self, sideways: Floats, normal: Floats) -> Floats:
+        """Sideways forces, (..., 2), cut to what friction holds under `normal`, (...), N."""
+        if not isinstance(self.grip, Sliding):
+            return sideways
+        most, amount = -self.grip.friction * normal, np.hypot(sideways[..., 0], sideways[..., 1])
+        share = np.divide(most, amount, out=np.ones_like(amount), where=amount > most)
+        return np.asarray(sideways * share[..., None])
+
+
+def yaw_stiffness(design: SkinDesign) -> float:
+    """Moment per angle of the board on its pillars, N m/rad.
+
+    Notes
+    -----
+    Source: SI Eq. (S26), of each pillar, times its squared distance from the middle. The design
+    does not place the pillars; they are taken as spread evenly under the sensing area.
+
+    Examples
+    --------
+    >>> from smoskin.design.document import read_design
+    >>> round(yaw_stiffness(read_design("planar")), 3)
+    6.283
+    """
+    x, y = skin_extent(design)
+    return float(board_stiffness(design) * (x**2 + y**2) / 12)
+
+
+def _by_stiffness(lattice: Lattice, place: Place, count: int) -> Floats:
+    """Inner forces by the relative change of each kind of spring, last of P, (V, 3, P), N."""
+    bars, panels, creases, ground = place.inner
+    of_frame = np.zeros_like(ground)
+    held = lattice.ground[:, :2] > 0
+    part = np.divide(
+        np.repeat(lattice.frame[:, None], 2, axis=1),
+        lattice.ground[:, :2],
+        out=np.zeros(held.shape),
+        where=held,
+    )
+    of_frame[:, :2] = part * ground[:, :2]
+    upright = ground * [0.0, 0.0, 1.0]
+    kinds = (ground - upright - of_frame, upright, of_frame, creases, panels, bars)
+    by_kind = np.zeros((*ground.shape, count))
+    by_kind[..., -len(kinds) :] = np.stack(kinds, axis=-1)
+    return by_kind
+
+
+def _turned_axis(arms: Floats) -> Floats:
+    """`_turned` for arms in the last axis but one."""
+    return np.stack([-arms[..., 1, :], arms[..., 0, :]], axis=-2)
+
+
+def _turned(arms: Floats) -> Floats:
+    """Motion of points per angle of a turn about the middle."""
+    return np.stack([-arms[..., 1], arms[..., 0]], axis=-1)

@@ -1,0 +1,1 @@
+"""Touches by their posterior on a response table, with what is believed of them beforehand."""

@@ -1,0 +1,352 @@
+"""How surely the chips' noise lets a press be located: of one decision, and of a design.
+
+Every rule of `smoskin.sensing.closed_form.location` gives a cell all displacements within a cone:
+faces
+through the origin part it from its neighbours. Noise carries a displacement over a face with a
+probability that its distance from the face decides. Summed over the faces it is the doubt in one
+decision; solved for the force it says from which press on a design, or on a skin whose answers
+were measured, tells two cells apart.
+"""
+
+import math
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
+
+from smoskin.arrays import Bools, Floats, Ints
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError
+from smoskin.magnetics import mlx90393
+from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
+from smoskin.mechanics.reduced.stiffness import stiffness_map
+from smoskin.origami.layout import chip_offset
+from smoskin.sensing.closed_form.calibration import Calibration
+from smoskin.sensing.closed_form.location import (
+    Divisions,
+    Rule,
+    directions,
+    ideal_rule,
+    readout,
+    unit_press,
+)
+from smoskin.sensing.closed_form.press_table import PressTable
+from smoskin.sensing.closed_form.subspaces import Subspaces
+
+Axis = Literal["x", "y", "both"]
+
+_ALIKE: Final = 1e-6
+"""rad: directions closer than this are one; their cosines differ by less than rounding."""
+
+
+def motion_noise(design: SkinDesign) -> Floats:
+    """Variance that one reading's noise makes in the chips' motions, shape (3S,), m^2."""
+    setting = design.hall_setting
+    of_chip = mlx90393.noise(setting) ** 2 + mlx90393.sensitivity(setting) ** 2 / 12
+    turned = np.stack([np.abs(mlx90393.rotation(site)) @ of_chip for site in design.halls])
+    magnets = [design.magnet(site.magnet) for site in design.halls]
+    rest = np.zeros((len(magnets), 3))
+    rest[:, 2] = [chip_offset(design, site) for site in design.halls]
+    slope = charge_field_and_gradient(*point_charges(magnets), rest)[1]
+    return np.asarray((turned / np.einsum("sii->si", slope) ** 2).ravel())
+
+
+def readout_noise(design: SkinDesign, matrix: Floats) -> Floats:
+    """Covariance that one reading's noise makes in the magnets' displacements and the drag.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    matrix : Floats, shape (3S, 2G + 2)
+        `location.readout`; columns may be left out.
+
+    Returns
+    -------
+    Floats, shape (2G + 2, 2G + 2)
+        m^2, and of the drag N^2. The drag is taken off all magnets alike, so that the lower chip's
+        noise is common to them.
+    """
+    return np.asarray((matrix.T * motion_noise(design)) @ matrix)
+
+
+class Faces(NamedTuple):
+    """The cone of displacements of every cell, N M in all, as its F faces.
+
+    A cell with fewer faces has zeros in the place of the others.
+    """
+
+    normals: Floats
+    """(N M, F, 2G), 1/m: times a displacement, how many standard deviations it lies inside."""
+    certainty: Floats
+    """(N M,): 1, and half for each face that is not there and so weighs a half."""
+    share: Floats
+    """(N M,): chance of the cell among those of the very same direction."""
+
+
+def faces(rule: Rule, unit: Floats, noise: Floats) -> Faces:
+    """The cones that a rule gives the cells, measured in the displacements' noise.
+
+    Parameters
+    ----------
+    rule : Divisions or Directions
+    unit : Floats, shape (N, M, G, 2)
+        The displacements that the rule was made from.
+    noise : Floats, shape (2G, 2G)
+        m^2, of the displacements: the first part of `readout_noise`.
+    """
+    partings = _partings(rule, unit, noise)
+    count = unit.shape[0] * unit.shape[1]
+    of_cell: list[list[Floats]] = [[] for _ in range(count)]
+    share = np.ones(count)
+    for part in partings:
+        for wall in part.walls:
+            for cell in part.members[wall.own].tolist():
+                of_cell[cell].append(wall.normal)
+        share[part.members] /= part.alike.sum(axis=1)[:, None]
+    most = max(1, *(len(walls) for walls in of_cell))
+    normals = np.zeros((count, most, len(noise)))
+    for cell, walls in enumerate(of_cell):
+        normals[cell, : len(walls)] = walls if walls else 0.0
+    missing = most - np.array([len(walls) for walls in of_cell])
+    return Faces(normals, 1 + missing / 2, share)
+
+
+def confidence(inside: Floats, certainty: Floats, share: Floats) -> Floats:
+    """Probability that without noise the same cell would have been decided on.
+
+    Parameters
+    ----------
+    inside : Floats, shape (T, F)
+        The displacements times the `Faces.normals` of the cells decided on.
+    certainty, share : Floats, shape (T,)
+        `Faces.certainty` and `Faces.share` of those cells.
+
+    Returns
+    -------
+    Floats, shape (T,)
+
+    Notes
+    -----
+    A displacement U across a face lies U sin(angle) from it: with noise sigma the true one is
+    on the other side with probability Phi(-U sin(angle) / sigma). The sum over the faces is at
+    least the doubt, and all of it where two faces meet at a wide angle.
+    Valid for a true direction of which nothing is known beforehand: presses on top vertices
+    alone, whose directions lie well inside their cones, are right more often than this says.
+    """
+    # Here, so that whoever only imports the package does not wait for it.
+    from scipy.special import ndtr
+
+    doubt = ndtr(-inside).sum(axis=-1)
+    return np.asarray(np.maximum(certainty - doubt, 0.0) * share)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ambiguity:
+    """Two cells that a press of the stated force does not tell apart."""
+
+    axis: Axis
+    """Two columns, told apart by x; two rows, by y; or two cells, by both together."""
+    pair: tuple[tuple[int, int], tuple[int, int]]
+    """(n, m) of both; of columns and rows, where they are hardest to tell apart."""
+    same_signs: bool
+    """Whether all magnets move the same ways along the axis."""
+    ratios: tuple[float, float]
+    """First over second magnet's displacement along the axis; NaN unless there are two."""
+    angle: float
+    """rad, between the directions of the displacements; of measured answers in units of noise."""
+    force: float
+    """N, from which they are told apart at the stated error rate; inf where never."""
+
+    @property
+    def ratio_gap(self) -> float:
+        """How far apart the ratios are; NaN unless there are two magnets."""
+        return abs(self.ratios[1] - self.ratios[0])
+
+    def __str__(self) -> str:
+        (n, m), (other_n, other_m) = self.pair
+        what = {"x": f"columns {n + 1} and {other_n + 1}", "y": f"rows {m + 1} and {other_m + 1}"}
+        named = what.get(self.axis, f"cells ({n + 1},{m + 1}) and ({other_n + 1},{other_m + 1})")
+        signs = "the same signs" if self.same_signs else "different signs"
+        ratios = "" if math.isnan(self.ratio_gap) else (
+            f" and ratios {self.ratios[0]:.4g} and {self.ratios[1]:.4g}"
+        )  # fmt: skip
+        when = "never" if math.isinf(self.force) else f"from {self.force:.3g} N"
+        return f"{named}: {signs}{ratios}, told apart {when}"
+
+
+def ambiguities(
+    design: SkinDesign,
+    *,
+    calibration: Calibration | None = None,
+    force: float = 0.5,
+    error_rate: float = 0.01,
+) -> tuple[Ambiguity, ...]:
+    """Which cells a design cannot tell apart, worst first.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    calibration : Calibration, optional
+        As designed by default. Its press table decides where it has one, theory otherwise.
+    force : float
+        N: a pair that a straight press of this force tells apart is left out.
+    error_rate : float
+        How often noise may take one cell of a pair for the other.
+
+    Raises
+    ------
+    ArgumentError
+        If the force is not positive or the error rate not in (0, 0.5).
+
+    Notes
+    -----
+    By the SI's lines only neighbours are confused; by directions and by a table any two may be.
+    Valid for the chips' noise alone: a skin unlike its design confuses more.
+
+    Examples
+    --------
+    >>> from smoskin.design.document import read_design
+    >>> ambiguities(read_design("planar"))
+    ()
+    >>> print(ambiguities(read_design("planar"), force=1e-3)[0])
+    columns 1 and 2: the same signs and ratios 1.088 and 1.562, told apart from 0.017 N
+    """
+    if not force > 0:
+        raise ArgumentError(f"force must be positive; got {force} N")
+    if not 0 < error_rate < 0.5:
+        raise ArgumentError(f"error_rate must lie in (0, 0.5); got {error_rate}")
+    calibration = calibration or Calibration.nominal(design)
+    calibration.check_fits(design)
+    least = -NormalDist().inv_cdf(error_rate)
+    if calibration.press_table is not None:
+        listed = _measured(design, calibration.press_table, least)
+    else:
+        listed = _theoretical(design, calibration, least)
+    needing = [one for one in listed if one.force > force]
+    return tuple(sorted(needing, key=lambda one: (-one.force, one.axis, one.pair)))
+
+
+def _theoretical(design: SkinDesign, calibration: Calibration, least: float) -> list[Ambiguity]:
+    """Every pair by the rule of an ideal sheet, told apart at so many standard deviations."""
+    unit = unit_press(design, calibration.coefficients)
+    noise = readout_noise(design, readout(design, calibration)[:, :-2])
+    stiffness = stiffness_map(design, calibration.coefficients).ravel()
+    flat = unit.reshape(len(stiffness), -1)
+    needed: dict[tuple[Axis, int, int], tuple[float, int, int]] = {}
+    for part in _partings(ideal_rule(unit), unit, noise):
+        pairs = [(int(a), int(b), np.inf, 0) for a, b in np.argwhere(np.triu(part.alike, 1))]
+        for wall in part.walls:
+            inside = flat[part.members[wall.own]] @ wall.normal
+            forces = least * stiffness[part.members[wall.own]] / inside
+            pairs.append((wall.own, wall.other, float(forces.max()), int(forces.argmax())))
+        for a, b, most, k in pairs:
+            key = part.axis, min(a, b), max(a, b)
+            one = most, int(part.members[key[1], k]), int(part.members[key[2], k])
+            needed[key] = max(needed.get(key, one), one)
+    return [_ambiguity(unit, axis, one) for (axis, _, _), one in needed.items()]
+
+
+def _measured(design: SkinDesign, table: PressTable, least: float) -> list[Ambiguity]:
+    """Every pair of cells by their measured answers."""
+    count = design.cells[0] * design.cells[1]
+    cells = Subspaces(table.answers.reshape(count, -1, 3), np.diag(motion_noise(design)))
+    deviations, alike = cells.separations()
+    forces = np.where(alike, np.inf, least / np.where(alike, 1.0, deviations))
+    signs = np.sign(table.press.reshape(count, -1))
+    lengths = 2 * deviations / np.linalg.norm(cells.press, axis=1)[:, None]
+    listed = []
+    for a in range(count):
+        for b in range(a + 1, count):
+            listed.append(
+                Ambiguity(
+                    axis="both",
+                    pair=(divmod(a, design.cells[1]), divmod(b, design.cells[1])),
+                    same_signs=bool((signs[a] == signs[b]).all()),
+                    ratios=(math.nan, math.nan),
+                    angle=float(np.arcsin(np.minimum(lengths[[a, b], [b, a]], 1.0)).min()),
+                    force=float(max(forces[a, b], forces[b, a])),
+                )
+            )
+    return listed
+
+
+class _Wall(NamedTuple):
+    """What parts one class of cells from another."""
+
+    own: int
+    other: int
+    normal: Floats
+    """(2G,), 1/m: towards its own class, one standard deviation long."""
+
+
+class _Parting(NamedTuple):
+    """Classes of cells that one part of a rule tells apart: columns or rows."""
+
+    axis: Axis
+    members: Ints
+    """(C, K): cells n M + m of each class."""
+    alike: Bools
+    """(C, C): whether two classes have one direction."""
+    walls: list[_Wall]
+    """Between classes of different directions; of those alike, the first stands for all."""
+
+
+def _partings(rule: Rule, unit: Floats, noise: Floats) -> list[_Parting]:
+    """Every part of a rule."""
+    cells = np.arange(unit.shape[0] * unit.shape[1]).reshape(unit.shape[:2])
+    columns, rows = directions(unit)
+    classes: list[tuple[Axis, Ints, Floats]] = [("x", cells, columns), ("y", cells.T, rows)]
+    partings = []
+    for axis, members, units in classes:
+        apart = np.linalg.norm(units[:, None] - units, axis=-1)
+        alike = apart < _ALIKE
+        if isinstance(rule, Divisions):
+            bare = _line_walls(rule, axis)
+        else:
+            first = np.flatnonzero(~np.tril(alike, -1).any(axis=1)).tolist()
+            bare = [_Wall(own, other, units[own] - units[other])
+                    for own in range(len(units)) for other in first
+                    if not alike[own, other]]  # fmt: skip
+        normals = np.reshape([wall.normal for wall in bare], (-1, len(noise)))
+        normals /= np.sqrt(np.einsum("wk,kl,wl->w", normals, noise, normals))[:, None]
+        walls = [_Wall(wall.own, wall.other, one) for wall, one in zip(bare, normals, strict=True)]
+        partings.append(_Parting(axis, members, alike, walls))
+    return partings
+
+
+def _line_walls(rule: Divisions, axis: Axis) -> list[_Wall]:
+    """The dividing lines of one circle; where beyond a line is nobody, noise cannot have come."""
+    of_x = int((rule.lines < 2 * np.pi).sum())
+    span = slice(0, of_x) if axis == "x" else slice(of_x, None)
+    lines, sectors = rule.lines[span], rule.cells[1:][span][:-1].tolist()
+    walls = []
+    for k, own in enumerate(sectors):
+        for neighbour, line, side in ((k - 1, k, 1.0), ((k + 1) % len(sectors), k + 1, -1.0)):
+            other = sectors[neighbour]
+            if own >= 0 and other >= 0 and own != other:
+                normal = np.zeros((2, 2))
+                normal[:, "xy".index(axis)] = np.cos(lines[line]), -np.sin(lines[line])
+                walls.append(_Wall(own, other, side * normal.ravel()))
+    return walls
+
+
+def _ambiguity(unit: Floats, axis: Axis, needed: tuple[float, int, int]) -> Ambiguity:
+    """A pair of cells and the force that it needs, described."""
+    force, *pair = needed
+    (n, m), (other_n, other_m) = (divmod(cell, unit.shape[1]) for cell in pair)
+    seen = {"x": slice(0, 1), "y": slice(1, 2), "both": slice(0, 2)}[axis]
+    one, other = unit[n, m, :, seen], unit[other_n, other_m, :, seen]
+    ratios = math.nan, math.nan
+    if one.shape == (2, 1):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratios = float(one[0, 0] / one[1, 0]), float(other[0, 0] / other[1, 0])
+    chord = one / np.linalg.norm(one) - other / np.linalg.norm(other)
+    return Ambiguity(
+        axis=axis,
+        pair=((n, m), (other_n, other_m)),
+        same_signs=bool((np.sign(one) == np.sign(other)).all()),
+        ratios=ratios,
+        angle=2 * math.asin(min(float(np.linalg.norm(chord)) / 2, 1.0)),
+        force=force,
+    )

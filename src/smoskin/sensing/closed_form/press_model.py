@@ -1,0 +1,324 @@
+"""What a bench measures of a touch, as the reduced model predicts it, with derivatives.
+
+Decides which numbers of a skin a calibration can see and how: force (S27), drag (S26), motion of
+the magnets (S11) and their fields. Hides the order of the fitted numbers and the derivatives.
+Each touch has three unknowns of its own, press depth and drag, as gauge and stage are noisy too.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from smoskin.arrays import Bools, Floats, Ints
+from smoskin.design.skin import Coefficients, SkinDesign
+from smoskin.magnetics import mlx90393, sector
+from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
+from smoskin.magnetics.inversion import rest_cross_talk
+from smoskin.magnetics.temperature import temperature_factor
+from smoskin.measurement import TouchTable
+from smoskin.mechanics.reduced.attenuation import magnet_displacements, profiles
+from smoskin.mechanics.reduced.stiffness import cell_layers, stiffness_map
+from smoskin.origami.layout import chip_offset, hall_positions, magnet_positions
+from smoskin.sensing.closed_form.calibration import Calibration, Triple
+
+_STEP: Final = 1e-5
+"""Of v_a in its central differences."""
+
+
+class Layout(NamedTuple):
+    """Where each number stands among the fitted ones; stiffnesses and v_f as logarithms."""
+
+    attenuation: slice
+    stiffness_variation: slice
+    folding_x: slice
+    folding_y: slice
+    board: slice
+    sheet: slice
+    rotation: slice
+    factor: slice
+    offset: slice
+
+    @classmethod
+    def of(cls, attenuations: int, layers: int, chips: int) -> "Layout":
+        """The order for so many separate v_a, layers of v_f and chips read."""
+        some = 1 if chips else 0
+        sizes = (attenuations, 1, layers, layers, some, some, 3 * chips, chips, 3 * chips)
+        ends = np.cumsum(sizes).tolist()
+        return cls(*(slice(end - size, end) for end, size in zip(ends, sizes, strict=True)))
+
+
+class Predicted(NamedTuple):
+    """Measured less modelled values, V = 3 + 1 + 3 S a touch, and their derivatives."""
+
+    residual: Floats
+    """(T, V): force, depth, fields turned into the skin's axes; in SI."""
+    by_own: Floats
+    """(T, V, 3): by the touch's own depth and drag."""
+    by_skin: Floats
+    """(T, V, P): by the skin's numbers."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Sheet:
+    """What follows from v_a, for each touch's cell."""
+
+    stiffness: Floats
+    """(T,), K_z with v_s = 1, N/m."""
+    motion: Floats
+    """(T, G, 2), of each magnet for a unit press."""
+
+
+class PressModel:
+    """The measured values of a table of touches as functions of a skin's numbers.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    touches : TouchTable
+        With readings of all the design's chips, or of none.
+    attenuations : int
+        1: v_a alike in X and Y; 2: separate.
+
+    Notes
+    -----
+    Source: SI Text S5 with Eqs. (S6), (S11), (S24), (S26) and (S27).
+    Valid for touches on top vertices.
+    """
+
+    def __init__(self, design: SkinDesign, touches: TouchTable, attenuations: int) -> None:
+        self.design = design
+        self.touches = touches
+        chips = touches.field.shape[1]
+        layers = len(design.coefficients.folding_correction_x)
+        self.layout = Layout.of(attenuations, layers, chips)
+        self.size = self.layout.offset.stop
+        self.read: Bools = np.asarray(np.isfinite(touches.field).all(axis=-1))
+        cells = np.maximum(touches.cell, 0)
+        self._n, self._m = cells[:, 0], cells[:, 1]
+        self.layer: Ints = np.minimum(cell_layers(design.cells), layers - 1)[self._n, self._m]
+        self._known: tuple[tuple[float, ...], _Sheet, list[_Sheet]] | None = None
+        if chips:
+            self._prepare_fields()
+
+    @property
+    def touched(self) -> Bools:
+        """(T,)."""
+        return self.touches.touched
+
+    def start(self, calibration: Calibration) -> Floats:
+        """The fitted numbers that stand for a calibration, shape (P,)."""
+        values = np.zeros(self.size)
+        at, coefficients = self.layout, calibration.coefficients
+        values[at.attenuation] = coefficients.attenuation[: at.attenuation.stop]
+        values[at.stiffness_variation] = np.log(coefficients.stiffness_variation)
+        values[at.folding_x] = np.log(coefficients.folding_correction_x)
+        values[at.folding_y] = np.log(coefficients.folding_correction_y)
+        values[at.board] = np.log(calibration.board_stiffness)
+        values[at.sheet] = np.log(calibration.sheet_stiffness)
+        if at.factor.start < self.size:
+            values[at.rotation] = np.ravel(calibration.chip_rotation)
+            values[at.factor] = calibration.field_factor
+            values[at.offset] = np.ravel(calibration.field_offset)
+        return values
+
+    def calibration(self, values: Floats, nominal: Calibration) -> Calibration:
+        """The calibration that fitted numbers stand for; what was not read stays nominal."""
+        at = self.layout
+        v_a = values[at.attenuation].tolist()
+        coefficients = Coefficients(
+            attenuation=(v_a[0], v_a[-1]),
+            stiffness_variation=float(np.exp(values[at.stiffness_variation][0])),
+            folding_correction_x=tuple(np.exp(values[at.folding_x]).tolist()),
+            folding_correction_y=tuple(np.exp(values[at.folding_y]).tolist()),
+        )
+        made = replace(nominal, coefficients=coefficients)
+        if at.factor.start == self.size:
+            return made
+        return replace(
+            made,
+            board_stiffness=float(np.exp(values[at.board][0])),
+            sheet_stiffness=float(np.exp(values[at.sheet][0])),
+            chip_rotation=triples(values[at.rotation]),
+            field_factor=tuple(values[at.factor].tolist()),
+            field_offset=triples(values[at.offset]),
+        )
+
+    def press_stiffness(self, values: Floats) -> Floats:
+        """K_z of each touch's cell with v_s = 1, shape (T,), N/m."""
+        return self._sheet(values[self.layout.attenuation]).stiffness
+
+    def predict(self, values: Floats, own: Floats) -> Predicted:
+        """Residuals and derivatives.
+
+        Parameters
+        ----------
+        values : Floats, shape (P,)
+            The skin's numbers, as `start` orders them.
+        own : Floats, shape (T, 3)
+            Press depth, m, and drag in x and y, N, of each touch.
+        """
+        at, touches = self.layout, self.touches
+        chips = touches.field.shape[1]
+        count = len(own)
+        by_own = np.zeros((count, 4 + 3 * chips, 3))
+        by_skin = np.zeros((count, 4 + 3 * chips, self.size))
+        press, drag = own[:, 0], own[:, 1:]
+        v_a = values[at.attenuation]
+        sheet, slopes = self._sheet_and_slopes(tuple(v_a.tolist()))
+
+        scale = np.exp(values[at.stiffness_variation][0])
+        folding = np.exp(
+            np.stack([values[at.folding_x][self.layer], values[at.folding_y][self.layer]], axis=-1)
+        )
+        share = drag / folding
+        length = np.hypot(share[:, 0], share[:, 1])
+        along = share / np.maximum(length, 1e-12)[:, None]
+        stiff = scale * sheet.stiffness
+        push = (1 + length) * stiff * press
+        by_drag = (stiff * press)[:, None] * along / folding
+
+        # Pressing is negative z.
+        force = np.column_stack([drag, -push])
+        residual = np.zeros((count, 4 + 3 * chips))
+        residual[:, :3] = touches.force - force
+        residual[:, 3] = touches.depth - press
+        by_own[:, 0, 1] = by_own[:, 1, 2] = by_own[:, 3, 0] = -1.0
+        by_own[:, 2, 0] = (1 + length) * stiff
+        by_own[:, 2, 1:] = by_drag
+        for k, slope in enumerate(slopes):
+            by_skin[:, 2, k] = (1 + length) * scale * slope.stiffness * press
+        by_skin[:, 2, at.stiffness_variation] = push[:, None]
+        rows = np.arange(count)
+        for axis, part in enumerate((at.folding_x, at.folding_y)):
+            by_skin[rows, 2, part.start + self.layer] = -by_drag[:, axis] * drag[:, axis]
+        if chips:
+            self._predict_fields(values, own, sheet, slopes, residual, by_own, by_skin)
+        return Predicted(residual, by_own, by_skin)
+
+    def _prepare_fields(self) -> None:
+        """What of the fields does not change while fitting."""
+        design, touches = self.design, self.touches
+        magnets = [design.magnet(site.magnet) for site in design.halls]
+        self._places, self._charges = point_charges(magnets)
+        self._rest = np.zeros((len(magnets), 3))
+        self._rest[:, 2] = [chip_offset(design, site) for site in design.halls]
+        mounts = mlx90393.rotations(design.halls)
+        warmth = temperature_factor(touches.temperature)[..., None]
+        seen = np.where(self.read[..., None], touches.field, 0.0)
+        self._seen = np.einsum("sij,tsj->tsi", mounts, seen) / warmth
+        self._cross_rest = rest_cross_talk(design)
+        self._on_sheet = np.array([float(m.mount == "sheet") for m in design.magnets])
+        names = [magnet.name for magnet in design.magnets]
+        self._watched = np.array([names.index(site.magnet) for site in design.halls])
+        # d(field of magnet g at chip s)/d(chip s against magnet g) in the plane, (S, G, 3, 2).
+        self._cross_slope = np.zeros((len(magnets), len(names), 3, 2))
+        step = 1e-4
+        for s, chip in enumerate(hall_positions(design)):
+            for g, place in enumerate(magnet_positions(design)):
+                if g != self._watched[s]:
+                    around = chip - place + step * np.eye(3)[:2, None] * [[1.0], [-1.0]]
+                    near = sector.field(design.magnets[g], around.reshape(2, 2, 3))
+                    self._cross_slope[s, g] = ((near[:, 0] - near[:, 1]) / (2 * step)).T
+
+    def _predict_fields(
+        self,
+        values: Floats,
+        own: Floats,
+        sheet: _Sheet,
+        slopes: list[_Sheet],
+        residual: Floats,
+        by_own: Floats,
+        by_skin: Floats,
+    ) -> None:
+        """Fill in the rows of the fields."""
+        at = self.layout
+        count, chips = self.read.shape
+        rotation = values[at.rotation].reshape(chips, 3)
+        factor = values[at.factor]
+        offset = values[at.offset].reshape(chips, 3)
+        soft = np.exp(-np.array([values[at.board][0], values[at.sheet][0]]))  # 1/K
+
+        # Chip s against magnet g, (T, S, G, 2): the board carries chips and the sheet; a magnet
+        # on the base stays behind by the board's motion, one on the sheet moves ahead.
+        press, drag = own[:, 0], own[:, 1:]
+        on = self._on_sheet
+        by_drag = (1 - on) * soft[0] - on * soft[1]  # (G,)
+        per_press = -sheet.motion  # (T, G, 2)
+        against = by_drag[:, None] * drag[:, None, :] + per_press * press[:, None, None]
+        own_motion = np.zeros((count, chips, 3))
+        own_motion[..., :2] = against[:, self._watched]
+        field, gradient = charge_field_and_gradient(
+            self._places, self._charges, self._rest + own_motion
+        )
+        field = field + self._cross_rest
+        field = field + np.einsum("sgij,tgj->tsi", self._cross_slope, against)
+
+        turned = np.einsum("sij,tsj->tsi", Rotation.from_rotvec(rotation).as_matrix(), self._seen)
+        known = self.read[..., None]
+        # Measured less modelled, not corrected less designed: a factor on the noise would pull
+        # the factor down.
+        expected = (field - offset) / factor[:, None]
+        residual[:, 4:] = np.where(known, turned - expected, 0.0).reshape(count, -1)
+
+        # d(field)/d(motion of every magnet), (T, S, G, 3, 2).
+        slope = np.broadcast_to(self._cross_slope, (count, *self._cross_slope.shape)).copy()
+        slope[:, np.arange(chips), self._watched] += gradient[..., :2]
+        slope *= np.where(known, -1.0 / factor[:, None], 0.0)[..., None, None]
+        by_own[:, 4:, 0] = np.einsum("tsgij,tgj->tsi", slope, per_press).reshape(count, -1)
+        by_own[:, 4:, 1:] = np.einsum("tsgij,g->tsij", slope, by_drag).reshape(count, -1, 2)
+        for k, one in enumerate(slopes):
+            moved = -one.motion * press[:, None, None]
+            by_skin[:, 4:, k] = np.einsum("tsgij,tgj->tsi", slope, moved).reshape(count, -1)
+        for part, weight in ((at.board, -(1 - on) * soft[0]), (at.sheet, on * soft[1])):
+            moved = weight[:, None] * drag[:, None, :]
+            by_skin[:, 4:, part.start] = np.einsum("tsgij,tgj->tsi", slope, moved).reshape(
+                count, -1
+            )
+        for s in range(chips):
+            rows = slice(4 + 3 * s, 7 + 3 * s)
+            by_skin[:, rows, at.factor.start + s] = expected[:, s] / factor[s] * known[:, s]
+            for axis in range(3):
+                unit = np.eye(3)[axis]
+                turn = np.cross(unit + np.cross(rotation[s], unit) / 2, turned[:, s])
+                by_skin[:, rows, at.rotation.start + 3 * s + axis] = turn * known[:, s]
+                by_skin[:, 4 + 3 * s + axis, at.offset.start + 3 * s + axis] = (
+                    known[:, s, 0] / factor[s]
+                )
+
+    def _sheet_and_slopes(self, attenuation: tuple[float, ...]) -> "tuple[_Sheet, list[_Sheet]]":
+        """Stiffness and motion under v_a, and their derivatives by each of v_a."""
+        if self._known is not None and self._known[0] == attenuation:
+            return self._known[1], self._known[2]
+        v_a, slopes = np.array(attenuation), []
+        for step in _STEP * np.eye(len(v_a)):
+            up, down = self._sheet(v_a + step), self._sheet(v_a - step)
+            slopes.append(
+                _Sheet(
+                    stiffness=(up.stiffness - down.stiffness) / (2 * _STEP),
+                    motion=(up.motion - down.motion) / (2 * _STEP),
+                )
+            )
+        self._known = attenuation, self._sheet(v_a), slopes
+        return self._known[1], slopes
+
+    def _sheet(self, attenuation: Floats) -> _Sheet:
+        """Stiffness and magnets' motion of each touch under v_a."""
+        design = self.design
+        v_a = (float(attenuation[0]), float(attenuation[-1]))
+        unvaried = replace(design.coefficients, attenuation=v_a, stiffness_variation=1.0)
+        stiffness = stiffness_map(design, unvaried)
+        parts = profiles(design.cell, design.cells, v_a, -1.0)
+        motion = [
+            magnet_displacements(parts, magnet.corner)[self._n, self._m]
+            if magnet.mount == "sheet"
+            else np.zeros((len(self._n), 2))
+            for magnet in design.magnets
+        ]
+        return _Sheet(stiffness=stiffness[self._n, self._m], motion=np.stack(motion, axis=1))
+
+
+def triples(values: Floats) -> tuple[Triple, ...]:
+    """Numbers in threes."""
+    return tuple((x, y, z) for x, y, z in values.reshape(-1, 3).tolist())

@@ -1,0 +1,1 @@
+"""Gaussian processes trained on recordings of any board."""

@@ -1,0 +1,489 @@
+"""Training of the Gaussian processes that `learned.gaussian_process` runs.
+
+Decides how examples are held out (whole groups: a place, a cycle, never single rows), which of
+several encodings suits them, how the lengths, amplitudes and noise are found (the most probable
+ones, by the gradient of the marginal likelihood), and what a model is told about its own accuracy
+(residuals on what was held out). The noise has a part that grows as the field gets faint. Needs
+NumPy and SciPy alone.
+"""
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dpotri
+from scipy.optimize import fmin_l_bfgs_b
+from scipy.spatial.distance import cdist
+
+from smoskin.arrays import Bools, Floats, Ints, floats, frozen
+from smoskin.errors import ArgumentError
+from smoskin.sensing.learned.gaussian_process import LearnedModel, Metric, Output
+from smoskin.sensing.learned.inputs import Encoding, Form
+
+Progress: TypeAlias = Callable[[str, float], None]
+"""Called with what is being done and the share of it that is done, 0 to 1."""
+
+_JITTER: Final = 1e-8
+_HELD_OUT: Final = 0.15
+_STRETCHES: Final = 3
+_BELIEVED_SHARE: Final = 0.99
+_BEYOND: Final = 2.0
+"""A model is believed to this multiple of the distance that holds the believed share."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Examples:
+    """Readings with known answers.
+
+    Raises
+    ------
+    ArgumentError
+        If the shapes disagree or the fields are not finite.
+    """
+
+    time: Floats
+    """(T,), s; increasing within a run."""
+    field: Floats
+    """(T, S, 3), T, zeroed, of all chips."""
+    targets: Floats
+    """(T, O), SI; NaN in a row whose answer is not known (it still counts as history)."""
+    outputs: tuple[Output, ...]
+    """What the targets are."""
+    group: Ints
+    """(T,): place or cycle that the row belongs to; held out only as a whole."""
+    run: Ints
+    """(T,): run that the row belongs to; history starts afresh in each."""
+
+    def __post_init__(self) -> None:
+        rows = len(self.time)
+        object.__setattr__(self, "time", frozen("time", self.time, (rows,)))
+        object.__setattr__(self, "field", frozen("field", self.field, (rows, None, 3)))
+        shape = (rows, len(self.outputs))
+        object.__setattr__(self, "targets", frozen("targets", self.targets, shape))
+        for name in ("group", "run"):
+            object.__setattr__(self, name, _whole(name, getattr(self, name), rows))
+        if not (np.isfinite(self.field).all() and np.isfinite(self.time).all()):
+            raise ArgumentError("field and time must be finite; drop the rows that are not")
+
+    @property
+    def known(self) -> Bools:
+        """(T,): rows whose answer is known."""
+        return np.asarray(np.isfinite(self.targets).all(axis=1))
+
+    def encode(self, encoding: Encoding) -> Floats:
+        """Inputs of every row, run by run, shape (T, D)."""
+        inputs = np.empty((len(self.time), encoding.columns))
+        for run in np.unique(self.run):
+            rows = self.run == run
+            inputs[rows] = encoding.encode(self.time[rows], self.field[rows])
+        return inputs
+
+    def where(self, rows: Bools) -> "Examples":
+        """The same with the answers of all other rows unknown, so that histories stay whole."""
+        targets = np.where(rows[:, None], self.targets, np.nan)
+        return Examples(
+            time=self.time,
+            field=self.field,
+            targets=targets,
+            outputs=self.outputs,
+            group=self.group,
+            run=self.run,
+        )
+
+    def sha256(self) -> str:
+        """Hash of everything in it that a model depends on."""
+        digest = hashlib.sha256(",".join(one.name for one in self.outputs).encode())
+        for array in (self.time, self.field, self.targets, self.group, self.run):
+            digest.update(str(array.shape).encode())
+            digest.update(np.ascontiguousarray(array).tobytes())
+        return digest.hexdigest()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effort:
+    """How much work training may do; less of it gives a rougher model, sooner."""
+
+    rows: int = 4000
+    """Most examples that a model remembers; the rest are left out at random."""
+    evidence_rows: int = 500
+    """Examples that lengths and noise are found from."""
+    iterations: int = 30
+    """Steps of that search."""
+
+    def __post_init__(self) -> None:
+        for name in ("rows", "evidence_rows", "iterations"):
+            if getattr(self, name) < 1:
+                raise ArgumentError(f"{name} must be at least 1; got {getattr(self, name)}")
+
+
+def train(
+    examples: Examples,
+    encoding: Encoding,
+    *,
+    seed: int = 0,
+    effort: Effort | None = None,
+    place: ArrayLike = (0.0, 0.0),
+    touch_field: float = 30e-6,
+    progress: Progress | None = None,
+) -> LearnedModel:
+    """A model of the examples; the same seed and examples give the same model.
+
+    Parameters
+    ----------
+    examples : Examples
+    encoding : Encoding
+        What the model is fed.
+    seed : int, optional
+        Of the draw of what is held out and left out.
+    effort : Effort, optional
+    place : array_like, shape (2,), optional
+        m: where the examples were made, for outputs without X and Y.
+    touch_field : float, optional
+        T: a field shorter than this is no touch.
+    progress : callable, optional
+
+    Returns
+    -------
+    LearnedModel
+        Fitted on all examples; its metrics, covariance and reach come from a fit that lacked
+        the held-out groups.
+
+    Raises
+    ------
+    ArgumentError
+        If fewer than two groups have known answers, or an output never changes.
+
+    Notes
+    -----
+    Source: the log marginal likelihood of a Gaussian process and its gradient in the
+    logarithms of its parameters, with a wide normal prior on the lengths.
+    """
+    report = progress or (lambda what, share: None)
+    effort = effort or Effort()
+    known = examples.known
+    inputs = examples.encode(encoding)[known]
+    targets, group = examples.targets[known], examples.group[known]
+    groups = np.unique(group)
+    if len(groups) < 2:
+        raise ArgumentError(
+            f"examples must hold at least two groups with known answers; got {len(groups)}"
+        )
+    if not (np.ptp(targets, axis=0) > 0).all():
+        raise ArgumentError("examples: every output must take more than one value")
+    rng = np.random.default_rng(seed)
+    count = max(1, round(_HELD_OUT * len(groups)))
+    held = np.isin(group, rng.permutation(groups)[:count])
+
+    report("lengths and noise", 0.0)
+    fit_inputs, fit_targets = inputs[~held], targets[~held]
+    problem = _Problem.of(encoding, fit_inputs, fit_targets)
+    few = rng.permutation(len(fit_inputs))[: effort.evidence_rows]
+    parameters = _most_probable(
+        problem, fit_inputs[few], fit_targets[few], effort.iterations, report
+    )
+
+    report("held-out figures", 0.0)
+    # Fewer rows suffice to see how residuals scale; the final fit sees them all.
+    some = rng.permutation(len(fit_inputs))[: max(effort.rows // 2, 1)]
+    blank = LearnedModel(
+        encoding=encoding,
+        chips_in_reading=examples.field.shape[1],
+        outputs=examples.outputs,
+        place=floats("place", place, (2,)),
+        touch_field=touch_field,
+        residual=np.eye(len(examples.outputs)),
+        reach=1.0,
+        data_sha256=examples.sha256(),
+        split=f"{count} of {len(groups)} groups held out whole, drawn with seed {seed}",
+        metrics=(),
+        **_solve(problem, parameters, fit_inputs[some], fit_targets[some])._asdict(),
+    )
+    judged = _judge(blank, inputs[held], targets[held])
+
+    report("final fit", 0.0)
+    rows = np.sort(rng.permutation(len(inputs))[: effort.rows])
+    final = _solve(problem, parameters, inputs[rows], targets[rows])
+    report("final fit", 1.0)
+    return replace(judged, **final._asdict())
+
+
+def choose_encoding(
+    examples: Examples,
+    encodings: Sequence[Encoding],
+    *,
+    seed: int = 0,
+    effort: Effort | None = None,
+) -> Encoding:
+    """The encoding that errs least on stretches of time that training did not see.
+
+    Parameters
+    ----------
+    examples : Examples
+        Of one run or several, each of at least three groups one after the other.
+    encodings : sequence of Encoding
+        To choose from; the first of equals is taken.
+    seed : int, optional
+        Of each training.
+    effort : Effort, optional
+        Of each training, of which there are three for every encoding.
+
+    Returns
+    -------
+    Encoding
+
+    Raises
+    ------
+    ArgumentError
+        If there is no encoding, or no group to hold out.
+
+    Notes
+    -----
+    A third of each run's groups, consecutive in time, is held out in turn. The first group of a
+    run is always trained on: histories start empty there, as they do wherever a model is used.
+    """
+    if not encodings:
+        raise ArgumentError("encodings must hold at least one; got none")
+    if len(encodings) == 1:
+        return encodings[0]
+    stretch = _stretches(examples)
+    held = [stretch == k for k in range(_STRETCHES) if (stretch == k).any()]
+    if len(held) < 2:
+        raise ArgumentError("examples must hold runs of at least three groups with known answers")
+
+    def error(encoding: Encoding) -> float:
+        inputs = examples.encode(encoding)
+        errors = []
+        for rows in held:
+            model = train(examples.where(~rows), encoding, seed=seed, effort=effort)
+            miss = model.predict(inputs[rows]).values - examples.targets[rows]
+            errors.append(np.sqrt((miss**2).mean(axis=0)))
+        return float((np.mean(errors, axis=0) / np.nanstd(examples.targets, axis=0)).mean())
+
+    return min(encodings, key=error)
+
+
+def _stretches(examples: Examples) -> Ints:
+    """Which stretch of its run a row with a known answer belongs to; -1 is never held out."""
+    stretch = np.full(len(examples.time), -1)
+    for run in np.unique(examples.run):
+        rows = np.flatnonzero((examples.run == run) & examples.known)
+        groups, first, member = np.unique(
+            examples.group[rows], return_index=True, return_inverse=True
+        )
+        order = np.argsort(np.argsort(first))[member.reshape(-1)]
+        stretch[rows] = (order - 1) * _STRETCHES // max(len(groups) - 1, 1)
+    return stretch
+
+
+class _Problem(NamedTuple):
+    """Standardisation of inputs and targets, fixed once for all fits of one training."""
+
+    encoding: Encoding
+    centre: Floats
+    spread: Floats
+    mean: Floats
+    size: Floats
+    faint: float
+    """T^2: the squared field at which both parts of the noise count as given."""
+
+    @classmethod
+    def of(cls, encoding: Encoding, inputs: Floats, targets: Floats) -> "_Problem":
+        """From the examples that are fitted."""
+        spread = inputs.std(axis=0)
+        faint = 0.0
+        if encoding.form is Form.DIRECTION:
+            faint = float(np.exp(2.0 * np.median(inputs[:, 3 * len(encoding.chips)])))
+        return cls(
+            encoding=encoding,
+            centre=inputs.mean(axis=0),
+            spread=np.where(spread > 0, spread, 1.0),
+            mean=targets.mean(axis=0),
+            size=targets.std(axis=0),
+            faint=faint,
+        )
+
+    def standard(self, inputs: Floats, targets: Floats) -> tuple[Floats, Floats, Floats]:
+        """Standardised inputs and targets, and the faintness of each row."""
+        faintness = self.faint * self.encoding.faintness(inputs)
+        return (inputs - self.centre) / self.spread, (targets - self.mean) / self.size, faintness
+
+
+class _Parameters(NamedTuple):
+    """What the search finds; its vector holds the logarithms, in this order."""
+
+    lengths: Floats
+    """(D,), of the standardised inputs."""
+    amplitude: float
+    linear: float
+    floor: float
+    """Noise at any field."""
+    faint: float
+    """Noise that a faint field adds."""
+
+    @classmethod
+    def of(cls, vector: Floats) -> "_Parameters":
+        """From the search's vector."""
+        values = np.exp(vector)
+        return cls(values[:-4], *(float(one) for one in values[-4:]))
+
+
+class _Fit(NamedTuple):
+    """What `LearnedModel` keeps of a solved process, by the names it keeps it under."""
+
+    centre: Floats
+    scale: Floats
+    support: Floats
+    weights: Floats
+    slope: Floats
+    intercept: Floats
+    noise: Floats
+
+
+def _most_probable(
+    problem: _Problem, inputs: Floats, targets: Floats, iterations: int, report: Progress
+) -> _Parameters:
+    """Parameters of the greatest posterior density, from a subset of the examples."""
+    x, y, faintness = problem.standard(inputs, targets)
+    columns = x.shape[1]
+    usual = np.log(4.0 * np.sqrt(columns))
+    # The noise bounds keep the covariance positive definite in float64.
+    bounds = [(-2.0, 8.0)] * columns + [(-5.0, 4.0), (-7.0, 3.0), (-7.0, 1.0), (-7.0, 1.0)]
+    start = np.concatenate([np.full(columns, usual), [0.0, 0.0, -3.0, -3.0]])
+    done = 0
+
+    def count(_: Floats) -> None:
+        nonlocal done
+        done += 1
+        report("lengths and noise", min(done / iterations, 1.0))
+
+    best, _, _ = fmin_l_bfgs_b(
+        negative_log_posterior,
+        start,
+        args=(x, y, faintness, usual),
+        bounds=bounds,
+        maxiter=iterations,
+        callback=count,
+    )
+    return _Parameters.of(np.asarray(best))
+
+
+def negative_log_posterior(
+    vector: Floats, x: Floats, y: Floats, faintness: Floats, usual: float
+) -> tuple[float, Floats]:
+    """What training minimises, and its gradient; both over the number of rows.
+
+    Parameters
+    ----------
+    vector : Floats, shape (D + 4,)
+        Logarithms of the lengths, of the amplitudes of the Matern and the linear part, and of
+        the noise at any field and of a faint field.
+    x : Floats, shape (T, D)
+        Standardised inputs.
+    y : Floats, shape (T, O)
+        Standardised targets.
+    faintness : Floats, shape (T,)
+        Factor of the faint field's noise variance.
+    usual : float
+        Mean of the prior of the lengths' logarithms, whose standard deviation is 1.
+
+    Returns
+    -------
+    value : float
+    gradient : Floats, shape (D + 4,)
+
+    Notes
+    -----
+    Source: -log p(y) = y' K^-1 y / 2 + log det K / 2 + const for each output, and
+    d(-log p) = tr((K^-1 - a a') dK) / 2 with a = K^-1 y.
+    """
+    p = _Parameters.of(vector)
+    rows, columns = x.shape
+    scaled = x / p.lengths
+    distance = cdist(scaled, scaled)
+    decay = p.amplitude**2 * np.exp(-distance)
+    matern = (1.0 + distance) * decay
+    linear = p.linear**2 * (x @ x.T + 1.0)
+    factor, lower = cho_factor(matern + linear + np.diag(_variance(p, faintness)), lower=True)
+    a = cho_solve((factor, lower), y)
+    triangle = dpotri(factor, lower=1)[0]
+    inverse = np.tril(triangle) + np.tril(triangle, -1).T
+    half = 0.5 * (y.shape[1] * inverse - a @ a.T)
+    value = 0.5 * float((a * y).sum()) + y.shape[1] * float(np.log(np.diag(factor)).sum())
+    off = vector[:columns] - usual
+    gradient = np.empty(columns + 4)
+    # dK / d log(length) is the squared scaled difference along it, times the decay.
+    pull = half * decay
+    gradient[:columns] = 2.0 * (
+        (scaled**2 * pull.sum(axis=1)[:, None]).sum(axis=0) - (scaled * (pull @ scaled)).sum(axis=0)
+    )
+    gradient[columns:] = [
+        2.0 * (half * matern).sum(),
+        2.0 * (half * linear).sum(),
+        2.0 * p.floor**2 * np.trace(half),
+        2.0 * p.faint**2 * float(np.diag(half) @ faintness),
+    ]
+    gradient[:columns] += off
+    return (value + 0.5 * float(off @ off)) / rows, gradient / rows
+
+
+def _variance(p: _Parameters, faintness: Floats) -> Floats:
+    """Noise variance of each row, standardised."""
+    return p.floor**2 + p.faint**2 * faintness + _JITTER
+
+
+def _solve(problem: _Problem, p: _Parameters, inputs: Floats, targets: Floats) -> _Fit:
+    """The process's mean given these examples."""
+    x, y, faintness = problem.standard(inputs, targets)
+    support = x / p.lengths
+    kernel = cdist(support, support)
+    kernel = p.amplitude**2 * (1.0 + kernel) * np.exp(-kernel)
+    kernel += p.linear**2 * (x @ x.T + 1.0)
+    kernel[np.diag_indices(len(kernel))] += _variance(p, faintness)
+    a = cho_solve(cho_factor(kernel, lower=True, overwrite_a=True), y) * problem.size
+    return _Fit(
+        centre=problem.centre,
+        scale=problem.spread * p.lengths,
+        support=support,
+        weights=p.amplitude**2 * a,
+        slope=p.linear**2 * p.lengths[:, None] * (x.T @ a),
+        intercept=p.linear**2 * a.sum(axis=0) + problem.mean,
+        noise=np.array([p.floor**2, p.faint**2 * problem.faint]),
+    )
+
+
+def _judge(model: LearnedModel, inputs: Floats, targets: Floats) -> LearnedModel:
+    """The model with what held-out examples say of its residuals and its reach."""
+    said = model.predict(inputs)
+    error = said.values - targets
+    factor = said.covariance[:, 0, 0, None]
+    near = float(np.quantile(said.novelty, _BELIEVED_SHARE))
+    metrics = [
+        Metric(f"rmse_{one.name.lower()}", float(np.sqrt(np.mean(error[:, k] ** 2))), one.unit)
+        for k, one in enumerate(model.outputs)
+    ]
+    if {Output.X, Output.Y} <= set(model.outputs):
+        at = [model.outputs.index(one) for one in (Output.X, Output.Y)]
+        miss = float(np.hypot(*error[:, at].T).mean())
+        metrics.append(Metric("mean_error", miss, "m"))
+    return replace(
+        model,
+        residual=(error / factor).T @ error / len(error),
+        reach=max(_BEYOND * near, _JITTER),
+        metrics=tuple(metrics),
+    )
+
+
+def _whole(name: str, value: object, rows: int) -> Ints:
+    """A read-only copy of one whole number a row."""
+    array = np.asarray(value)
+    if array.shape != (rows,) or not np.issubdtype(array.dtype, np.integer):
+        raise ArgumentError(
+            f"{name} must be {rows} whole numbers; got {array.dtype} of shape {array.shape}"
+        )
+    copy = array.astype(np.int64)
+    copy.setflags(write=False)
+    return copy

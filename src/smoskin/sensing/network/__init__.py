@@ -1,0 +1,1 @@
+"""Ensembles of small networks trained on response tables."""

@@ -1,0 +1,112 @@
+"""From touches that a rig has held to the labelled signals that a calibration is made of.
+
+Decides which readings of a touch count: the mean of those while it was held, less the mean of
+those of the rest just before it, creep undone, so that a slow drift takes no part. Hides what the
+rubber remembers from touch to touch.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from smoskin.arrays import Floats
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError
+from smoskin.mechanics.viscoelasticity import Prony
+from smoskin.records import Contact, HeldTouch, Status
+from smoskin.sensing.response.calibrate import LabelledTouches
+from smoskin.sensing.signals.signals import Signals
+
+
+class Label(NamedTuple):
+    """One touch and what it says."""
+
+    contact: Contact
+    values: Floats
+    """(S, 3), T: signals of all chips."""
+    temperature: float
+    """degC, of the rubber as the chips report it."""
+    status: Status | None
+    """What forbids to use it; None where nothing does."""
+
+
+class Labeller:
+    """Signals of held touches of one skin, one after the other.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    creep : Prony, optional
+        Of the rubber, to undo its creep; by default touches are taken to have settled.
+    """
+
+    def __init__(self, design: SkinDesign, creep: Prony | None = None) -> None:
+        self._signals = Signals(design, creep=creep)
+        self._level: Floats | None = None
+
+    def label(self, touch: HeldTouch) -> Label:
+        """What a touch says; every touch must be given, in the order of time.
+
+        A rest without readings is that of the touch before.
+
+        Raises
+        ------
+        ArgumentError
+            If no chip can be believed in the rest before the first touch, or readings come from
+            another number of chips than the design has.
+        """
+        if self._level is None:
+            start, end = touch.rest
+            self._signals.zero([one for one in touch.readings if start <= one.time <= end])
+        rest: list[Floats] = []
+        held: list[Floats] = []
+        status: Status | None = None
+        degrees = np.nan
+        for reading in touch.readings:
+            signal = self._signals.step(reading)
+            for (start, end), kept in ((touch.rest, rest), (touch.held, held)):
+                if not start <= reading.time <= end:
+                    continue
+                if signal.status is None:
+                    kept.append(signal.values)
+                    degrees = signal.temperature
+                elif kept is held:
+                    # One saturated chip spoils the creep of the whole touch.
+                    status = signal.status
+        if rest:
+            self._level = np.mean(rest, axis=0)
+        if not held or self._level is None:
+            nothing = np.full((len(touch.readings[0].field), 3), np.nan)
+            return Label(touch.contact, nothing, degrees, status or Status.CHIP_MISSING)
+        return Label(touch.contact, np.mean(held, axis=0) - self._level, degrees, status)
+
+
+def labelled_touches(
+    labels: list[Label], chips: tuple[int, ...], *, place_spread: float, force_spread: float
+) -> LabelledTouches:
+    """The labels that can be used, of these chips alone.
+
+    Parameters
+    ----------
+    labels : list of Label
+    chips : tuple of int
+        Of the table that they shall calibrate.
+    place_spread, force_spread : float
+        m and N: standard deviations of the labels' places and forces along each axis.
+
+    Raises
+    ------
+    ArgumentError
+        If none can be used.
+    """
+    good = [one for one in labels if one.status is None]
+    if not good:
+        raise ArgumentError(f"labels must hold at least one that can be used; got {len(labels)}")
+    return LabelledTouches(
+        position=[one.contact.position for one in good],
+        force=[one.contact.force for one in good],
+        signals=np.stack([one.values for one in good])[:, list(chips)],
+        temperature=[one.temperature for one in good],
+        place_spread=place_spread,
+        force_spread=force_spread,
+    )

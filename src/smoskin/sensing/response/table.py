@@ -1,0 +1,355 @@
+"""What a skin's chips read under a touch, as a table: smooth in place and force, with slopes.
+
+A table is made from presses (`smoskin.sensing.response.fit`) of a twin or a real skin, and is all
+that an estimator knows of the skin. Besides the likeliest answer it carries the modes in which
+skins of the design differ from it, the change with the rubber's temperature, and what two touches
+at once do beyond adding up. Decides what a table holds and its file; hides the fast evaluation of
+single touches. Files carry no code; they need `safetensors`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from smoskin.arrays import Floats, Ints, floats, frozen
+from smoskin.errors import ArgumentError, ModelError
+from smoskin.magnetics.nonlinearity import cross_signals
+from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
+from smoskin.sensing.files import RESPONSE_TABLE, TensorFile
+from smoskin.sensing.response.basis import PointLine, TouchBasis
+from smoskin.sensing.response.pairs import mutual_drags
+
+_FILE: Final = TensorFile("a response table", RESPONSE_TABLE, 2)
+_TENSORS: Final = (
+    "mean",
+    "warmth",
+    "modes",
+    "grip",
+    "grip_modes",
+    "curvature",
+    "misfit",
+    "pair_misfit",
+)
+_LINES: Final = ("extent", "lines_x", "lines_y")
+_CHUNK: Final = 2048
+"""Touches whose functions are laid out at once."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ResponseTable:
+    """Signals of S chips for touches with D products of forces on P x Q functions of place.
+
+    A signal is what a chip reads, turned into the skin's axes as designed, at the magnets'
+    reference temperature, less what it reads untouched. C = 3 S of them stand in a row.
+
+    Raises
+    ------
+    ModelError
+        If arrays do not fit each other or are not finite.
+    """
+
+    design_hash: str
+    """Content hash of the design."""
+    basis: TouchBasis
+    chips: tuple[int, ...]
+    """(S,): which of the skin's chips, by their place in a reading."""
+    forces: tuple[float, float]
+    """N: normal forces from and to which it was fitted."""
+    mean: Floats
+    """(P, Q, D, C), T/N^k: coefficients of the likeliest answer."""
+    softening: float
+    """1/K: how much stiffer a degree makes the rubber, which takes that share off every force."""
+    warmth: Floats
+    """(P, Q, D, C): what a degree changes besides."""
+    modes: Floats
+    """(K, P, Q, D, C): how skins differ from it, each by one standard deviation."""
+    grip: Floats
+    """(H, 2, H, 3), H = N M vertices, m/N: how each moves in the plane by a force on each, along
+    x, y and down (`mechanics.gripping`); zero where touches are taken not to hold the sheet."""
+    grip_modes: Floats
+    """(K, H, 2, H, 3): how that differs with each of the modes."""
+    curvature: Floats
+    """(S, 3, 3, 3), 1/T: what two touches add to the sum of their signals at a chip; by signal of
+    one, signal of the other, and signal that it adds to. See `smoskin.sensing.response.pairs`."""
+    misfit: Floats
+    """(C, C), T^2/N^2: covariance of what the table misses, for a touch of a newton."""
+    pair_misfit: Floats
+    """(C, C), T^2/N^2: what it misses more with two touches, for a newton of both squared."""
+
+    def __post_init__(self) -> None:
+        p, q, d = self.basis.shape
+        count = 3 * len(self.chips)
+        vertices = len(self.basis.lines_x) * len(self.basis.lines_y)
+        shapes: dict[str, tuple[int | None, ...]] = {
+            "mean": (p, q, d, count),
+            "warmth": (p, q, d, count),
+            "modes": (None, p, q, d, count),
+            "grip": (vertices, 2, vertices, 3),
+            "grip_modes": (len(self.modes), vertices, 2, vertices, 3),
+            "curvature": (len(self.chips), 3, 3, 3),
+            "misfit": (count, count),
+            "pair_misfit": (count, count),
+        }
+        for name, shape in shapes.items():
+            try:
+                array = frozen(name, getattr(self, name), shape)
+            except ArgumentError as error:
+                raise ModelError(f"response table: {error}") from error
+            if not np.isfinite(array).all():
+                raise ModelError(f"response table: {name} must be finite")
+            object.__setattr__(self, name, array)
+        if not self.chips or not 0 < self.forces[0] < self.forces[1]:
+            raise ModelError("response table: must have chips and rising positive forces")
+
+    def signals(
+        self, position: ArrayLike, force: ArrayLike, temperature: ArrayLike = REFERENCE_TEMPERATURE
+    ) -> Floats:
+        """What the chips read under each of B touches.
+
+        Parameters
+        ----------
+        position : array_like, shape (B, 2)
+            m.
+        force : array_like, shape (B, 3)
+            N, on the skin; pressing is negative z.
+        temperature : array_like, shape (B,) or (), optional
+            Of the rubber, degC.
+
+        Returns
+        -------
+        Floats, shape (B, C)
+            T.
+        """
+        where, push = _touches(position, force)
+        warmer = np.broadcast_to(
+            floats("temperature", temperature) - REFERENCE_TEMPERATURE, len(where)
+        )
+        push = push / (1 + self.softening * warmer)[:, None]
+        both = np.concatenate([self.mean, self.warmth], axis=-1).reshape(-1, 2 * self.count)
+        out = np.concatenate(
+            [self.basis.rows(where[k], push[k]) @ both for k in _chunks(len(where))]
+        )
+        return np.asarray(out[:, : self.count] + warmer[:, None] * out[:, self.count :])
+
+    def mode_signals(self, position: ArrayLike, force: ArrayLike) -> Floats:
+        """What each mode adds to that, shape (B, K, C), T."""
+        where, push = _touches(position, force)
+        functions = int(np.prod(self.basis.shape))
+        flat = self.modes.reshape(-1, functions, self.count).transpose(1, 0, 2)
+        out = [
+            self.basis.rows(where[k], push[k])
+            @ flat.reshape(functions, len(self.modes) * self.count)
+            for k in _chunks(len(where))
+        ]
+        return np.concatenate(out).reshape(len(where), len(self.modes), self.count)
+
+    def slopes(self, position: ArrayLike, force: ArrayLike) -> Floats:
+        """Derivatives of the signals by (x, y, Fx, Fy, Fz), shape (B, C, 5), T/m and T/N."""
+        where, push = _touches(position, force)
+        table = self.point_table()
+        places = where.tolist()
+        return np.stack([table.at(x, y, f)[1].T for (x, y), f in zip(places, push, strict=True)])
+
+    def together(self, position: ArrayLike, force: ArrayLike) -> Floats:
+        """What B pairs of touches read at once, (B, 2, 2) m and (B, 2, 3) N; shape (B, C).
+
+        Each touch that sticks holds the sheet in the plane under the other, so that they drag each
+        other, and the field is not linear in motion: see `smoskin.sensing.response.pairs`.
+        """
+        where, push = floats("position", position, (2, 2)), floats("force", force, (2, 3))
+        drags = mutual_drags(self.grip, self.vertex_shares(where), -push[..., 2])
+        push = np.concatenate([push[..., :2] + drags, push[..., 2:]], axis=-1)
+        one, other = (self.signals(where[:, k], push[:, k]) for k in (0, 1))
+        return np.asarray(one + other + cross_signals(self.curvature, one, other))
+
+    def vertex_shares(self, position: Floats) -> Floats:
+        """Share of each vertex in touches at (..., 2), shape (..., H)."""
+        n, m = len(self.basis.lines_x), len(self.basis.lines_y)
+        x = self.basis.along_x(position[..., 0])[0][..., :n]
+        y = self.basis.along_y(position[..., 1])[0][..., :m]
+        return (x[..., :, None] * y[..., None, :]).reshape(*position.shape[:-1], n * m)
+
+    @property
+    def count(self) -> int:
+        """How many signals, C."""
+        return 3 * len(self.chips)
+
+    def of_chips(self, chips: Sequence[int]) -> "ResponseTable":
+        """The table of these chips alone.
+
+        Raises
+        ------
+        ArgumentError
+            If the table has not all of them.
+        """
+        if not chips or not set(chips) <= set(self.chips):
+            raise ArgumentError(f"chips must be among {self.chips}; got {tuple(chips)}")
+        at = [3 * self.chips.index(chip) + axis for chip in chips for axis in range(3)]
+        return replace(
+            self,
+            chips=tuple(chips),
+            mean=self.mean[..., at],
+            warmth=self.warmth[..., at],
+            modes=self.modes[..., at],
+            curvature=self.curvature[[self.chips.index(chip) for chip in chips]],
+            misfit=self.misfit[np.ix_(at, at)],
+            pair_misfit=self.pair_misfit[np.ix_(at, at)],
+        )
+
+    def point_table(self, temperature: float = REFERENCE_TEMPERATURE) -> "PointTable":
+        """The same for one touch at a time, fast, with the rubber at this temperature."""
+        warmer = temperature - REFERENCE_TEMPERATURE
+        order = self.basis.exponents.sum(axis=1)[:, None]
+        both = self.mean + warmer * self.warmth
+        return PointTable(self.basis, both / (1 + self.softening * warmer) ** order)
+
+    def save(self, path: Path | str) -> None:
+        """Write the table's file.
+
+        Raises
+        ------
+        MissingExtraError
+            If `safetensors` is not installed.
+        """
+        arrays = {
+            name: np.asarray(getattr(self, name), np.float32 if "modes" in name else np.float64)
+            for name in _TENSORS
+        }
+        arrays |= {name: getattr(self.basis, name) for name in _LINES}
+        arrays["exponents"] = self.basis.exponents
+        header = {
+            "design": self.design_hash,
+            "chips": list(self.chips),
+            "forces_N": list(self.forces),
+            "softening_per_K": self.softening,
+            "radius_m": self.basis.radius,
+            "signals": "x, y, z of each chip in turn, in the skin's axes, T, less the rest field",
+        }
+        _FILE.write(path, arrays, header)
+
+
+def load_response_table(path: Path | str) -> ResponseTable:
+    """Read a response table's file.
+
+    Raises
+    ------
+    ModelError
+        If it cannot be read, is no response table or of a later format, or is damaged.
+    MissingExtraError
+        If `safetensors` is not installed.
+    """
+    names = (*_TENSORS, *_LINES, "exponents")
+    return _FILE.read(path, names, _table)
+
+
+def _table(arrays: dict[str, Floats], header: dict[str, Any]) -> ResponseTable:
+    """The table of a file's arrays and header."""
+    low, high = (float(one) for one in header["forces_N"])
+    return ResponseTable(
+        design_hash=str(header["design"]),
+        basis=TouchBasis(
+            radius=float(header["radius_m"]),
+            exponents=arrays["exponents"],
+            **{name: arrays[name] for name in _LINES},
+        ),
+        chips=tuple(int(chip) for chip in header["chips"]),
+        forces=(low, high),
+        softening=float(header["softening_per_K"]),
+        **{name: arrays[name] for name in _TENSORS},
+    )
+
+
+class PointTable:
+    """Coefficients laid out for one touch at a time.
+
+    Parameters
+    ----------
+    basis : TouchBasis
+    coefficients : Floats, shape (P, Q, D, C)
+    """
+
+    def __init__(self, basis: TouchBasis, coefficients: Floats) -> None:
+        self.basis = basis
+        self._coefficients = coefficients
+        self._lines = PointLine(basis.lines_x, basis.radius), PointLine(basis.lines_y, basis.radius)
+        # Vertices and products of neighbours in turn: what a touch needs stands together.
+        turns = [_in_turn(len(line)) for line in (basis.lines_x, basis.lines_y)]
+        p, q, *_ = coefficients.shape
+        self._block = np.ascontiguousarray(coefficients[np.ix_(*turns)].reshape(p, q, -1))
+        # Which powers make each product and its slopes by each force, and their factors.
+        e = basis.exponents
+        self._highest = int(e.max())
+        lower = np.repeat(e[None], 4, axis=0)
+        self._factors = np.ones((4, len(e)))
+        for axis in range(3):
+            lower[axis + 1, :, axis] = np.maximum(e[:, axis] - 1, 0)
+            self._factors[axis + 1] = e[:, axis]
+        self._powers = np.stack(
+            [axis * (self._highest + 1) + lower[..., axis] for axis in range(3)]
+        )
+
+    def at(self, x: float, y: float, force: Floats) -> tuple[Floats, Floats]:
+        """Signals (C,) and their slopes by x, y, Fx, Fy, Fz, (5, C)."""
+        (i, by_x), (j, by_y) = self._lines[0].near(x), self._lines[1].near(y)
+        a, b, d = by_x.shape[1], by_y.shape[1], len(self.basis.exponents)
+        part = self._block[2 * i : 2 * i + a, 2 * j : 2 * j + b].reshape(a, -1)
+        value, slope = (by_x @ part).reshape(2, b, -1)
+        held, across = (by_y @ value).reshape(2, d, -1)
+        along = (by_y[0] @ slope).reshape(d, -1)
+        powers = []
+        for one in force.tolist():
+            power = 1.0
+            powers.append(power)
+            for _ in range(self._highest):
+                power *= one
+                powers.append(power)
+        g = self._factors * np.array(powers)[self._powers].prod(axis=0)
+        both = g @ held
+        out = np.empty((5, both.shape[1]))
+        out[0], out[1], out[2:] = g[0] @ along, g[0] @ across, both[1:]
+        return both[0], out
+
+    def scan(self, x: Floats, y: Floats, force: Floats) -> tuple[Floats, Floats]:
+        """Signals (B, C) and slopes (B, 5, C) at many places under one force."""
+        basis = self.basis
+        on_x, by_x = basis.along_x(x)
+        on_y, by_y = basis.along_y(y)
+        g, by_force = basis.products(force)
+        p, q, _, count = self._coefficients.shape
+        mixed = np.concatenate([g[None], by_force]) @ self._coefficients
+        flat = mixed.reshape(p, q, 4 * count)
+        # (P, Q, 4 C): contract along y, then along x.
+        held = np.einsum("bq,pqc->bpc", on_y, flat)
+        across = np.einsum("bq,pqc->bpc", by_y, flat[..., :count])
+        value = np.einsum("bp,bpc->bc", on_x, held).reshape(len(x), 4, count)
+        out = np.empty((len(x), 5, count))
+        out[:, 0] = np.einsum("bp,bpc->bc", by_x, held[..., :count])
+        out[:, 1] = np.einsum("bp,bpc->bc", on_x, across)
+        out[:, 2:] = value[:, 1:]
+        return value[:, 0], out
+
+
+def _in_turn(vertices: int) -> Ints:
+    """Order of a line's functions in which each vertex is followed by its product with the next."""
+    order = np.arange(2 * vertices - 1)
+    return np.where(order % 2 == 0, order // 2, vertices + order // 2)
+
+
+def _touches(position: ArrayLike, force: ArrayLike) -> tuple[Floats, Floats]:
+    """Places and forces of B touches each."""
+    where, push = floats("position", position, (None, 2)), floats("force", force, (None, 3))
+    if where.ndim != 2 or push.shape != (len(where), 3):
+        raise ArgumentError(
+            f"position and force must have shapes (B, 2) and (B, 3); got {where.shape} and "
+            f"{push.shape}"
+        )
+    return where, push
+
+
+def _chunks(rows: int) -> list[slice]:
+    """Parts of a batch that are laid out at once."""
+    return [slice(k, k + _CHUNK) for k in range(0, max(rows, 1), _CHUNK)]

@@ -1,0 +1,311 @@
+"""A live page for a skin, served to browsers on this machine.
+
+This module decides the pace of the page (newest value wins, drawn by its own thread), how a
+mouse press becomes a `Contact`, and how failures reach the caller. It hides the web server
+and the thread.
+"""
+
+import io
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, redirect_stdout
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from smoskin.arrays import Floats, floats
+from smoskin.errors import ArgumentError, MissingExtraError, SmoskinError
+from smoskin.records import Contact, Estimate, Reading
+from smoskin.roles import Resource
+from smoskin.service.page.panel import Panel
+from smoskin.service.page.scene import SkinScene, SkinShape
+
+if TYPE_CHECKING:
+    import viser
+
+_HOST: Final = "127.0.0.1"
+_DRAW_PERIOD: Final = 1.0 / 25.0
+_WRITE_EVERY: Final = 3
+_CLOSE_DEADLINE: Final = 5.0
+_RATE_WINDOW: Final = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Moment:
+    """All that one call of `View.show` brought."""
+
+    reading: Reading
+    estimate: Estimate
+    truth: tuple[Contact, ...]
+    vertices: Floats | None
+    latency: float
+    shown: float
+
+
+class View(Resource):
+    """A live page for one skin; a context manager.
+
+    Parameters
+    ----------
+    shape : SkinShape
+        What to draw, and the names of the chips.
+    port : int, default: 0
+        TCP port on 127.0.0.1; 0 takes a free one.
+    on_press : callable, optional
+        Called with a `Contact` when somebody presses the sheet in the page, whenever that
+        press moves or changes, and with None when it ends; always from the view's thread.
+    on_zero : callable, optional
+        Called when somebody asks for a new zero; always from the view's thread.
+    title : str, default: "smoskin"
+        Heading of the page.
+    clock : callable, default: time.monotonic
+        Seconds, for rates and for the end of a press.
+
+    Raises
+    ------
+    ArgumentError
+        If the port is taken.
+    MissingExtraError
+        If the extra `view` is not installed.
+    """
+
+    def __init__(
+        self,
+        shape: SkinShape,
+        *,
+        port: int = 0,
+        on_press: Callable[[Contact | None], None] | None = None,
+        on_zero: Callable[[], None] | None = None,
+        title: str = "smoskin",
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._shape = shape
+        self._on_press = on_press
+        self._on_zero = on_zero
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._newest: _Moment | None = None
+        self._arrivals: deque[float] = deque()
+        self._finger: tuple[Floats, float] | None = None
+        self._pressed: Contact | None = None
+        self._zero_asked = False
+        self._failure: Exception | None = None
+        self._closing = threading.Event()
+        self._server = _serve(port, title)
+        self._panel = Panel(self._server, title, shape.chip_names, on_press is not None)
+        self._scene = SkinScene(self._server, shape)
+        self._listen()
+        self._thread = threading.Thread(target=self._run, name="smoskin-view", daemon=True)
+        self._thread.start()
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return f"http://{_HOST}:{self._server.get_port()}"
+
+    def show(
+        self,
+        reading: Reading,
+        estimate: Estimate,
+        *,
+        truth: Sequence[Contact] = (),
+        vertices: Floats | None = None,
+        latency: float = math.nan,
+    ) -> None:
+        """Make this the moment that the page shows next; never waits.
+
+        Parameters
+        ----------
+        reading : Reading
+            With as many chips as the shape.
+        estimate : Estimate
+            What was made of it.
+        truth : sequence of Contact, optional
+            What really touches the skin, where that is known.
+        vertices : Floats, optional
+            (V, 3), m: the deformed sheet; at rest by default.
+        latency : float, optional
+            s, from reading to estimate, as whoever runs the loop measured it.
+
+        Raises
+        ------
+        ArgumentError
+            If the number of chips or vertices differs from the shape's.
+        Exception
+            Whatever a callback raised since the last call.
+        """
+        if len(reading.field) != len(self._shape.chips):
+            raise ArgumentError(
+                f"reading must have {len(self._shape.chips)} chips; got {len(reading.field)}"
+            )
+        if vertices is not None:
+            vertices = floats("vertices", vertices, self._shape.vertices.shape)
+        self._raise_failure()
+        now = self._clock()
+        moment = _Moment(
+            reading=reading,
+            estimate=estimate,
+            truth=tuple(truth),
+            vertices=vertices,
+            latency=latency,
+            shown=now,
+        )
+        with self._lock:
+            self._newest = moment
+            self._arrivals.append(now)
+            while now - self._arrivals[0] > _RATE_WINDOW:
+                self._arrivals.popleft()
+
+    def close(self) -> None:
+        """End the page; a press still held is let go. Any number of times.
+
+        Raises
+        ------
+        SmoskinError
+            If a callback is still running after five seconds.
+        Exception
+            Whatever a callback raised since the last call of `show`.
+        """
+        if self._closing.is_set():
+            return
+        self._closing.set()
+        self._thread.join(_CLOSE_DEADLINE)
+        with _silence():
+            self._server.stop()
+        self._raise_failure()
+        if self._thread.is_alive():
+            raise SmoskinError(f"a callback has not returned within {_CLOSE_DEADLINE} s")
+
+    def _raise_failure(self) -> None:
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
+
+    def _listen(self) -> None:
+        """Take note of what people do in the page; the view's thread acts on it.
+
+        The callbacks are coroutines so that the server runs them in order on its own loop.
+        """
+
+        @self._panel.zero_button.on_click
+        async def _(event: object) -> None:
+            with self._lock:
+                self._zero_asked = True
+
+        if self._on_press is None:
+            return
+
+        @self._panel.release_button.on_click
+        async def _(event: object) -> None:
+            self._lay_finger(None, 0.0)
+
+        @self._scene.sheet.on_click
+        async def _(event: "viser.SceneNodePointerEvent[viser.MeshHandle]") -> None:
+            self._press(event.ray_origin, event.ray_direction, self._panel.hold)
+
+        @self._scene.sheet.on_drag("left", modifier="shift")
+        async def _(event: "viser.SceneNodeDragEvent[viser.MeshHandle]") -> None:
+            if event.phase == "end":
+                self._lay_finger(None, 0.0)
+                return
+            eye = event.client.camera.position
+            self._press(eye, np.asarray(event.end_position) - eye, math.inf)
+
+    def _press(self, origin: ArrayLike, direction: ArrayLike, hold: float) -> None:
+        place = self._scene.place_under(origin, direction)
+        if place is not None:
+            self._lay_finger(place, hold)
+
+    def _lay_finger(self, place: Floats | None, hold: float) -> None:
+        """Press at a place for so many seconds from now; None lets go."""
+        with self._lock:
+            self._finger = None if place is None else (place, self._clock() + hold)
+
+    def _run(self) -> None:
+        """The view's thread: act on what people did, then draw the newest moment."""
+        try:
+            turn, drawn = 0, None
+            while not self._closing.wait(_DRAW_PERIOD):
+                self._act()
+                drawn = self._draw(drawn, write=turn % _WRITE_EVERY == 0)
+                turn += 1
+            self._lay_finger(None, 0.0)
+            self._act()
+        except Exception as error:  # carried over to whoever calls show or close
+            self._failure = error
+
+    def _act(self) -> None:
+        """Call back for a change of the press and for a zero."""
+        with self._lock:
+            if self._finger is not None and self._clock() >= self._finger[1]:
+                self._finger = None
+            finger, zero, self._zero_asked = self._finger, self._zero_asked, False
+        if zero:
+            self._panel.zero()
+            if self._on_zero is not None:
+                self._on_zero()
+        wanted = None if finger is None else Contact(position=finger[0], force=self._panel.force)
+        if wanted != self._pressed and self._on_press is not None:
+            self._pressed = wanted
+            self._on_press(wanted)
+
+    def _draw(self, drawn: _Moment | None, *, write: bool) -> _Moment | None:
+        """Draw the newest moment; returns it."""
+        now = self._clock()
+        with self._lock:
+            newest, rate = self._newest, self._rate(now)
+        if newest is None:
+            return None
+        with self._server.atomic():
+            self._scene.draw(
+                newest.estimate,
+                newest.truth,
+                newest.vertices,
+                self._panel.exaggeration,
+                self._panel.opacity,
+            )
+            if newest is not drawn:
+                self._panel.record(newest.reading)
+            if write:
+                self._panel.write(
+                    newest.reading,
+                    newest.estimate,
+                    newest.truth,
+                    rate,
+                    newest.latency,
+                    now - newest.shown,
+                )
+        return newest
+
+    def _rate(self, now: float) -> float:
+        """Hz: readings shown a second, over the last second."""
+        recent = [arrival for arrival in self._arrivals if now - arrival <= _RATE_WINDOW]
+        if len(recent) < 2:
+            return 0.0
+        return (len(recent) - 1) / (recent[-1] - recent[0]) if recent[-1] > recent[0] else math.inf
+
+
+def _silence() -> AbstractContextManager[object]:
+    """Keep the server's own greetings out of the standard output, which is the caller's."""
+    return redirect_stdout(io.StringIO())
+
+
+def _serve(port: int, title: str) -> "viser.ViserServer":
+    """A server on exactly this port of this machine only."""
+    try:
+        import viser
+    except ImportError as error:
+        raise MissingExtraError("the live page", "view") from error
+    with _silence():
+        server = viser.ViserServer(host=_HOST, port=port, label=title, verbose=False)
+    # The server takes the next port where one is in use; an address given must hold.
+    if port and server.get_port() != port:
+        with _silence():
+            server.stop()
+        raise ArgumentError(f"port must be free; got {port}, which is in use")
+    return server

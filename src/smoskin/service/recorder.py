@@ -1,0 +1,407 @@
+"""Recordings: every reading and estimate, to the last bit, in a file that robotics tools open.
+
+Decides the layout of a recording (MCAP, ROS 2 messages, one chunk a second) and what survives
+a kill, a cut or a damaged byte. Hides topics, time stamps, chunks and checksums.
+"""
+
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final, final
+
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError, MissingExtraError, RecordingError
+from smoskin.records import Estimate, Reading, Status
+from smoskin.roles import Sink
+from smoskin.service import mcap, ros
+from smoskin.service.mcap import Message, Span
+from smoskin.service.ros import Codec, Description
+
+DESCRIPTION_TOPIC: Final = "/skin/description"
+READING_TOPIC: Final = "/skin/reading"
+ESTIMATE_TOPIC: Final = "/skin/estimate"
+WRENCH_TOPIC: Final = "/skin/wrench"
+
+#: A chunk is written at the latest when it has grown to this many bytes.
+_CHUNK_BYTES: Final = 1_000_000
+#: Wall clock times that both MCAP and ROS 2 can hold, ns.
+_LAST_STAMP: Final = 2**31 * 1_000_000_000 - 1
+#: Estimates of these statuses say what the wrench on the skin is.
+_WRENCH_KNOWN: Final = (Status.CONTACT, Status.NO_CONTACT, Status.AMBIGUOUS)
+
+
+@final
+class Recorder(Sink):
+    """Writes readings and estimates to an MCAP file; a sink of the loop.
+
+    Beside our own messages, which hold every bit, it writes what viewers draw without knowing
+    skins: ``/skin/chip0/field`` (`sensor_msgs/MagneticField`), ``/skin/contact0``
+    (`geometry_msgs/PointStamped`) and so on, and ``/skin/wrench``
+    (`geometry_msgs/WrenchStamped`), the sum over all contacts about the skin's origin.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A new file; an existing one is never overwritten.
+    design : SkinDesign
+        What is recorded; its name, hash and chip setting go into the file.
+    flush_interval : float
+        s of readings that a kill of the process can lose at most.
+    clock : callable
+        A monotonic clock in s, for the flushing.
+    wall_clock : callable
+        ns since 1970-01-01 UTC. Messages are stamped with it at the first reading, and from
+        there on with the time elapsed on the readings' own clock.
+
+    Raises
+    ------
+    ArgumentError
+        If the flush interval is negative or not finite.
+    RecordingError
+        If the file exists or cannot be made.
+    MissingExtraError
+        If mcap or rosbags is not installed.
+
+    Notes
+    -----
+    Written chunks are handed to the operating system, not forced to the disk: they survive a
+    killed process, not a power cut.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        design: SkinDesign,
+        *,
+        flush_interval: float = 1.0,
+        clock: Callable[[], float] = time.monotonic,
+        wall_clock: Callable[[], int] = time.time_ns,
+    ) -> None:
+        if not 0.0 <= flush_interval < float("inf"):
+            raise ArgumentError(f"flush_interval must be finite and >= 0; got {flush_interval}")
+        try:
+            from mcap.writer import CompressionType, Writer
+        except ImportError as error:
+            raise MissingExtraError("recording and replaying", "recording") from error
+        self._codec = Codec()
+        self._clock = clock
+        self._wall_clock = wall_clock
+        self._flush_interval = flush_interval
+        opened = wall_clock()
+        self._description = Description(
+            design=design.name,
+            design_hash=design.content_hash,
+            chips=len(design.halls),
+            setting=design.hall_setting,
+            version=version("smoskin"),
+            start=opened * 1e-9,
+        )
+        try:
+            self._file = open(path, "xb")  # noqa: SIM115 - held until `close`
+        except FileExistsError as error:
+            raise RecordingError(
+                f"{os.fspath(path)} exists; choose another name or remove it"
+            ) from error
+        except OSError as error:
+            raise RecordingError(
+                f"{os.fspath(path)} cannot be written: {error.strerror}"
+            ) from error
+        self._closed = False
+        self._sequence = 0
+        self._bytes = 0
+        self._flushed = clock()
+        self._last_stamp = opened
+        self._first: tuple[int, float] | None = None
+        # Chunks end where this class says, between readings, never by the writer's own count.
+        self._writer: Any = Writer(  # partly untyped
+            self._file, chunk_size=2**62, compression=CompressionType.ZSTD
+        )
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        try:
+            self._begin()
+        except OSError:
+            self._file.close()
+            raise
+
+    def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
+        """Append a reading and what was made of it.
+
+        Raises
+        ------
+        ArgumentError
+            If the reading has another number of chips than the design.
+        RecordingError
+            If the recorder is closed.
+        """
+        if self._closed:
+            raise RecordingError("the recorder is closed")
+        chips = self._description.chips
+        if len(reading.field) != chips:
+            raise ArgumentError(
+                f"reading must have the design's {chips} chips; got {len(reading.field)}"
+            )
+        codec = self._codec
+        stamp = self._last_stamp = self._stamp(reading.time)
+        self._add(READING_TOPIC, codec.encode_reading(reading, self._sequence, stamp), stamp)
+        if estimate is not None:
+            # Directly behind its reading: the pair must not be parted by a chunk's end.
+            payload = codec.encode_estimate(estimate, self._sequence, stamp)
+            self._add(ESTIMATE_TOPIC, payload, stamp)
+        for chip in range(chips):
+            self._add(f"/skin/chip{chip}/field", codec.encode_field(reading, chip, stamp), stamp)
+        if estimate is not None:
+            self._add_contacts(estimate, stamp)
+        self._sequence += 1
+        now = self._clock()
+        if now - self._flushed >= self._flush_interval or self._bytes >= _CHUNK_BYTES:
+            self._flush(now)
+
+    def close(self) -> None:
+        """Write what is left and the file's index; may be called any number of times."""
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            # Once more, so that damage to the first chunk does not make the file nameless.
+            self._describe()
+            self._writer.finish()
+        finally:
+            self._file.close()
+
+    def _begin(self) -> None:
+        """Header, schemas, channels and description, on disk before the first reading."""
+        self._writer.start(profile="ros2", library=f"smoskin {self._description.version}")
+        self._declare(DESCRIPTION_TOPIC, ros.DESCRIPTION)
+        self._declare(READING_TOPIC, ros.READING)
+        self._declare(ESTIMATE_TOPIC, ros.ESTIMATE)
+        self._declare(WRENCH_TOPIC, ros.WRENCH)
+        for chip in range(self._description.chips):
+            self._declare(f"/skin/chip{chip}/field", ros.FIELD)
+        self._describe()
+
+    def _add_contacts(self, estimate: Estimate, stamp: int) -> None:
+        for index, contact in enumerate(estimate.contacts):
+            topic = f"/skin/contact{index}"
+            if topic not in self._channels:
+                self._declare(topic, ros.POSITION)
+            self._add(topic, self._codec.encode_position(contact, stamp), stamp)
+        if estimate.status in _WRENCH_KNOWN:
+            self._add(WRENCH_TOPIC, self._codec.encode_wrench(estimate.contacts, stamp), stamp)
+
+    def _describe(self) -> None:
+        """The description in a chunk of its own, with the channels not yet written."""
+        payload = self._codec.encode_description(self._description)
+        self._flush(self._clock())
+        self._add(DESCRIPTION_TOPIC, payload, self._last_stamp)
+        self._flush(self._clock())
+
+    def _declare(self, topic: str, schema: str) -> None:
+        if schema not in self._schemas:
+            self._schemas[schema] = self._writer.register_schema(
+                schema, "ros2msg", self._codec.schema(schema)
+            )
+        self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[schema])
+
+    def _add(self, topic: str, payload: bytes, stamp: int) -> None:
+        self._writer.add_message(
+            self._channels[topic], log_time=stamp, data=payload, publish_time=stamp
+        )
+        self._bytes += len(payload)
+
+    def _flush(self, now: float) -> None:
+        self._writer.flush()
+        self._bytes = 0
+        self._flushed = now
+
+    def _stamp(self, moment: float) -> int:
+        """Wall clock time of a moment on the readings' clock, ns, as far as it can be told."""
+        if self._first is None:
+            self._first = (self._wall_clock(), moment)
+        wall, first = self._first
+        elapsed = min(max(moment - first, -1e10), 1e10)
+        return min(max(wall + round(elapsed * 1e9), 0), _LAST_STAMP)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """A recording on disk; `open_recording` makes it. Iterating reads it anew, chunk by chunk.
+
+    Iterating gives ``(reading, estimate)``, the estimate None where none was recorded, in the
+    order of recording.
+    """
+
+    path: Path
+    description: Description
+    """What was recorded."""
+    reading_count: int
+    """Readings that can be read."""
+    estimate_count: int
+    """Estimates that can be read."""
+    duration: float
+    """s, from the earliest to the latest reading."""
+    lost_chunks: int
+    """Damaged chunks, each up to a second of readings, that are left out."""
+    truncated: bool
+    """Whether the file was cut off, or its recorder was killed or is still writing."""
+    spans: tuple[Span, ...]
+    """Where the sound chunks stand in the file."""
+    topics: Mapping[int, str]
+    """Topic of each channel number of the file."""
+
+    def __iter__(self) -> Iterator[tuple[Reading, Estimate | None]]:
+        """Readings with their estimates.
+
+        Raises
+        ------
+        RecordingError
+            If the file has changed since it was opened.
+        """
+        codec = Codec()
+        waiting: tuple[int, Reading] | None = None
+        for message in self._messages():
+            if message.topic == READING_TOPIC:
+                if waiting is not None:
+                    yield waiting[1], None
+                waiting = codec.decode_reading(message.payload)
+            elif message.topic == ESTIMATE_TOPIC and waiting is not None:
+                sequence, estimate = codec.decode_estimate(message.payload)
+                if sequence == waiting[0]:
+                    yield waiting[1], estimate
+                    waiting = None
+        if waiting is not None:
+            yield waiting[1], None
+
+    def readings(self) -> Iterator[Reading]:
+        """The readings alone."""
+        codec = Codec()
+        for message in self._messages():
+            if message.topic == READING_TOPIC:
+                yield codec.decode_reading(message.payload)[1]
+
+    def estimates(self) -> Iterator[Estimate]:
+        """The estimates alone."""
+        codec = Codec()
+        for message in self._messages():
+            if message.topic == ESTIMATE_TOPIC:
+                yield codec.decode_estimate(message.payload)[1]
+
+    def _messages(self) -> Iterator[Message]:
+        topics = dict(self.topics)
+        try:
+            with open(self.path, "rb") as file:
+                for span in self.spans:
+                    data = mcap.load(file, span)
+                    if data is None:
+                        raise RecordingError("the file has changed since it was opened")
+                    yield from mcap.messages(data, topics)
+        except OSError as error:
+            raise RecordingError(f"{self.path} cannot be read: {error.strerror}") from error
+        except RecordingError as error:
+            raise RecordingError(f"{self.path}: {error}") from error
+
+
+def open_recording(path: str | os.PathLike[str]) -> Recording:
+    """A recording, every chunk of it checked.
+
+    A file that was cut off or damaged gives every reading whose chunk is whole; `truncated`
+    and `lost_chunks` tell that something is missing.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A file that `Recorder` wrote.
+
+    Returns
+    -------
+    Recording
+        Its description and counts; iterate over it for the readings.
+
+    Raises
+    ------
+    RecordingError
+        If there is no such file, it is not a recording, or it ends before its description.
+    MissingExtraError
+        If mcap or rosbags is not installed.
+    """
+    place = Path(path)
+    try:
+        with open(place, "rb") as file:
+            layout = mcap.survey(file)
+            survey = _Survey(topics=dict(layout.topics))
+            for span in layout.spans:
+                survey.examine(span, mcap.load(file, span))
+    except OSError as error:
+        raise RecordingError(f"{place} cannot be read: {error.strerror}") from error
+    except RecordingError as error:
+        raise RecordingError(f"{place}: {error}") from error
+    description = survey.description
+    if description is None:
+        if layout.truncated and not layout.spans:
+            raise RecordingError(f"{place}: the file ends before its description")
+        if survey.lost:
+            raise RecordingError(f"{place}: the recording's description is damaged")
+        seen = ", ".join(sorted(set(survey.topics.values()))) or "none"
+        raise RecordingError(
+            f"{place}: not a recording of a skin: no message on {DESCRIPTION_TOPIC}; "
+            f"its topics: {seen}"
+        )
+    return Recording(
+        path=place,
+        description=description,
+        reading_count=survey.readings,
+        estimate_count=survey.estimates,
+        duration=survey.latest - survey.earliest if survey.readings else 0.0,
+        lost_chunks=survey.lost,
+        truncated=layout.truncated,
+        spans=tuple(survey.sound),
+        topics=MappingProxyType(survey.topics),
+    )
+
+
+@final
+class _Survey:
+    """What going once through all chunks of a file finds."""
+
+    def __init__(self, topics: dict[int, str]) -> None:
+        self.topics = topics
+        self.codec = Codec()
+        self.sound: list[Span] = []
+        self.lost = 0
+        self.readings = 0
+        self.estimates = 0
+        self.earliest = float("inf")
+        self.latest = float("-inf")
+        self.description: Description | None = None
+        self._next = 0
+        self._gap_known = False
+
+    def examine(self, span: Span, data: bytes | None) -> None:
+        """Count what a chunk holds; None stands for a damaged one."""
+        if data is None:
+            self.lost += 1
+            self._gap_known = True
+            return
+        self.sound.append(span)
+        for topic, payload in mcap.messages(data, self.topics):
+            if topic == READING_TOPIC:
+                self._count(*self.codec.sequence_and_time(payload))
+            elif topic == ESTIMATE_TOPIC:
+                self.estimates += 1
+            elif topic == DESCRIPTION_TOPIC and self.description is None:
+                self.description = self.codec.decode_description(payload)
+
+    def _count(self, sequence: int, moment: float) -> None:
+        # Readings can be missing without a damaged chunk in sight where its very opcode is
+        # damaged and the file has no index.
+        if sequence != self._next and not self._gap_known:
+            self.lost += 1
+        self._next = sequence + 1
+        self._gap_known = False
+        self.readings += 1
+        self.earliest = min(self.earliest, moment)
+        self.latest = max(self.latest, moment)

@@ -1,0 +1,109 @@
+"""Judging estimators in sessions of touches, and tables from presses of the twin."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from smoskin.commands.response import Effort, cached_response_table
+from smoskin.commands.score.evaluate import Disturbance, Session, judge, readings
+from smoskin.errors import ArgumentError
+from smoskin.mechanics.sheet.touches import Touches
+from smoskin.mechanics.viscoelasticity import elastomer_prony
+from smoskin.sensing.bayes.estimator import BayesEstimator
+from smoskin.sensing.signals.conditioning import ZeroTracking
+from smoskin.twin.readout import Readout
+from tables_of_response import motions, plain, presses, reduced_table
+
+
+@pytest.fixture(scope="module")
+def skin(planar):
+    return plain(planar)
+
+
+@pytest.fixture(scope="module")
+def twin(skin):
+    """As much of a twin as a session of known motions needs."""
+    readout = Readout(skin)
+    return SimpleNamespace(
+        design=skin,
+        sample=lambda motion, rng, temperature: readout.sample(motion, rng, temperature),
+    )
+
+
+def session(skin, count, temperature=25.0):
+    where, push = presses(skin, count, seed=21, drag=0.0)
+    where = 0.03 + 0.5 * where
+    return Session(
+        touches=Touches(position=where[:, None], force=push[:, None]),
+        motion=motions(skin, where, push),
+        temperature=temperature,
+    )
+
+
+def test_every_touch_of_a_session_is_judged(skin, twin):
+    estimator = BayesEstimator(
+        skin,
+        reduced_table(skin),
+        creep=elastomer_prony(skin.columns.material),
+        tracking=ZeroTracking(hold=0.2, time_constant=2.0),
+    )
+    found = judge(estimator, twin, session(skin, 12), np.random.default_rng(0))
+    assert (found.count == 1).all()
+    assert (found.idle == 0).all()
+    assert np.median(found.distance) < 2e-3
+    assert (np.abs(found.error[:, 0, 4] / found.truth[:, 0, 4]) < 0.05).all()
+    both = found + found
+    assert len(both.count) == 24
+    assert both.inside.shape == (24, 1)
+
+
+def test_another_number_of_touches_is_an_error_of_count_and_no_place(skin, twin):
+    silent = SimpleNamespace(
+        reset=lambda: None,
+        zero=lambda untouched: None,
+        step=lambda reading: SimpleNamespace(status=None, contacts=()),
+    )
+    found = judge(silent, twin, session(skin, 3), np.random.default_rng(0))
+    assert (found.count == -1).all()
+    assert np.isnan(found.distance).all()
+    assert not found.inside.any()
+
+
+def test_creep_and_drift_spoil_readings(skin, twin):
+    one = session(skin, 2)
+    calm, crept, drifted = (
+        np.stack([r.field for r in readings(twin, one, np.random.default_rng(4), how)])
+        for how in (
+            Disturbance(creep=False, drift=0.0),
+            Disturbance(creep=True, drift=0.0),
+            Disturbance(creep=False, drift=50e-6),
+        )
+    )
+    # The first touch is read for the second time at 22, 0.3 s after it came.
+    rise = np.linalg.norm(calm[22] - calm[19])
+    assert 0.02 * rise < np.linalg.norm(crept[22] - calm[22]) < 0.1 * rise
+    assert np.abs(drifted[-1] - calm[-1]).max() > 20e-6
+
+
+def test_efforts_that_press_nothing_are_refused():
+    with pytest.raises(ArgumentError, match="counts must be positive"):
+        Effort(presses=0)
+    with pytest.raises(ArgumentError, match="force must rise"):
+        Effort(force=(0.5, 0.1))
+
+
+@pytest.mark.slow
+def test_a_table_is_pressed_once_and_then_read(planar, tmp_path):
+    pytest.importorskip("safetensors")
+    pytest.importorskip("jax")
+    small = Effort(presses=3700, pairs=200, skins=3, draws=2, presses_a_skin=120)
+    told = []
+    first = cached_response_table(
+        planar, tmp_path / "table", small, progress=lambda task, share: told.append(share)
+    )
+    assert told == sorted(told)
+    assert np.sqrt(np.diag(first.misfit)).max() < 100e-6
+    assert len(first.modes) >= 3
+    again = cached_response_table(planar, tmp_path / "table", small)
+    assert np.array_equal(again.mean, first.mean)

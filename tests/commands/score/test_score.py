@@ -1,0 +1,349 @@
+"""Scores of estimators: what counts how, in which region, and that the same exam tells the same."""
+
+import io
+import json
+from dataclasses import replace
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from smoskin.commands.score import Exam, examine
+from smoskin.commands.score.errors import grid_places, marks_of, tally, together
+from smoskin.commands.score.evaluate import Judged
+from smoskin.commands.score.files import NetworkSubject, TableSubject, load_subject
+from smoskin.commands.score.plan import parse_places
+from smoskin.commands.score.report import PlaceMap, regions
+from smoskin.errors import ArgumentError, ModelError
+from smoskin.records import Contact
+from smoskin.sensing.files import TensorFile
+from smoskin.sensing.network.model import Layer, NetworkModel
+from smoskin.twin.readout import Motion, Readout
+from smoskin.twin.reduced import ReducedTwin
+from tables_of_response import plain, reduced_table
+
+EXTENT = np.array([0.12, 0.16])
+SPREAD = np.diag([1e-3, 2e-3, 0.02, 0.03, 0.05]) ** 2
+
+
+def judged(count, seed=0, missed=()):
+    """Touches of half a newton whose errors are as large as their covariance says."""
+    rng = np.random.default_rng(seed)
+    truth = np.zeros((count, 1, 5))
+    truth[:, 0, :2] = rng.uniform(0, EXTENT, (count, 2))
+    truth[:, 0, 2:] = 0.3, -0.4, -0.5
+    error = rng.multivariate_normal(np.zeros(5), SPREAD, (count, 1))
+    said = np.ones(count, dtype=np.int64)
+    error[list(missed)], said[list(missed)] = np.nan, 0
+    spread = np.broadcast_to(SPREAD, (count, 1, 5, 5))
+    return Judged(
+        truth=truth, error=error, spread=spread, count=said, idle=np.zeros(count, dtype=np.int64)
+    )
+
+
+@pytest.fixture(scope="module")
+def skin(planar):
+    return plain(planar)
+
+
+def reduced_skin(design):
+    """As much of a twin as sessions need, by the reduced model."""
+    readout, twin = Readout(design), ReducedTwin(design, seed=None)
+
+    def motions(touches, temperature):
+        states = [
+            twin.motion([Contact(position=p, force=f) for p, f in zip(*one, strict=True)])
+            for one in zip(touches.position, touches.force, strict=True)
+        ]
+        return Motion(
+            magnets=np.stack([one.magnets for one in states]),
+            board=np.stack([one.board for one in states]),
+            valid=np.ones(len(states), dtype=bool),
+        )
+
+    return SimpleNamespace(
+        design=design,
+        motions=motions,
+        sample=lambda motion, rng, temperature: readout.sample(motion, rng, temperature),
+    )
+
+
+@pytest.fixture(scope="module")
+def sheet(skin):
+    told = []
+    exam = Exam(skins=1, touches=0, places=(4, 5), count=6, drag=0.2, pairs=1)
+    found = sheet_of(skin, exam, lambda what, share: told.append(share))
+    assert told == sorted(told)
+    assert told[-1] < 1
+    return found
+
+
+def sheet_of(skin, exam, progress=lambda what, share: None):
+    return examine(
+        skin,
+        TableSubject(table=reduced_table(skin), plan=()),
+        exam,
+        make=lambda seed: reduced_skin(skin),
+        progress=progress,
+    )
+
+
+def test_errors_of_the_stated_size_are_held_as_often_as_stated():
+    marks = marks_of(judged(4000), EXTENT, skin=1)
+    for axes in ((0, 1), (2, 3), (4,)):
+        sure = np.sort(marks.confidence(axes))
+        # Kolmogorov's distance from even, at one chance in a thousand.
+        assert np.abs(sure - (np.arange(4000) + 0.5) / 4000).max() < 1.95 / np.sqrt(4000)
+    one = tally("all", marks)
+    assert one.held.place == pytest.approx(0.9, abs=0.02)
+    assert one.held.drag == pytest.approx(0.9, abs=0.02)
+    assert one.location.rms == pytest.approx(np.hypot(1e-3, 2e-3), rel=0.05)
+    assert one.force_size == pytest.approx(0.05 * np.sqrt(2 / np.pi), rel=0.05)
+    assert one.force == pytest.approx(one.force_size / 0.5)
+    assert one.drag == pytest.approx(one.drag_size / 0.5)
+
+
+def test_a_missed_touch_counts_as_one_in_the_middle_without_force():
+    whole = marks_of(judged(50, missed=(3, 7)), EXTENT, skin=1)
+    missed = whole.where(~whole.found)
+    assert len(missed.truth) == 2
+    assert missed.distance == pytest.approx(np.hypot(*(missed.truth[:, :2] - [0.06, 0.08]).T))
+    one = tally("missed", missed)
+    assert (one.found, one.force, one.drag) == (0.0, pytest.approx(1.0), pytest.approx(1.0))
+    assert one.held == (0.0, 0.0, 0.0)
+    assert tally("whole", whole).found == pytest.approx(0.96)
+    assert (
+        tally("whole", whole).location.mean > tally("good", whole.where(whole.found)).location.mean
+    )
+
+
+def test_straight_touches_state_nothing_of_drags_and_have_none():
+    found = judged(20)
+    found.truth[..., 2:4] = found.error[..., 2:4] = 0.0
+    straight = SPREAD * np.outer([1, 1, 0, 0, 1], [1, 1, 0, 0, 1])
+    marks = marks_of(
+        Judged(
+            truth=found.truth,
+            error=found.error,
+            spread=np.broadcast_to(straight, (20, 1, 5, 5)),
+            count=found.count,
+            idle=found.idle,
+        ),
+        EXTENT,
+        skin=1,
+    )
+    assert (marks.confidence((2, 3)) == 1.0).all()
+    one = tally("straight", marks)
+    assert (one.drag, one.held.drag) == (None, None)
+    assert one.held.place > 0.5
+
+
+def test_the_ratio_to_the_bound_is_taken_where_it_is_below_5_mm():
+    found = judged(1000)
+    bound = np.full((1000, 2), [np.hypot(1e-3, 2e-3), 5e-3])
+    bound[::2] = 10e-3
+    one = tally("half", marks_of(found, EXTENT, 1, bound))
+    assert one.near.share == 0.5
+    assert one.near.noise == pytest.approx(1.0, rel=0.1)
+    assert one.near.known is None
+    assert tally("none", marks_of(found, EXTENT, 1)).near is None
+
+
+def test_regions_part_the_skin(planar):
+    places = np.array([[0.005, 0.08], [0.06, 0.158], [0.0401, 0.1065], [0.03, 0.08]])
+    parted = regions(planar, places)
+    assert sum(rows.astype(int) for rows in parted.values()).tolist() == [1, 1, 1, 1]
+    assert parted["rim"].tolist() == [True, True, False, False]
+    corners = {magnet.corner for magnet in planar.magnets}
+    middles = np.array([[0.02 * p, 0.0266666 * q] for p, q in corners])
+    assert regions(planar, middles)["over magnets"].all()
+
+
+def test_area_counts_rims_by_half_and_corners_by_a_quarter():
+    error = np.full((3, 3), 2e-3)
+    error[0] = 1e-3
+    shown = PlaceMap(
+        x=np.linspace(0, 0.12, 3), y=np.linspace(0, 0.16, 3), location=error, force=error * 10
+    )
+    assert shown.area(1.2e-3, 0.05) == pytest.approx(0.25)
+    assert shown.area(1.2e-3, 0.005) == 0.0
+    error[1:] = np.nan
+    assert shown.area(1.2e-3, 0.05) == 1.0
+
+
+def test_every_place_of_a_grid_is_found_again():
+    lines = np.linspace(0, 0.12, 25), np.linspace(0, 0.16, 33)
+    grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
+    assert (grid_places(grid, EXTENT, (25, 33)) == np.arange(25 * 33)).all()
+    one = marks_of(judged(2), EXTENT, skin=1)
+    assert together([one, one]).skin.tolist() == [1, 1, 1, 1]
+
+
+def test_an_exam_finds_what_its_skins_answer(sheet):
+    straight, dragged, pairs = (sheet.case(one) for one in ("straight", "dragged", "pairs"))
+    assert [one.touches for one in straight.levels] == [6] * 10
+    assert straight.headline.touches == 8 * 6
+    assert straight.touched.right == dragged.touched.right == 1.0
+    assert straight.idle.right > 0.95
+    assert straight.headline.location.median < 1e-3
+    assert straight.headline.near.share > 0.1
+    assert dragged.headline.drag < 0.2
+    # The same touches, by an estimator that may not take them to be straight.
+    undragged = sheet.case("undragged")
+    assert np.array_equal(undragged.marks.truth, straight.marks.truth)
+    assert undragged.marks.spread[:, 2, 2].min() > 0.0 == straight.marks.spread[:, 2, 2].max()
+    assert len(pairs.marks.truth) == 2
+    assert pairs.map is None
+    names = [one.name for one in sheet.targets()]
+    assert "mean error of place" in names
+    assert "pairs: told as two touches" in names
+
+
+def test_the_same_exam_gives_the_same_json(skin):
+    exam = Exam(skins=2, touches=0, places=(4, 5), count=2, pairs=0)
+    first, again = (json.dumps(sheet_of(skin, exam).as_json(), allow_nan=False) for _ in range(2))
+    assert first == again
+    told = json.loads(first)
+    assert told["exam"]["seeds"] == [1, 2]
+    assert told["design"]["sha256"] == skin.content_hash
+    straight = told["cases"][0]
+    assert np.array(straight["map"]["location_mm"], dtype=float).shape == (4, 5)
+    assert straight["confidence"][0]["stated"] == 0.05
+
+
+def test_figures_are_written_the_same_every_time(skin, sheet, tmp_path):
+    pytest.importorskip("matplotlib")
+    from smoskin.commands.score.plates import score_plates
+
+    first, again = (
+        {plate.name: plate.write(tmp_path).read_bytes() for plate in score_plates(skin, sheet)}
+        for _ in range(2)
+    )
+    assert first == again
+    assert set(first) == {
+        "score_maps", "score_confidence", "score_histograms_straight",
+        "score_histograms_undragged", "score_histograms_dragged",
+    }  # fmt: skip
+
+
+def test_people_see_every_force_region_and_target(sheet):
+    rich = pytest.importorskip("rich.console")
+    console = rich.Console(width=100, record=True, file=io.StringIO())
+    for table in sheet.tables():
+        console.print(table)
+    text = console.export_text()
+    for word in ("0.3 to 1 N", "0.1 N", "rim", "inside", "Targets", "bound by noise"):
+        assert word in text
+    assert "…" not in text
+
+
+def test_exams_that_cannot_be_held_are_refused():
+    for options, said in (
+        ({"skins": 0}, "skins must be at least 1"),
+        ({"places": (1, 5)}, "places must be at least 2"),
+        ({"count": 0}, "count at least 1"),
+        ({"drag": -0.1}, "drag must be finite"),
+        ({"seed": 999_999}, "seeds must lie in"),
+    ):
+        with pytest.raises(ArgumentError, match=said):
+            Exam(**options)
+    with pytest.raises(ArgumentError, match="places must be two whole numbers"):
+        parse_places("25")
+
+
+def network(design, **other):
+    """An untrained one that reads the two upper chips of straight touches."""
+    rng = np.random.default_rng(0)
+    widths = (7, 4, 4, 9)
+    layers = tuple(
+        Layer(
+            rng.normal(size=(1, a, b)).astype(np.float32),
+            rng.normal(size=(1, 1, b)).astype(np.float32),
+        )
+        for a, b in pairwise(widths)
+    )
+    whole = {
+        "design_hash": design.content_hash,
+        "chips": (1, 2),
+        "layers": layers,
+        "centre": np.zeros(7),
+        "scale": np.ones(7),
+        "middle": np.array([0.06, 0.08, 5.0]),
+        "size": np.array([0.03, 0.04, 1.0]),
+        "stretch": np.ones(3),
+        "whitener": np.eye(7),
+        "reach": 100.0,
+        "forces": (0.05, 1.15),
+        "drag": 0.0,
+        "floor": 1e-5,
+        "softening": 0.0,
+        "data_sha256": "",
+        "split": "",
+        "metrics": (),
+    }
+    return NetworkModel(**(whole | other))
+
+
+def test_a_file_says_itself_what_it_is(skin, long_planar, tmp_path):
+    pytest.importorskip("safetensors")
+    table, model, other = (tmp_path / name for name in ("table", "model", "other"))
+    reduced_table(skin).save(table)
+    network(skin).save(model)
+    other.write_bytes(b"no tensors")
+    exam = Exam(touches=0)
+    assert load_subject(table, skin, exam).chips == (0, 1, 2)
+    assert load_subject(table, skin, replace(exam, chips=(1, 2))).chips == (1, 2)
+    assert load_subject(model, skin, exam).kind == "network"
+    for file in (table, model):
+        with pytest.raises(ModelError, match="must be of the design '4x5'"):
+            load_subject(file, long_planar, exam)
+    with pytest.raises(ModelError, match="other: cannot be read"):
+        load_subject(other, skin, exam)
+    with pytest.raises(ArgumentError, match=r"chips must be those of the network, \(1, 2\)"):
+        load_subject(model, skin, replace(exam, chips=(0, 1)))
+    TensorFile("another file", "another", 1).write(other, {}, {})
+    with pytest.raises(ModelError, match="must be given; got another"):
+        load_subject(other, skin, exam)
+
+
+def test_an_untrained_network_is_examined_as_any_other(skin):
+    exam = Exam(skins=1, places=(4, 5), count=2, pairs=0)
+    found = examine(
+        skin, NetworkSubject(model=network(skin)), exam, make=lambda _: reduced_skin(skin)
+    )
+    one = found.case("straight").headline
+    assert one.near is None
+    assert one.location.mean > 5e-3
+    json.dumps(found.as_json(), allow_nan=False)
+
+
+def test_the_command_says_what_it_cannot_do(tmp_path):
+    pytest.importorskip("safetensors")
+    testing = pytest.importorskip("typer.testing")
+    from smoskin.cli import score as command
+
+    def failed(*options):
+        arguments = ["score", str(tmp_path / "none"), "--out", str(tmp_path / "out"), *options]
+        return str(testing.CliRunner().invoke(command.app, arguments).exception)
+
+    assert "none: cannot be read" in failed()
+    assert "places must be two whole numbers" in failed("--places", "25")
+    assert "chips must be numbers" in failed("--chips", "1;2")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_a_table_is_scored_on_made_skins(planar, tmp_path):
+    for module in ("safetensors", "jax", "matplotlib"):
+        pytest.importorskip(module)
+    from smoskin.commands.response import Effort, make_response_table
+    from smoskin.commands.score import score_file
+
+    small = Effort(presses=3700, pairs=200, skins=6, draws=2, presses_a_skin=200)
+    make_response_table(planar, small).save(tmp_path / "table")
+    exam = Exam(skins=1, touches=30, count=8, pairs=2, chips=(1, 2))
+    written = [score_file(planar, tmp_path / "table", tmp_path / k, exam) for k in "ab"]
+    assert written[0].data.read_bytes() == written[1].data.read_bytes()
+    assert written[0].sheet.case("straight").headline.location.mean < 5e-3
+    assert all(figure.exists() for figure in written[0].figures)

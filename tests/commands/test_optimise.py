@@ -1,0 +1,298 @@
+"""Bounds without a table, limits of what can be made, and the search for a better design."""
+
+import itertools
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from smoskin.commands.optimise import Effort, Limits, Objective, design_bound, optimise
+from smoskin.commands.optimise.comparison import check_made, made_sheets
+from smoskin.commands.optimise.limits import (
+    Reached,
+    allowed_field,
+    clearances,
+    largest_field,
+    made_allowance,
+    own_limits,
+    stood_limits,
+)
+from smoskin.commands.optimise.objective import try_design
+from smoskin.commands.optimise.placing import fit_gaps
+from smoskin.commands.optimise.search import find_design
+from smoskin.commands.optimise.slopes import PressedSheet, exact_slopes, grid, rated_touches
+from smoskin.errors import ArgumentError
+from smoskin.feasibility import load_design
+from smoskin.magnetics import mlx90393
+from smoskin.sensing.response.bound import bound_of_slopes, figures
+from smoskin.sensing.signals.signals import signal_noise
+from smoskin.twin.manufacture import draw
+
+COARSE = (3, 5)
+
+
+@pytest.fixture(scope="module")
+def sheet(planar):
+    return PressedSheet(planar, places=COARSE)
+
+
+def ticking():
+    """A clock that goes on by a second whenever it is looked at."""
+    ticks = itertools.count()
+    return lambda: float(next(ticks))
+
+
+PLACED = Effort(seconds=9.5)
+"""Time, by that clock, for gains and magnets' places on the first sheet."""
+AIM, WITHIN = Objective(places=COARSE), Limits(made_skins=2)
+
+
+@pytest.fixture(scope="module")
+def found(planar):
+    return optimise(
+        planar, objective=AIM, limits=WITHIN, effort=PLACED, places=COARSE, clock=ticking()
+    )
+
+
+def test_differences_of_presses_meet_the_exact_slopes(planar, sheet):
+    near = sheet.slopes(planar)[1].reshape(-1, 9, 5)
+    some = [0, 4, 7, 11]
+    exact = exact_slopes(planar, grid(planar, COARSE)[some])
+    for k in range(5):
+        assert near[some, :, k] == pytest.approx(exact[..., k], abs=0.02 * abs(exact[..., k]).max())
+
+
+def test_a_design_has_a_bound_without_a_table(planar, sheet):
+    found = design_bound(planar, places=COARSE)
+    slopes = sheet.slopes(planar)[1]
+    direct = bound_of_slopes(sheet.x, sheet.y, slopes, signal_noise(planar))
+    assert found.location == pytest.approx(direct.location, rel=1e-3)
+    assert not found.blind.any()
+    straight = design_bound(planar, places=COARSE, drags=False)
+    assert (straight.location < found.location).all()
+
+
+def test_a_made_skin_is_bounded_much_like_its_design(planar):
+    made = draw(planar, np.random.default_rng(5))
+    whole, one = design_bound(planar, places=COARSE), design_bound(planar, made, places=COARSE)
+    ratio = one.location / whole.location
+    assert (abs(ratio - 1) > 1e-3).any()
+    assert ((ratio > 0.5) & (ratio < 2)).all()
+
+
+def test_a_row_of_cells_is_blind_across_it(planar):
+    magnets = [
+        replace(m, corner=c) for m, c in zip(planar.magnets, [(3, 0), (4, 1), (2, 1)], strict=True)
+    ]
+    row = replace(planar, cells=(6, 1), magnets=tuple(magnets))
+    found = design_bound(row, places=COARSE)
+    assert found.blind.all()
+    assert found.place[..., 1] == pytest.approx(found.y[-1] / math.sqrt(12), rel=1e-3)
+
+
+def test_the_rated_touches_press_and_drag_every_way(planar):
+    where, push = rated_touches(grid(planar, (2, 3)))
+    assert where.shape == (30, 2)
+    assert (push[:, 2] == -1.0).all()
+    assert sorted({tuple(one) for one in push[:, :2].tolist()}) == [
+        (-0.5, 0.0), (0.0, -0.5), (0.0, 0.0), (0.0, 0.5), (0.5, 0.0)
+    ]  # fmt: skip
+
+
+def test_the_reference_design_keeps_every_limit(planar, sheet):
+    reached = own_limits(planar, Limits()) + stood_limits(planar, sheet, Limits())
+    assert all(one.kept for one in reached)
+    assert sheet.stands()
+
+
+@pytest.mark.parametrize(
+    ("part", "change", "name"),
+    [
+        ("columns", {"radius": 0.9e-3}, "columns.radius, mm"),
+        ("columns", {"height": 16e-3}, "columns.height, mm"),
+        ("frame", {"stiffness": 5.0}, "frame.stiffness, N/mm"),
+        ("hall_setting", {"oversampling": 3}, "readings a second"),
+        ("hall_setting", {"gain_selection": 7}, "feasible"),
+    ],
+)
+def test_a_broken_limit_is_named(planar, part, change, name):
+    other = replace(planar, **{part: replace(getattr(planar, part), **change)})
+    broken = [one.name for one in own_limits(other, Limits()) if not one.kept]
+    assert name in broken
+
+
+def test_a_rated_touch_breaks_what_is_too_soft_or_too_near(planar):
+    slender = replace(planar, columns=replace(planar.columns, radius=1.1e-3, height=14e-3))
+    near = tuple(replace(site, gap=4.6e-3) for site in slender.halls)
+    slender = replace(slender, halls=near)
+    sheet = PressedSheet(slender, places=(2, 2))
+    broken = [one.name for one in stood_limits(slender, sheet, Limits()) if not one.kept]
+    assert "column's load, of Euler's" in broken
+    assert "S2 field, of what is allowed" in broken
+
+
+def test_slack_is_a_share_of_the_limit():
+    both = Reached(name="x", value=2.0, least=1.0, most=4.0)
+    assert both.slack == pytest.approx(0.5)
+    assert both.kept
+    assert not Reached(name="x", value=5.0, most=4.0).kept
+    assert not Reached(name="x", value=math.nan, most=4.0).kept
+
+
+def test_gaps_are_as_small_as_the_range_allows(planar, sheet):
+    limits = Limits()
+    fitted = fit_gaps(planar, sheet, limits)
+    slip, stronger, _ = made_allowance(limits)
+    nearer = replace(fitted, halls=tuple(replace(s, gap=s.gap - slip) for s in fitted.halls))
+    for seen in largest_field(nearer, sheet.rated(nearer)):
+        used = (stronger * seen / allowed_field(planar, limits)).max()
+        assert 0.95 < used < 1.02  # neighbours add a little
+    assert min(clearances(fitted, sheet.rated(fitted))) > limits.clearance
+    wide = fit_gaps(planar, sheet, replace(limits, front_end=30e-3))
+    assert all(w.gap > f.gap for w, f in zip(wide.halls, fitted.halls, strict=True))
+    rounded = fit_gaps(planar, sheet, limits, step=0.05e-3)
+    for site, plain in zip(rounded.halls, fitted.halls, strict=True):
+        assert 0 <= site.gap - plain.gap < 0.05e-3
+        assert site.gap / 0.05e-3 == pytest.approx(round(site.gap / 0.05e-3))
+
+
+@pytest.mark.slow
+def test_better_places_lower_the_bound_and_keep_the_limits(planar, sheet, found):
+    assert found.kept
+    assert found.gain > 1.3
+    new = PressedSheet(found.after, places=COARSE)
+    before = try_design(planar, sheet, AIM, WITHIN)
+    after = try_design(found.after, new, AIM, WITHIN)
+    assert after.value < 0.85 * before.value
+    assert after.merit == after.value
+    corners = [one.corner for one in found.after.magnets]
+    assert len(set(corners)) == len(corners)
+    assert 1 / mlx90393.conversion_time(found.after.hall_setting, 0) >= WITHIN.rate
+
+
+@pytest.mark.slow
+def test_the_same_seed_finds_the_same_design(planar):
+    one, other = (
+        find_design(planar, AIM, WITHIN, PLACED, lambda what, share: None, ticking())
+        for _ in range(2)
+    )
+    assert one == other
+
+
+def test_no_time_leaves_a_design_all_the_same(planar):
+    told = []
+    best = find_design(
+        planar,
+        AIM,
+        WITHIN,
+        Effort(seconds=3.5),
+        lambda what, share: told.append(what),
+        ticking(),
+    )
+    assert math.isfinite(best.merit)
+    assert len(told) == 4
+
+
+@pytest.mark.slow
+def test_the_comparison_is_told_in_full(planar, found, tmp_path):
+    document, beside = found.write(tmp_path / "better.toml")
+    read = load_design(document)
+    assert read == found.after
+    assert read.name == "optimised"
+    told = json.loads(beside.read_text(encoding="utf-8"))
+    assert told["kept"] is True
+    assert told["gain"] == pytest.approx(found.gain)
+    paths = {one["path"] for one in told["changes"]}
+    assert "magnets.1.corner" in paths
+    assert all(read.provenance[path].origin == "assumed" for path in paths)
+    assert all("smoskin optimise" in read.provenance[path].reason for path in paths)
+    cases = {one["case"] for one in told["bounds"]}
+    assert {"all chips, drag unknown", "all chips, no drag", "the sheet's chips, no drag",
+            "all chips, drag unknown, made skins"} <= cases  # fmt: skip
+    quantities = {one["quantity"] for one in told["bounds"]}
+    assert {"mean location, mm", "worst location, mm", "mean normal force, mN", "mean drag, mN",
+            "super-resolution by area", "super-resolution by spacing"} <= quantities  # fmt: skip
+    assert len(found.tables()) == 3
+
+
+@pytest.mark.slow
+def test_the_command_writes_both_files(found, tmp_path, monkeypatch):
+    from typer.testing import CliRunner
+
+    import smoskin.cli.optimise as command
+    import smoskin.commands.optimise as application
+
+    asked = {}
+
+    def stand_in(design, **given):
+        asked.update(given, design=design)
+        return found
+
+    monkeypatch.setattr(application, "optimise", stand_in)
+    out = tmp_path / "found.toml"
+    arguments = ["optimise", "planar", "--out", str(out), "--minutes", "2", "--seed", "3"]
+    said = CliRunner().invoke(command.app, [*arguments, "--json"])
+    assert said.exit_code == 0, said.output
+    assert json.loads(said.stdout)["kept"] is True
+    assert asked["effort"].seconds == 120
+    assert asked["effort"].seed == 3
+    assert asked["name"] == "found"
+    assert load_design(out) == found.after
+    assert out.with_suffix(".json").exists()
+    assert "times better" in CliRunner().invoke(command.app, arguments).stdout
+
+
+def test_limits_and_wrong_use_are_refused(planar):
+    with pytest.raises(ArgumentError, match="force must be positive"):
+        Objective(force=0.0)
+    with pytest.raises(ArgumentError, match="steps, rounds and seconds"):
+        Effort(steps=0)
+    with pytest.raises(ArgumentError, match="two places or more"):
+        PressedSheet(planar, places=(1, 5))
+    with pytest.raises(ArgumentError, match="rate must leave"):
+        optimise(planar, limits=Limits(rate=1e5))
+
+
+def test_a_made_skin_out_of_range_is_found(planar):
+    sheets = made_sheets(planar, WITHIN)
+    near, far = (
+        replace(planar, halls=tuple(replace(site, gap=gap) for site in planar.halls))
+        for gap in (4.7e-3, 6.4e-3)
+    )
+    worst = {one.name: one for one in check_made(near, sheets, WITHIN)}
+    assert not worst["S2 field, of its range"].kept
+    assert all(one.kept for one in check_made(far, sheets, WITHIN))
+
+
+def test_the_shipped_optimum_halves_the_bound(planar, sheet):
+    better = load_design("optimised")
+    new = PressedSheet(better, places=COARSE)
+    for drags in (True, False):
+        before, after = (
+            figures(
+                bound_of_slopes(
+                    one.x, one.y, one.slopes(design)[1], signal_noise(design), drags=drags
+                ).location
+            )
+            for one, design in ((sheet, planar), (new, better))
+        )
+        better_by = 2.0 if drags else 1.3
+        assert after.mean < before.mean / better_by
+        assert after.worst < before.worst / min(better_by, 1.5)
+    reached = own_limits(better, Limits()) + stood_limits(better, new, Limits())
+    assert all(one.kept for one in reached)
+    assert all(one.kept for one in check_made(better, made_sheets(better, WITHIN), WITHIN))
+
+
+@pytest.mark.slow
+def test_a_fuller_search_halves_the_bound_on_finer_grids_and_made_skins(planar):
+    better = optimise(
+        planar, limits=Limits(rubbers=("Ecoflex 00-30",)), effort=Effort(steps=40, rounds=1)
+    )
+    assert better.kept
+    gains = {(one.case, one.quantity): one.gain for one in better.bounds}
+    for case in ("all chips, drag unknown", "all chips, drag unknown, made skins"):
+        assert gains[case, "mean location, mm"] >= 2
+        assert gains[case, "worst location, mm"] >= 1.5

@@ -1,0 +1,397 @@
+"""Calibration by touches: on a rig, by a sheet, and the skin that runs with its own table."""
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from networks import tiny_network
+from smoskin.commands import run as watching
+from smoskin.commands.run import watch
+from smoskin.commands.touch_sheet import read_contacts, read_held_touches, write_plan
+from smoskin.commands.touches import (
+    TouchOrder,
+    calibrate_with_rig,
+    calibrate_with_sheet,
+    plan_of,
+)
+from smoskin.errors import ArgumentError, ModelError, RecordingError
+from smoskin.records import Contact, Status
+from smoskin.service.recorder import Recorder
+from smoskin.service.source import TwinSource
+from smoskin.twin.creep import Creep
+from smoskin.twin.readout import Motion
+from smoskin.twin.reduced import ReducedTwin
+from smoskin.twin.rig import VirtualRig
+from tables_of_response import motions, plain, presses, signals, table_with_modes
+from virtual_skins import made_twin, saturating
+
+
+@pytest.fixture(scope="module")
+def skin(planar):
+    return plain(planar)
+
+
+@pytest.fixture(scope="module")
+def table(skin):
+    return table_with_modes(skin)
+
+
+@pytest.fixture(scope="module")
+def twin(skin):
+    return made_twin(skin, seed=3)
+
+
+def missed(skin, twin, table, drag=0.3):
+    """What a table misses of the made skin's signals, root mean square, T."""
+    where, push = presses(skin, 100, seed=5, drag=drag)
+    exact = signals(skin, twin.readout, motions(skin, where, push))
+    return float(np.sqrt(np.mean((table.signals(where, push) - exact.reshape(100, -1)) ** 2)))
+
+
+# On a rig
+
+
+def test_a_rig_finds_the_table_of_its_skin(skin, table, twin):
+    steps = []
+    rig = VirtualRig(twin, np.random.default_rng(0), creep=Creep(skin))
+    done = calibrate_with_rig(skin, table, rig, TouchOrder(count=20), progress=steps.append)
+    assert missed(skin, twin, done.table) < 0.1 * missed(skin, twin, table)
+    assert done.used == len(steps) == len(done.labels) == 20
+    assert list(done.errors) == sorted(done.errors, reverse=True)
+    assert [one.error for one in steps] == list(done.errors[1:])
+    # Each step names the next touch, which is then made.
+    for before, after in pairwise(steps):
+        assert np.allclose(before.following.position, after.contact.position, atol=2e-4)
+    assert steps[-1].following is None
+    assert steps[0].sentence.startswith("touch 1 of 20: located to ")
+    assert "; next (" in steps[0].sentence
+
+
+def test_a_rig_stops_where_touches_are_located_well_enough(skin, table, twin):
+    rig = VirtualRig(twin, np.random.default_rng(0))
+    whole = plan_of(skin, table, TouchOrder(count=10), place_spread=20e-6, force_spread=2e-3)
+    until = whole[3].error * 1.02
+    done = calibrate_with_rig(skin, table, rig, TouchOrder(count=10, until=until))
+    assert done.used < 7
+    assert done.errors[-1] <= until < done.errors[-2]
+
+
+def test_touches_that_no_chip_can_read_are_replaced(skin, table, twin):
+    steps = []
+    # Presses of 0.8 N in some places end the chip's range.
+    rig = VirtualRig(saturating(twin, 2.9e-3), np.random.default_rng(0), creep=Creep(skin))
+    done = calibrate_with_rig(skin, table, rig, TouchOrder(count=12), progress=steps.append)
+    lost = [one for one in done.labels if one.status is not None]
+    assert lost
+    assert done.used == 12
+    assert len(done.labels) == 12 + len(lost)
+    for k, label in enumerate(done.labels):
+        for other in done.labels[k + 1 :]:
+            near = np.allclose(label.contact.position, other.contact.position, atol=2e-4)
+            same = np.allclose(label.contact.force, other.contact.force, atol=0.02)
+            assert label.status is None or not (near and same)
+    said = [one.sentence for one in steps if one.status is not None]
+    assert all(one.startswith("left out (saturated); touch") for one in said)
+    assert missed(skin, twin, done.table, drag=0.0) < 0.15 * missed(skin, twin, table, drag=0.0)
+
+
+def test_a_rig_on_which_nothing_can_be_read_is_given_up(skin, table, twin):
+    rig = VirtualRig(saturating(twin, 1e-6), np.random.default_rng(0))
+    with pytest.raises(ArgumentError, match="at least one that can be used; got"):
+        calibrate_with_rig(skin, table, rig, TouchOrder(count=3))
+
+
+def test_what_is_told_of_a_calibration(skin, table, twin):
+    rig = VirtualRig(twin, np.random.default_rng(0), creep=Creep(skin))
+    done = calibrate_with_rig(skin, table, rig, TouchOrder(count=3))
+    answer = json.loads(json.dumps(done.as_json()))
+    assert answer["touches"] == 3
+    assert answer["left_out"] == 0
+    assert answer["expected_error_mm"] == [round(1e3 * one, 4) for one in done.errors]
+    assert len(answer["made"]) == 3
+    (shown,) = done.tables()
+    assert shown.row_count == 4
+
+
+def test_wrong_orders_and_tables_are_refused(planar, skin, table, twin):
+    with pytest.raises(ArgumentError, match="count and force must be positive"):
+        TouchOrder(count=0)
+    with pytest.raises(ModelError, match="table must be of the design"):
+        calibrate_with_rig(planar, table, VirtualRig(twin, np.random.default_rng(0)))
+
+
+# By a sheet
+
+
+def filled(path, skin, twin, tmp_path, rows=None, noise=0.0):
+    """The sheet at a path with what the made skin's chips read once settled."""
+    lines = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+    rng = np.random.default_rng(2)
+    for line in lines[1 : None if rows is None else 1 + rows]:
+        touch = line[0] != ""
+        still = Motion(magnets=np.zeros((1, 3, 6)), board=np.zeros((1, 3)), valid=np.ones(1, bool))
+        if touch:
+            place = np.array([float(line[0]), float(line[1])]) * 1e-3
+            still = motions(skin, place[None], np.array([[float(one) for one in line[2:5]]]))
+        read = twin.readout.seen(still)[0] + noise * rng.normal(size=(3, 3))
+        for chip in range(3):
+            for axis in range(3):
+                line[7 + 4 * chip + axis] = f"{read[chip, axis] * 1e6:.3f}"
+            line[7 + 4 * chip + 3] = "25.0"
+    out = tmp_path / "filled.csv"
+    with out.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerows(lines)
+    return out
+
+
+def test_a_filled_sheet_calibrates_a_skin(skin, table, twin, tmp_path):
+    order = TouchOrder(count=25, drag=0.0)
+    targets = plan_of(skin, table, order)
+    assert all((one.force[:2] == 0).all() for one in targets)
+    write_plan(tmp_path / "plan.csv", skin, targets)
+    sheet = filled(tmp_path / "plan.csv", skin, twin, tmp_path, noise=2e-6)
+    done = calibrate_with_sheet(skin, table, sheet, place_spread=1e-5, force_spread=1e-3)
+    assert done.used == 25
+    assert missed(skin, twin, done.table, drag=0.0) < 0.1 * missed(skin, twin, table, drag=0.0)
+
+
+def test_a_sheet_may_be_filled_in_part_and_the_plan_go_on_from_there(skin, table, twin, tmp_path):
+    targets = plan_of(skin, table, TouchOrder(count=12, drag=0.0))
+    write_plan(tmp_path / "plan.csv", skin, targets)
+    sheet = filled(tmp_path / "plan.csv", skin, twin, tmp_path, rows=6)
+    touches = read_held_touches(sheet, skin)
+    assert len(touches) == 5
+    made = read_contacts(sheet, skin)
+    assert [one.position.tolist() for one in made] == [
+        one.contact.position.tolist() for one in touches
+    ]
+    more = plan_of(skin, table, TouchOrder(count=3, drag=0.0), made)
+    # Places are rounded to a hundredth of a millimetre in a sheet.
+    for one, planned in zip(more, targets[5:8], strict=True):
+        assert np.allclose(one.position, planned.position)
+        assert np.allclose(one.force, planned.force)
+    whole = plan_of(skin, table, TouchOrder(count=12, until=1.001 * more[0].error, drag=0.0))
+    assert len(whole) == 6
+
+
+def test_a_recording_fills_a_sheet_that_says_when_touches_were_held(skin, table, twin, tmp_path):
+    pytest.importorskip("mcap")
+    pytest.importorskip("rosbags")
+    targets = plan_of(skin, table, TouchOrder(count=12, drag=0.0))
+    write_plan(tmp_path / "plan.csv", skin, targets)
+    plan = (tmp_path / "plan.csv").read_text(encoding="utf-8")
+    lines = list(csv.reader(plan.splitlines()))
+    columns = [lines[0].index("from_s"), lines[0].index("until_s")]
+    rig = VirtualRig(twin, np.random.default_rng(0), creep=Creep(skin), stage=0.0, gauge=0.0)
+    pending = None
+    with Recorder(tmp_path / "touches.mcap", skin) as sink:
+        number = 0
+        for line in lines[1:]:
+            if not line[0]:
+                pending = line
+                continue
+            target = targets[number]
+            number += 1
+            touch = rig.press(Contact(position=target.position, force=target.force))
+            for reading in touch.readings:
+                sink.write(reading)
+            if pending is not None:
+                for column, value in zip(columns, touch.rest, strict=True):
+                    pending[column] = str(value)
+                pending = None
+            for column, value in zip(columns, touch.held, strict=True):
+                line[column] = str(value)
+    sheet = tmp_path / "timed.csv"
+    with sheet.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerows(lines)
+    done = calibrate_with_sheet(
+        skin, table, sheet, recording=tmp_path / "touches.mcap", place_spread=1e-5,
+        force_spread=1e-3,
+    )  # fmt: skip
+    assert done.used == 12
+    assert missed(skin, twin, done.table, drag=0.0) < 0.15 * missed(skin, twin, table, drag=0.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda text: text.replace("x_mm", "x_cm"), "column 'x_cm' is unknown"),
+        (lambda text: text.replace(",until_s", ""), "line 2 must have"),
+        (lambda text: text.replace("-0.8", "0.8", 1), "line 3: the touch must press"),
+        (lambda text: text.replace("-0.8", "hard", 1), "line 3, column force_z_N: must be"),
+        (lambda text: text.replace("\n,,", "\n60.00,80.00,", 1), "line 2: the touch must press"),
+        (lambda text: text.splitlines()[0], "a header and at least one row"),
+        (lambda text: "", "a header and at least one row"),
+    ],
+)  # fmt: skip
+def test_sheets_that_cannot_be_read_name_the_line(change, said, skin, table, twin, tmp_path):
+    write_plan(tmp_path / "plan.csv", skin, plan_of(skin, table, TouchOrder(count=2, drag=0.0)))
+    sheet = filled(tmp_path / "plan.csv", skin, twin, tmp_path)
+    sheet.write_text(change(sheet.read_text(encoding="utf-8")), encoding="utf-8")
+    with pytest.raises(RecordingError, match=said):
+        read_held_touches(sheet, skin)
+
+
+def test_sheets_that_do_not_fit_are_refused(skin, table, twin, tmp_path):
+    plan = tmp_path / "plan.csv"
+    write_plan(plan, skin, plan_of(skin, table, TouchOrder(count=2, drag=0.0)))
+    with pytest.raises(RecordingError, match="no row has been filled in"):
+        read_held_touches(plan, skin)
+    sheet = filled(plan, skin, twin, tmp_path)
+    lines = sheet.read_text(encoding="utf-8").splitlines()
+    sheet.write_text("\n".join([lines[0], *lines[2:]]), encoding="utf-8")
+    with pytest.raises(RecordingError, match="line 2: a row of the untouched skin"):
+        read_held_touches(sheet, skin)
+    line = lines[1].split(",")
+    line[5:7] = ["0", "1"]
+    sheet.write_text("\n".join([lines[0], ",".join(line)]), encoding="utf-8")
+    with pytest.raises(RecordingError, match="line 2: there must be readings from 0 to 1 s"):
+        read_held_touches(sheet, skin, readings=[])
+    with pytest.raises(RecordingError, match=r"nowhere\.csv"):
+        read_held_touches(tmp_path / "nowhere.csv", skin)
+
+
+# The skin runs with its table
+
+
+@pytest.fixture
+def own_table(skin, table, twin, tmp_path):
+    pytest.importorskip("safetensors")
+    rig = VirtualRig(twin, np.random.default_rng(0), creep=Creep(skin))
+    path = tmp_path / "skin.table"
+    calibrate_with_rig(skin, table, rig, TouchOrder(count=20)).table.save(path)
+    return path
+
+
+def test_a_touched_skin_is_read_by_its_own_table(skin, twin, own_table, monkeypatch):
+    source = TwinSource(twin, speed=np.inf, creep=Creep(skin))
+    monkeypatch.setattr(watching, "open_source", lambda url: source)
+    touch = Contact(position=(0.043, 0.088), force=(0.1, -0.05, -0.6))
+    said = []
+    for estimate in watch(skin, "twin://planar", calibration=own_table, seconds=1.0):
+        said.append(estimate)
+        if len(said) == 40:
+            source.touch([touch])
+    assert [one.status for one in said[:20]] == [Status.NOT_CALIBRATED] * 20
+    assert {one.status for one in said[20:40]} == {Status.NO_CONTACT}
+    assert {one.status for one in said[45:]} == {Status.CONTACT}
+    off = np.array([one.contacts[0].position for one in said[45:]]) - touch.position
+    push = np.array([one.contacts[0].force for one in said[45:]]) - touch.force
+    assert np.hypot(*off.T).mean() < 1.5e-3
+    assert np.abs(push[:, 2]).mean() < 0.03 * 0.6
+
+
+def test_resetting_asks_for_a_new_zero(skin, twin, own_table):
+    estimator = watching._estimator(skin, own_table)
+    reading = twin.sense(twin.motion([], 25.0), time=0.0, temperature=25.0)
+    said = [estimator.step(replace_time(reading, 0.01 * k)).status for k in range(21)]
+    assert said == [Status.NOT_CALIBRATED] * 20 + [Status.NO_CONTACT]
+    estimator.reset()
+    assert estimator.step(replace_time(reading, 1.0)).status is Status.NOT_CALIBRATED
+
+
+def replace_time(reading, time):
+    return type(reading)(
+        time=time, field=reading.field, temperature=reading.temperature, flags=reading.flags
+    )
+
+
+def test_a_skin_is_read_by_a_network(planar, tmp_path, monkeypatch):
+    pytest.importorskip("safetensors")
+    path = tmp_path / "skin.network"
+    tiny_network(planar, drag=0.4).save(path)
+    source = TwinSource(ReducedTwin(planar, seed=None), speed=np.inf)
+    monkeypatch.setattr(watching, "open_source", lambda url: source)
+    touch = Contact(position=(0.05, 0.0667), force=(0.0, 0.0, -0.5))
+    said = []
+    for estimate in watch(planar, "twin://planar", calibration=path, seconds=0.4):
+        said.append(estimate)
+        if len(said) == 30:
+            source.touch([touch])
+    assert [one.status for one in said[:20]] == [Status.NOT_CALIBRATED] * 20
+    assert {one.status for one in said[20:30]} == {Status.NO_CONTACT}
+    assert {one.status for one in said[32:]} == {Status.CONTACT}
+
+
+def test_a_table_of_another_design_does_not_run(planar, own_table):
+    with pytest.raises(ModelError, match="table must be of the design"):
+        next(watch(planar, "twin://planar?mechanics=reduced&speed=max", calibration=own_table))
+
+
+def test_a_calibration_that_is_not_there_is_named(planar, tmp_path):
+    with pytest.raises(ModelError, match=r"nowhere\.toml"):
+        next(watch(planar, "twin://planar", calibration=tmp_path / "nowhere.toml"))
+
+
+def smoskin(*arguments):
+    return subprocess.run(
+        [sys.executable, "-c", "from smoskin.cli import main; main()", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env=os.environ | {"COLUMNS": "120"},
+    )
+
+
+def test_sheets_on_the_command_line(skin, table, twin, tmp_path):
+    pytest.importorskip("typer")
+    pytest.importorskip("safetensors")
+    from smoskin.design.document import format_design
+
+    design, response, plan = (tmp_path / name for name in ("own.toml", "own.table", "plan.csv"))
+    design.write_text(format_design(skin), encoding="utf-8")
+    table.save(response)
+    made = smoskin("touches", "plan", response, plan, "--design", design, "--count", "6")
+    assert made.returncode == 0, made.stderr
+    sheet = filled(plan, skin, twin, tmp_path)
+    own = tmp_path / "skin.table"
+    done = smoskin(
+        "touches", "fit", response, sheet, "--out", own, "--design", design, "--json"
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["touches"] == 6
+    assert own.exists()
+    refused = smoskin("calibrate", response, "--touches", "3", "--out", own, "--separate")
+    assert refused.returncode == 1
+    assert "--touches goes with" in refused.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_a_virtual_rig_calibrates_the_twin_that_then_runs(planar, tmp_path, monkeypatch):
+    pytest.importorskip("jax")
+    pytest.importorskip("safetensors")
+    from smoskin.commands.response import Effort, make_response_table
+    from smoskin.service.source import open_source
+
+    small = Effort(presses=4000, pairs=0, skins=10, draws=3, presses_a_skin=200)
+    response, own = tmp_path / "planar.table", tmp_path / "skin.table"
+    make_response_table(planar, small).save(response)
+    done = smoskin(
+        "calibrate", response, "--touches", "30", "--seed", "4", "--out", own, "--json"
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)
+    assert answer["expected_error_mm"][-1] < 1.2 < answer["expected_error_mm"][0]
+    url = "twin://planar?manufactured=yes&seed=4&creep=yes&speed=max"
+    ran = smoskin("run", url, "--calibration", own, "--seconds", "0.5", "--json")
+    assert ran.returncode == 0, ran.stderr
+    said = [json.loads(line)["status"] for line in ran.stdout.splitlines()]
+    assert set(said[:20]) == {"NOT_CALIBRATED"}
+    assert set(said[20:]) == {"NO_CONTACT"}
+    source = open_source(url)
+    monkeypatch.setattr(watching, "open_source", lambda url: source)
+    touch = Contact(position=(0.07, 0.11), force=(0.0, 0.0, -0.6))
+    found = []
+    for estimate in watch(planar, url, calibration=own, seconds=0.8):
+        if estimate.status is Status.NO_CONTACT:
+            source.touch([touch])
+        found += estimate.contacts
+    off = np.array([one.position for one in found[5:]]) - touch.position
+    assert np.hypot(*off.T).mean() < 2.5e-3

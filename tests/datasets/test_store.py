@@ -1,0 +1,382 @@
+"""Data sets on disk: the same bits however they came about, and nothing foreign among them."""
+
+import json
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+import chunk_work as work
+from chunk_work import contents
+from smoskin.datasets.patterns import Grid, Random, Sweep
+from smoskin.datasets.simulation import Rows, Simulation
+from smoskin.datasets.store import COLUMNS, open_dataset, write_dataset
+from smoskin.datasets.workers import DaskEngine, LocalEngine
+from smoskin.errors import ArgumentError, EngineError, MissingExtraError, RecordingError
+
+pytest.importorskip("h5py")
+
+SMALL = Sweep(
+    presses=Random(count=90, touches_at_once=(1, 2)),
+    temperatures=(25.0, 40.0),
+    skins=(3, 5),
+    presses_per_chunk=40,
+    seed=11,
+)
+
+
+def made_up(planar, tmp_path, sweep=SMALL, seconds=0.0):
+    log = tmp_path / "begun"
+    log.mkdir(exist_ok=True)
+    return work.MadeUp(planar, sweep, str(log), seconds)
+
+
+def write(folder, planar, tmp_path, sweep=SMALL, engine=None, seconds=0.0):
+    return write_dataset(
+        folder,
+        planar,
+        sweep,
+        simulation=made_up(planar, tmp_path, sweep, seconds),
+        engine=engine or LocalEngine(2),
+    )
+
+
+@pytest.fixture(scope="module")
+def unbroken(planar, tmp_path_factory):
+    """A data set made in one go by one worker."""
+    folder = tmp_path_factory.mktemp("unbroken")
+    return write(folder / "set", planar, folder, engine=LocalEngine(1))
+
+
+def test_two_workers_write_what_one_writes(planar, tmp_path, unbroken):
+    both = write(tmp_path / "set", planar, tmp_path)
+    assert contents(both.path) == contents(unbroken.path)
+    assert len(contents(both.path)) == SMALL.chunks == 12
+
+
+def test_a_killed_worker_changes_nothing(planar, tmp_path, unbroken):
+    def kill():
+        until(lambda: len(work.begun(tmp_path / "begun")) >= 4)
+        os.kill(work.begun(tmp_path / "begun")[-1][1], signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    done = write(tmp_path / "set", planar, tmp_path, seconds=0.1)
+    killer.join()
+    assert contents(done.path) == contents(unbroken.path)
+    assert len(work.begun(tmp_path / "begun")) == SMALL.chunks + 1
+
+
+def test_a_cluster_with_a_killed_worker_writes_the_same(planar, tmp_path, unbroken):
+    pytest.importorskip("distributed")
+
+    def kill():
+        until(lambda: len(work.begun(tmp_path / "begun")) >= 3)
+        os.kill(work.begun(tmp_path / "begun")[-1][1], signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    done = write(tmp_path / "set", planar, tmp_path, engine=DaskEngine(workers=2), seconds=0.1)
+    killer.join()
+    assert contents(done.path) == contents(unbroken.path)
+    assert len(work.begun(tmp_path / "begun")) > SMALL.chunks
+
+
+PROGRAM = """
+import pickle, sys
+from pathlib import Path
+import chunk_work
+from smoskin.datasets.store import write_dataset
+from smoskin.datasets.workers import LocalEngine
+folder, made_up = Path(sys.argv[1]), pickle.loads(Path(sys.argv[2]).read_bytes())
+write_dataset(folder, made_up.design, made_up.sweep, simulation=made_up, engine=LocalEngine(2))
+"""
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_sweep_killed_at_random_moments_equals_an_unbroken_one(planar, tmp_path, unbroken, seed):
+    """The whole process dies, twice, after a random number of chunks and a random moment."""
+    draw = np.random.default_rng(seed)
+    given = tmp_path / "work"
+    given.write_bytes(pickle.dumps(made_up(planar, tmp_path, seconds=0.05)))
+    folder = tmp_path / "set"
+    path = os.pathsep.join([os.path.dirname(work.__file__), *sys.path])
+    for enough in np.sort(draw.integers(1, SMALL.chunks - 2, 2)):
+        parent = subprocess.Popen(
+            [sys.executable, "-c", PROGRAM, str(folder), str(given)],
+            env=os.environ | {"PYTHONPATH": path},
+        )
+        try:
+            until(lambda least=enough: len(list(folder.glob("chunk-*.h5"))) >= least)
+            time.sleep(draw.uniform(0.0, 0.1))
+        finally:
+            parent.kill()
+            parent.wait()
+    time.sleep(0.5)  # an orphaned worker may still begin a chunk before it notices
+    before = len(work.begun(tmp_path / "begun"))
+    missing = open_dataset(folder).missing
+    done = write(folder, planar, tmp_path)
+    assert contents(done.path) == contents(unbroken.path)
+    assert len(work.begun(tmp_path / "begun")) == before + len(missing)
+    assert not list(folder.glob("*.part"))
+
+
+def test_a_complete_set_is_not_computed_again(planar, tmp_path, unbroken):
+    heard = []
+    again = write_dataset(
+        unbroken.path,
+        planar,
+        SMALL,
+        simulation=made_up(planar, tmp_path),
+        progress=heard.append,
+    )
+    assert work.begun(tmp_path / "begun") == []
+    assert again == unbroken
+    assert [(one.chunks, one.rows) for one in heard] == [(SMALL.chunks, SMALL.rows)]
+
+
+def test_columns_are_the_rows_of_the_chunks(planar, tmp_path, unbroken):
+    expected = [made_up(planar, tmp_path)(chunk) for chunk in range(SMALL.chunks)]
+    assert {column.field for column in COLUMNS} == {one.name for one in fields(Rows)}
+    for column in unbroken.columns:
+        whole = np.concatenate([getattr(rows, column.field) for rows in expected])
+        read = unbroken.column(column.name)
+        assert read.dtype == column.kind
+        assert np.array_equal(read, whole, equal_nan=column.kind == "float64")
+    assert unbroken.column("skin_seed").tolist() == [3] * 180 + [5] * 180
+    assert [len(rows) for rows in unbroken.chunks()] == [40, 40, 10] * 4
+    assert unbroken.invalid == (~unbroken.column("valid")).sum() > 0
+    assert unbroken.flagged == unbroken.column("flags").any(axis=1).sum() > unbroken.invalid
+
+
+def test_a_set_goes_into_one_file(unbroken, tmp_path):
+    import h5py
+
+    unbroken.export(tmp_path / "one.h5")
+    with h5py.File(tmp_path / "one.h5") as file:
+        assert set(file) == {column.name for column in COLUMNS}
+        for column in COLUMNS:
+            whole = unbroken.column(column.name)
+            assert np.array_equal(file[column.name][...], whole, equal_nan=whole.dtype == float)
+        manifest = json.loads(file.attrs["manifest"])
+    assert manifest["design"]["values"]["cell.panel_a_mm"] == 15.5334
+    assert manifest["rows"] == SMALL.rows
+    with pytest.raises(RecordingError, match=r"one\.h5 exists"):
+        unbroken.export(tmp_path / "one.h5")
+
+
+def test_the_manifest_tells_what_the_rows_are_of(planar, unbroken):
+    manifest = json.loads((unbroken.path / "manifest.json").read_text())
+    assert manifest["design"]["content_hash"] == planar.content_hash
+    assert manifest["sweep"]["temperatures_degC"] == [25.0, 40.0]
+    assert manifest["chunks"] == 12
+    (run,) = manifest["runs"]
+    assert run["engine"] == "local, 1 worker"
+    assert run["chunks"] == 12
+    assert run["seconds"] > 0
+    assert unbroken.sweep == SMALL
+    assert unbroken.complete
+
+
+def test_another_design_sweep_or_version_is_refused(planar, tmp_path, unbroken, monkeypatch):
+    softer = replace(planar, columns=replace(planar.columns, radius=1.4e-3))
+    with pytest.raises(
+        RecordingError,
+        match=r"another design: columns.radius_mm is 1.5 there and 1.4 here; use another folder",
+    ):
+        write(unbroken.path, softer, tmp_path)
+    with pytest.raises(RecordingError, match=r"another sweep: seed is 11 there and 12 here"):
+        write(unbroken.path, planar, tmp_path, replace(SMALL, seed=12))
+    more = replace(SMALL, presses=replace(SMALL.presses, count=91))
+    with pytest.raises(RecordingError, match=r"sweep: presses.count is 90 there and 91 here"):
+        write(unbroken.path, planar, tmp_path, more)
+    monkeypatch.setattr("smoskin.datasets.manifest.version", lambda name: "9.9")
+    with pytest.raises(RecordingError, match=r"another version .* and '9.9' here"):
+        write(unbroken.path, planar, tmp_path)
+    renamed = replace(planar, name="other")
+    monkeypatch.undo()
+    assert write(unbroken.path, renamed, tmp_path) == unbroken
+
+
+def test_foreign_and_damaged_files(planar, tmp_path, unbroken):
+    import h5py
+
+    folder = tmp_path / "set"
+    write(folder, planar, tmp_path)
+    first, second = folder / "chunk-000000.h5", folder / "chunk-000001.h5"
+    whole = first.read_bytes()
+    first.write_bytes(whole[: len(whole) // 2])
+    (folder / "chunk-000002.h5.part").write_bytes(b"half")
+    assert open_dataset(folder).missing == (0,)
+    with pytest.raises(RecordingError, match="1 of 12 chunks are missing; repeat the sweep"):
+        open_dataset(folder).column("field_T")
+    assert contents(write(folder, planar, tmp_path).path) == contents(unbroken.path)
+    with h5py.File(first) as file:
+        at = file["field_T"].id.get_chunk_info(0).byte_offset + 20
+    first.write_bytes(whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :])
+    with pytest.raises(RecordingError, match=r"chunk-000000.h5 is damaged"):
+        for _ in open_dataset(folder).chunks():
+            pass
+    first.write_bytes(second.read_bytes())
+    with pytest.raises(RecordingError, match=r"chunk-000000.h5 belongs to another data set"):
+        open_dataset(folder)
+
+
+def test_a_folder_of_something_else_is_left_alone(planar, tmp_path):
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "thesis.tex").write_text("all I have")
+    with pytest.raises(RecordingError, match=r"must be empty or hold this data set; got thesis"):
+        write(mine, planar, tmp_path)
+    with pytest.raises(RecordingError, match="holds no data set"):
+        open_dataset(mine)
+    (mine / "manifest.json").write_text("{}")
+    with pytest.raises(RecordingError, match=r"manifest.json is damaged"):
+        open_dataset(mine)
+    (mine / "manifest.json").write_text('{"format": "other"}')
+    with pytest.raises(RecordingError, match="must be of format"):
+        open_dataset(mine)
+    with pytest.raises(RecordingError, match="cannot be written"):
+        write(mine / "thesis.tex", planar, tmp_path)
+
+
+def test_a_changed_manifest_is_noticed(planar, tmp_path):
+    folder = tmp_path / "set"
+    write(folder, planar, tmp_path)
+    file = folder / "manifest.json"
+    file.write_text(file.read_text().replace('"seed": 11', '"seed": 12'))
+    with pytest.raises(RecordingError, match="has been changed"):
+        open_dataset(folder)
+
+
+def test_two_writers_keep_out_of_each_others_way(planar, tmp_path):
+    folder = tmp_path / "set"
+    refusals = []
+
+    def intrude(state):
+        if state.chunks == 3:
+            with pytest.raises(RecordingError, match="being written by another process") as refused:
+                write(folder, planar, tmp_path)
+            refusals.append(refused)
+
+    write_dataset(folder, planar, SMALL, simulation=made_up(planar, tmp_path), progress=intrude)
+    assert len(refusals) == 1
+
+
+def test_progress_has_rate_and_time_left(planar, tmp_path):
+    heard = []
+    ticks = iter(range(1000))
+    write_dataset(
+        tmp_path / "set",
+        planar,
+        SMALL,
+        simulation=made_up(planar, tmp_path),
+        engine=LocalEngine(1),
+        progress=heard.append,
+        clock=lambda: float(next(ticks)),
+    )
+    assert [one.chunks for one in heard] == list(range(13))
+    assert heard[0].rate == 0
+    assert heard[0].seconds_left == np.inf
+    assert (heard[1].rows, heard[1].rate) == (40, 20.0)  # the clock ticks twice up to there
+    assert heard[1].seconds_left == (360 - 40) / 20
+    assert heard[-1].seconds_left == 0
+
+
+def test_failing_work_leaves_what_is_done(planar, tmp_path):
+    folder = tmp_path / "set"
+    failing = work.FailsAt(made_up(planar, tmp_path), 5)
+    with pytest.raises(EngineError, match="item 5: RuntimeError: out of luck"):
+        write_dataset(folder, planar, SMALL, simulation=failing, engine=LocalEngine(1))
+    assert open_dataset(folder).present == (0, 1, 2, 3, 4)
+
+
+def test_no_such_column(unbroken):
+    with pytest.raises(RecordingError, match=r"column must be one of skin_seed, .*; got 'field'"):
+        unbroken.column("field")
+
+
+def test_a_sweep_off_the_skin_is_refused_before_anything_is_written(planar, tmp_path):
+    sweep = Sweep(presses=Random(count=5, margin=0.07))
+    with pytest.raises(ArgumentError, match="margin must be at most half the skin"):
+        write_dataset(tmp_path / "set", planar, sweep)
+    assert not (tmp_path / "set").exists()
+
+
+def test_what_is_not_installed_is_named(planar, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(MissingExtraError, match=r"data sets needs the extra 'data'"):
+        write_dataset(tmp_path / "set", planar, REDUCED)
+    assert not (tmp_path / "set").exists()
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(MissingExtraError, match=r"a cluster needs the extra 'cluster'"):
+        list(DaskEngine().run(abs, (1,)))
+
+
+def test_a_design_travels_to_other_processes(planar):
+    arrived = pickle.loads(pickle.dumps(planar))
+    assert arrived == planar
+    assert arrived.content_hash == planar.content_hash
+    assert arrived.provenance == planar.provenance
+
+
+REDUCED = Sweep(
+    presses=Grid(places=(4, 5), forces=(0.3, 0.6), drags=((0.0, 0.0), (0.1, 0.0))),
+    temperatures=(25.0, 45.0),
+    mechanics="reduced",
+    presses_per_chunk=30,
+)
+
+
+def test_the_reduced_model_fills_a_set_bit_for_bit(planar, tmp_path):
+    from smoskin.records import Contact
+    from smoskin.twin.reduced import ReducedTwin
+
+    one, two = (
+        write_dataset(tmp_path / str(workers), planar, REDUCED, engine=LocalEngine(workers))
+        for workers in (1, 2)
+    )
+    assert contents(one.path) == contents(two.path)
+    field, valid = one.column("field_T"), one.column("valid")
+    assert valid.all()
+    twin = ReducedTwin(planar, seed=None)
+    for row in (0, 37, 95, 159):
+        contact = Contact(
+            position=one.column("position_m")[row, 0], force=one.column("force_N")[row, 0]
+        )
+        degrees = float(one.column("temperature_degC")[row])
+        assert field[row] == pytest.approx(twin.field([contact], temperature=degrees), rel=1e-12)
+    noise = one.column("reading_T") - np.einsum(
+        "sij,rsi->rsj", [rotation(site) for site in planar.halls], field
+    )
+    assert 1e-6 < np.abs(noise).max() < 30e-6
+
+
+def test_presses_of_another_chunk_do_not_reach_a_chunk(planar):
+    """A simulation that has computed other chunks gives the same rows as a fresh one."""
+    used = Simulation(planar, REDUCED)
+    used(0)
+    for chunk in (2, 1):
+        late, fresh = used(chunk), Simulation(planar, REDUCED)(chunk)
+        for one in fields(Rows):
+            assert np.array_equal(getattr(late, one.name), getattr(fresh, one.name))
+
+
+def rotation(site):
+    from smoskin.magnetics import mlx90393
+
+    return mlx90393.rotation(site)
+
+
+def until(condition, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.005)

@@ -1,0 +1,296 @@
+"""Stiffnesses and the force law."""
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from barhinge_oracle import Springs, hinge_gradient, press_stiffness
+from paper.finite_press import column_response
+from paper.stiffness_terms import (
+    FIGURE_S7_ATTENUATIONS,
+    normalised_stiffness_maps,
+    stiffness_terms,
+)
+from smoskin.design.skin import MiuraCell
+from smoskin.errors import ArgumentError
+from smoskin.mechanics.reduced.attenuation import column_displacements, profiles
+from smoskin.mechanics.reduced.creases import relative_crease_stiffness_map
+from smoskin.mechanics.reduced.separable import motion_product
+from smoskin.mechanics.reduced.stiffness import (
+    board_stiffness,
+    cell_layers,
+    column_stiffness,
+    folding_correction_map,
+    normal_force,
+    pillar_stiffness,
+    press_depth,
+    relative_stiffness_map,
+    shear_gain,
+    sheet_stiffness,
+    stiffness_map,
+)
+
+
+def test_the_reference_columns_and_skin_are_as_stiff_as_planned(planar):
+    assert column_stiffness(planar) == pytest.approx(17.67, abs=0.01)
+    stiffness = stiffness_map(planar, planar.coefficients)
+    assert 1.6e3 < stiffness.min() < stiffness.max() < 2.1e3
+    assert board_stiffness(planar) == pytest.approx(8 * math.pi * 9e-6 * 25e3 / 3e-3)
+    assert sheet_stiffness(planar) == pytest.approx(91 * 17.6715 + 36 * 100, rel=1e-4)
+
+
+def test_a_pillar_shears_as_a_beam_of_the_same_rubber():
+    """k = S G / h from the energy of uniform shear, G/2 (u/h)^2 over the volume."""
+    radius, height, modulus, u = 2e-3, 8e-3, 30e3, 1e-4
+    energy = 0.5 * modulus * (u / height) ** 2 * math.pi * radius**2 * height
+    assert pillar_stiffness(radius, height, modulus) == pytest.approx(2 * energy / u**2)
+
+
+@given(v=st.floats(0.05, 1.0), n=st.integers(1, 7), m=st.integers(1, 7))
+def test_stiffness_is_positive_and_mirror_symmetric_in_x(planar, v, n, m):
+    stiffness = relative_stiffness_map(planar.cell, (n, m), (v, v))
+    assert np.all(stiffness > 0)
+    np.testing.assert_allclose(stiffness, stiffness[::-1], rtol=1e-12)
+
+
+@given(
+    press=st.floats(1e-6, 1e-3),
+    shear=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)),
+    more=st.floats(1e-6, 1e-3),
+)
+def test_force_law_is_monotone_and_undone_by_its_inverse(press, shear, more):
+    gain = shear_gain(shear, (0.6, 0.9))
+    assert gain >= 1
+    force = normal_force(press, 1700.0, gain)
+    assert press_depth(force, 1700.0, gain) == pytest.approx(press, rel=1e-12)
+    assert normal_force(press + more, 1700.0, gain) > force
+
+
+def test_shear_gain_is_the_printed_one_on_each_axis():
+    assert shear_gain([0.3, 0.0], [0.6, 0.9]) == pytest.approx(1 + 0.3 / 0.6)
+    assert shear_gain([0.0, -0.45], [0.6, 0.9]) == pytest.approx(1 + 0.45 / 0.9)
+
+
+def test_layers_count_from_the_rim(planar):
+    layers = cell_layers((6, 6))
+    assert [int(layers[k, k]) for k in range(6)] == [0, 1, 2, 2, 1, 0]
+    table = folding_correction_map((9, 9), planar.coefficients)
+    assert table[4, 4].tolist() == [0.9, 1.1]  # deeper than the named layers: the innermost
+    assert table[0, 4].tolist() == [0.6, 0.9]
+
+
+FOLDS = ("length", "width", "mean")
+
+
+def explicit_energy(cell, cells, attenuation, press, loaded, fold_from, exact):
+    """Of springs of 1 N/m under explicit vertices: every cell says where its six feet go (S8-S11).
+
+    Feet that cells share go where they say on average.
+    """
+    a, b, alpha, phi = cell.panel_a, cell.panel_b, cell.sector_angle, cell.fold_angle
+    length, width = 2 * b * math.sin(phi), 2 * a * math.cos(alpha) / math.cos(phi)
+    height = math.sqrt(a**2 - width**2 / 4)
+    if exact:
+        new_width = 2 * math.sqrt(a**2 - (height + press) ** 2)
+        new_phi = math.acos(2 * a * math.cos(alpha) / new_width)
+        grown = (2 * b * math.sin(new_phi) - length, new_width - width)
+    else:
+        dw = -4 * height / width * press  # (w/2)^2 + h^2 = a^2
+        grown = (dw / width / math.tan(phi) ** 2 * length, dw)
+
+    def zigzag(which: str, more: float) -> float:
+        """Change of b cos(phi)."""
+        if not exact:
+            turn = more / (2 * b * math.cos(phi)) if which == "length" else (
+                more / width / math.tan(phi))  # fmt: skip
+            return -b * math.sin(phi) * turn
+        if which == "length":
+            return math.sqrt(b**2 - (length + more) ** 2 / 4) - b * math.cos(phi)
+        return b * (2 * a * math.cos(alpha) / (width + more) - math.cos(phi))
+
+    def frame(here: int, there: int, v: float, more: float) -> float:
+        """The cell's middle against the loaded one's: half of both and all between."""
+        steps = abs(here - there)
+        if steps == 0:
+            return 0.0
+        return math.copysign(
+            more * (0.5 + sum(v**k for k in range(1, steps)) + v**steps / 2), here - there
+        )
+
+    said = {}
+    for n in range(cells[0]):
+        for m in range(cells[1]):
+            dl = grown[0] * attenuation[0] ** abs(n - loaded[0])
+            dw = grown[1] * attenuation[1] ** abs(m - loaded[1])
+            zig = {"length": zigzag("length", dl), "width": zigzag("width", dw)}
+            zig["mean"] = (zig["length"] + zig["width"]) / 2
+            x = frame(n, loaded[0], attenuation[0], grown[0])
+            y = frame(m, loaded[1], attenuation[1], grown[1])
+            for i in (-1, 0, 1):
+                for j in (-1, 1):
+                    foot = (2 * n + 1 + i, 2 * m + 1 + j)
+                    bent = zig[fold_from] if i else 0.0
+                    said.setdefault(foot, []).append((x + i * dl / 2, y + j * dw / 2 + bent))
+    return sum(0.5 * float((np.mean(one, axis=0) ** 2).sum()) for one in said.values())
+
+
+@pytest.mark.parametrize("fold_from", FOLDS)
+@pytest.mark.parametrize(
+    ("cells", "v"), [((4, 3), (0.3, 0.7)), ((1, 5), (1, 0.4)), ((3, 3), (1, 1))]
+)
+def test_column_energies_are_those_of_explicit_springs(planar, fold_from, cells, v):
+    cell, k = planar.cell, column_stiffness(planar)
+    relative = relative_stiffness_map(cell, cells, v, fold_from=fold_from)
+    skin = _resized(planar, cells)
+    deep = column_response(skin, v, -1.1e-3, fold_from=fold_from)
+    linear = column_response(skin, v, -1.1e-3, fold_from=fold_from, kinematics="first_order")
+    for n in range(cells[0]):
+        for m in range(cells[1]):
+            one = explicit_energy(cell, cells, v, -1.0, (n, m), fold_from, exact=False)
+            assert relative[n, m] == pytest.approx(2 * one, rel=1e-9)
+            one = explicit_energy(cell, cells, v, -1.1e-3, (n, m), fold_from, exact=True)
+            assert deep.energy[n, m] == pytest.approx(k * one, rel=1e-9)
+    np.testing.assert_allclose(linear.energy, k * relative * 1.1e-3**2 / 2, rtol=1e-12)
+    np.testing.assert_allclose(linear.force, k * relative * 1.1e-3, rtol=1e-12)
+
+
+def _resized(planar, cells):
+    """The reference design of other numbers of cells; every magnet in a corner."""
+    magnets = tuple(replace(one, corner=(0, 0)) for one in planar.magnets)
+    return replace(planar, cells=cells, magnets=magnets)
+
+
+@given(
+    press=st.floats(-3e-3, 2e-3),
+    v=st.tuples(st.floats(0.1, 1.0), st.floats(0.1, 1.0)),
+    fold_from=st.sampled_from(FOLDS),
+)
+def test_force_and_tangent_are_the_energys_derivatives(planar, press, v, fold_from):
+    def respond(dh):
+        return column_response(planar, v, dh, fold_from=fold_from)
+
+    step = 1e-6
+    less, now, more = (respond(press + s) for s in (-step, 0.0, step))
+    steepest = np.abs(now.stiffness).max()
+    force, tangent = (
+        (less.energy - more.energy) / (2 * step),
+        (less.force - more.force) / (2 * step),
+    )
+    np.testing.assert_allclose(now.force, force, rtol=1e-5, atol=1e-8 * steepest)
+    np.testing.assert_allclose(now.stiffness, tangent, atol=5e-5 * steepest)
+    assert np.all(now.energy >= 0)
+
+
+def test_at_rest_the_exact_response_is_the_linear_one(planar):
+    v = planar.coefficients.attenuation
+    rest = column_response(planar, v, 0.0)
+    assert np.all(rest.energy == 0)
+    assert np.all(rest.force == 0)
+    expected = column_stiffness(planar) * relative_stiffness_map(planar.cell, planar.cells, v)
+    np.testing.assert_allclose(rest.stiffness, expected, rtol=1e-12)
+
+
+def test_pressed_deep_the_sheet_softens(planar):
+    """The SI under S2: with both ratios falling as the sheet opens, the curve becomes flat."""
+    v = planar.coefficients.attenuation
+    tangents = [column_response(planar, v, -depth * 1e-3).stiffness for depth in (0, 1, 3, 6)]
+    assert all(np.all(later < sooner) for sooner, later in itertools.pairwise(tangents))
+    with pytest.raises(ArgumentError, match="press must leave the cell a height"):
+        column_response(planar, v, -8e-3)
+
+
+@given(v=st.tuples(st.floats(0.1, 1.0), st.floats(0.1, 1.0)), fold_from=st.sampled_from(FOLDS))
+def test_sums_over_columns_are_those_of_their_displacements(planar, v, fold_from):
+    one = profiles(planar.cell, (3, 4), v, -1.0, fold_from=fold_from)
+    other = profiles(planar.cell, (3, 4), v[::-1], -2e-4, kinematics="exact", fold_from="mean")
+    product = motion_product(one, other)
+    sliding = relative_stiffness_map(planar.cell, (3, 4), v, fold_from=fold_from, grip="slips")
+    for load in np.ndindex(3, 4):
+        u, w = column_displacements(one, load), column_displacements(other, load)
+        assert product[load] == pytest.approx((u * w).sum(), rel=1e-9)
+        assert sliding[load] == pytest.approx(((u - u.mean(axis=(0, 1))) ** 2).sum(), rel=1e-9)
+
+
+def ten_mm_cell() -> MiuraCell:
+    return MiuraCell(
+        panel_a=0.01, panel_b=0.01, sector_angle=math.radians(60), fold_angle=math.radians(45)
+    )
+
+
+#: 50 um of polyimide over 1 mm: printed to two digits it is the 0.026 N per rad of the ledger.
+CREASE = 2.5e9 * 50e-6**3 / 12 / 1e-3
+
+
+@pytest.mark.parametrize(("cells", "expected"), [((3, 3), 18.808), ((6, 6), 184.41)])
+def test_a_rigid_sheet_is_as_stiff_as_its_bar_and_hinge_model(cells, expected):
+    """One mechanism, free to slide: every cell is as stiff, and both programs agree."""
+    cell, column = ten_mm_cell(), 63.0
+    closed = column * relative_stiffness_map(cell, cells, (1, 1), grip="slips")
+    closed += CREASE * relative_crease_stiffness_map(cell, cells, (1, 1))
+    digits = len(str(expected).partition(".")[2])
+    np.testing.assert_allclose(closed / 1e3, expected, atol=0.5 * 10**-digits)
+    springs = Springs(bar=1e8, panel=1e5, crease=CREASE, column=column)
+    for load in ((cells[0] // 2, cells[1] // 2), (0, 0)):
+        whole = press_stiffness(cell, cells, springs, load)
+        assert whole == pytest.approx(closed[load], rel=1e-3)
+        assert whole < closed[load] * (1 + 1e-9)  # the rigid sheet bounds it from above
+
+
+def test_a_sheet_that_grips_is_stiffer(planar):
+    for v in (0.3, 1.0):
+        held, free = (
+            relative_stiffness_map(planar.cell, (6, 6), (v, v), grip=grip)
+            for grip in ("sticks", "slips")
+        )
+        assert np.all(held >= free)
+    rigid = relative_stiffness_map(planar.cell, (6, 6), (1, 1), grip="slips")
+    assert np.ptp(rigid) < 1e-9 * rigid.max()
+
+
+def test_the_oracles_hinge_turns_with_its_angle():
+    points = np.array([[0.0, 0, 0], [1, 0.2, 0], [0.3, 1, 0.4], [0.6, -0.9, 0.1]])
+    gradient = hinge_gradient(points)
+
+    def angle(p):
+        axis = (p[1] - p[0]) / np.linalg.norm(p[1] - p[0])
+        one, other = np.cross(p[1] - p[0], p[2] - p[0]), np.cross(p[3] - p[0], p[1] - p[0])
+        return math.atan2(np.cross(one, other) @ axis, one @ other)
+
+    for node, axis in np.ndindex(4, 3):
+        step = np.zeros((4, 3))
+        step[node, axis] = 1e-6
+        slope = (angle(points + step) - angle(points - step)) / 2e-6
+        assert gradient[node, axis] == pytest.approx(-slope, abs=1e-8)
+
+
+def test_figure_s7(planar):
+    """The SI: at v_a = 1 the rim is far stiffer; that shrinks with v_a until the centre leads."""
+    maps = normalised_stiffness_maps(planar.cell, (6, 6))
+    assert maps.shape == (len(FIGURE_S7_ATTENUATIONS), 6, 6)
+    np.testing.assert_allclose(maps.max(axis=(1, 2)), 1)
+    ratio = maps[:, 0, 0] / maps[:, 2, 2]
+    assert np.all(np.diff(ratio) < 0)
+    assert ratio[0] > 2
+    assert ratio[-1] < 1
+
+
+@given(
+    v=st.tuples(st.floats(0.05, 1.0), st.floats(0.05, 1.0)),
+    fold_from=st.sampled_from(FOLDS),
+    panel_energy=st.sampled_from(("neglected", "bending", "bending_and_stretching")),
+)
+def test_terms_add_up_and_none_is_negative(planar, v, fold_from, panel_energy):
+    terms = stiffness_terms(planar, v, fold_from=fold_from, panel_energy=panel_energy)
+    np.testing.assert_allclose(terms.total, terms.creases + terms.columns + terms.panels)
+    for part in terms:
+        assert np.all(part >= 0)
+        # Swapping left and right swaps the map; the zigzag forbids the same along y.
+        np.testing.assert_allclose(part, part[::-1], rtol=1e-9)
+    with_coefficients = stiffness_map(planar, planar.coefficients)
+    same = stiffness_terms(planar, planar.coefficients.attenuation).columns
+    np.testing.assert_allclose(with_coefficients, same, rtol=1e-12)

@@ -1,0 +1,240 @@
+"""What the report asks of the whole sheet, and the figures that it draws of it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.optimize import brentq
+
+from paper.errata import errata
+from smoskin.mechanics.sheet.lattice import axial_stiffness
+from smoskin.mechanics.viscoelasticity import elastomer_prony
+from smoskin.origami.sheet import build_sheet
+
+pytest.importorskip("jax")
+pytest.importorskip("matplotlib")
+
+
+@pytest.fixture(scope="module")
+def found(planar) -> SimpleNamespace:
+    from paper.assumptions import assumptions
+    from paper.environment import recovery, warmth
+    from paper.sheet_presses import covers, press_field
+
+    return SimpleNamespace(
+        recovery=recovery(planar),
+        warmth=warmth(planar),
+        covers=covers(planar),
+        field=press_field(planar),
+        assumptions=assumptions(planar),
+    )
+
+
+def texts(figure) -> str:
+    """All that is written on a figure."""
+    return "\n".join(one.get_text() for one in figure.findobj(lambda a: hasattr(a, "get_text")))
+
+
+# The reduced model against the whole sheet
+
+
+def test_granting_the_assumptions_brings_the_reduced_model_nearer(found):
+    _, guided, free, hard, hard_free, rigid = found.assumptions.variants
+    left = [one.columns.residual for one in (guided, hard, hard_free, rigid)]
+    assert left == sorted(left, reverse=True)
+    assert left[0] > 0.5
+    assert left[-1] < 0.06
+    assert free.columns.residual < guided.columns.residual
+    for one in found.assumptions.variants:
+        assert one.columns.residual <= one.unscaled.residual + 1e-9
+        assert one.columns.residual <= 1.0
+        assert one.unscaled.scale == 1.0
+
+
+def test_folding_grows_with_axial_stiffness_and_towards_one(found):
+    for folding in (found.assumptions.folding, found.assumptions.folding_free):
+        assert (np.diff(folding) > 0).all()
+        assert folding[-1] > 0.98
+    assert (np.array(found.assumptions.folding_free) > found.assumptions.folding).all()
+    as_built = found.assumptions.variants[1].presses
+    assert found.assumptions.folding[0] == pytest.approx(as_built.folding.mean(), rel=1e-9)
+    assert found.assumptions.sizes[0].folding == pytest.approx(as_built.folding.mean(), rel=1e-9)
+
+
+def test_the_erratum_says_what_came_out(planar, found):
+    entry = next(one for one in errata(planar) if one.number == "U5")
+    variants, sizes = found.assumptions.variants, found.assumptions.sizes
+    built, guided, free, hard, hard_free, rigid = variants
+
+    def pair(variant):
+        return "{:.2f}, {:.2f}".format(*variant.columns.attenuation)
+
+    def percent(share):
+        return f"{100 * share:.0f} %"
+
+    assert f"{percent(guided.presses.folding.mean())} of a guided vertex's press" in entry.holds
+    assert f"({percent(built.presses.folding.mean())} under a sticking finger)" in entry.holds
+    assert f"v_a = {pair(built)} leaves {percent(built.columns.residual)}" in entry.holds
+    assert 1 / built.columns.scale == pytest.approx(20, rel=0.05)
+    half = 10 ** np.interp(
+        0.5, found.assumptions.folding, np.log10(found.assumptions.axial_factors)
+    )
+    for text in (
+        f"guided along z, {percent(guided.columns.residual)} left",
+        f"no frame, {percent(free.columns.residual)}",
+        f"v_a = {pair(hard)} and {percent(hard.columns.residual)}",
+        f"and no frame, {pair(hard_free)} and {percent(hard_free.columns.residual)}",
+        f"as well, {pair(rigid)} and {percent(rigid.columns.residual)}",
+        "hold for " + ", ".join(str(one.cells_agreeing) for one in variants[:-1])
+        + f" and {rigid.cells_agreeing} of 36",
+        f"columns {half:.0f} times as stiff",
+        f"folds {percent(sizes[-1].folding)}, at {sizes[-1].stiffness / 1e3:.0f} N/mm",
+    ):  # fmt: skip
+        assert text in entry.tried
+
+
+def test_the_fit_is_drawn_with_its_numbers(found):
+    from paper.assumption_plate import assumption_plate
+
+    plate = assumption_plate(found.assumptions)
+    written = texts(plate.figure)
+    for one in found.assumptions.variants:
+        assert "{:.2f}, {:.2f}".format(*one.columns.attenuation) in written
+        assert f"{one.cells_agreeing} of 36" in written
+    for k in (0, 3, 5):
+        for left in found.assumptions.variants[k].columns.cell_residual.ravel():
+            assert f"{left:.2f}" in written
+    assert "Not in the paper" in plate.caption
+
+
+# The displacement field
+
+
+def test_the_columns_carry_the_press(planar, found):
+    field = found.field
+    feet = build_sheet(planar.cell, planar.cells).columns
+    sunk = -field.moved[feet, 2]
+    assert sunk.sum() * axial_stiffness(planar.columns) == pytest.approx(0.5, rel=1e-6)
+    assert sunk.mean() == pytest.approx(field.plate, rel=1e-6)
+    assert field.press < field.reduced_press
+    assert np.abs(field.moved[feet][..., :2]).max() < 0.2 * np.abs(field.reduced).max()
+
+
+def test_the_displacement_field_is_drawn_with_its_scales(planar, found):
+    from paper.sheet_plates import press_plate
+
+    plate = press_plate(planar, found.field)
+    whole, reduced, section = plate.figure.axes[:3]
+    arrows = whole.collections[1]
+    factor = float(whole.get_title(loc="left").rpartition("x ")[2])
+    feet = build_sheet(planar.cell, planar.cells).columns
+    moved = found.field.moved[feet][..., :2].reshape(-1, 2) * 1e3 * factor
+    assert_allclose(np.stack([arrows.U, arrows.V], axis=-1), moved)
+    assert float(reduced.get_title(loc="left").rpartition("x ")[2]) < factor
+    assert_allclose(section.lines[0].get_ydata(), -field_row(planar, found.field) * 1e3)
+    assert f"{found.field.press * 1e3:.2f} mm at the pressed vertex" in plate.caption
+
+
+def field_row(design, field):
+    """Motion in z of the vertices of the pressed row."""
+    return field.moved[:, 2].reshape(2 * design.cells[0] + 1, -1)[:, 5]
+
+
+# Figure S16
+
+
+def test_covers_make_the_motion_independent_of_the_place(found):
+    bare, covered = found.covers.bare, found.covers.covered
+    assert covered.spread.max() < 1e-9
+    assert_allclose(
+        covered.motion, np.broadcast_to(covered.table[:, :, None], covered.motion.shape),
+        atol=1e-12,
+    )  # fmt: skip
+    assert (covered.found == 1).all()
+    assert bare.spread.min() > 0.03
+    assert 0.5 < bare.found.mean() < 1
+    assert covered.place_error.mean() < bare.place_error.mean()
+    # The middle of the cell is never further than its corner places.
+    assert covered.place_error.max() == pytest.approx(0.4 * np.hypot(20e-3, 26.667e-3), rel=1e-3)
+
+
+def test_covers_are_drawn_with_their_spread(found):
+    from paper.sheet_plates import cover_plate
+
+    plate = cover_plate(found.covers)
+    bare, covered, spread, errors = plate.figure.axes
+    assert bare.get_xlim() == covered.get_xlim()
+    written = {text.get_text() for text in spread.texts}
+    for share, right in zip(
+        found.covers.bare.spread.ravel(), found.covers.bare.found.ravel(), strict=True
+    ):
+        assert f"{100 * share:.0f}\n({100 * right:.0f})" in written
+    for line, one in zip(errors.lines, (found.covers.bare, found.covers.covered), strict=True):
+        assert line.get_xdata().mean() == pytest.approx(one.place_error.mean() * 1e3)
+    assert "the paper prints no number" in plate.caption
+
+
+# Figure S9
+
+
+def test_recovery_is_the_rubbers_creep(planar, found):
+    recovery = found.recovery
+    prony = elastomer_prony(planar.columns.material)
+    charged = prony.retardation_shares * -np.expm1(-10.0 / prony.retardation_times)
+
+    def left(seconds):
+        """Share of the settled motion that is left after 10 s of load."""
+        return float(charged @ np.exp(-seconds / prony.retardation_times))
+
+    loaded = left(0.0) + 1 - prony.retardation_shares.sum()
+    after = recovery.times > 1e-4
+    expected = np.array([left(t) for t in recovery.times[after]]) / loaded
+    # The field is not quite in proportion to the motion.
+    assert_allclose(recovery.left[:, after] / expected, 1.0, atol=0.15)
+    for part, column in ((0.05, 1), (0.01, 2)):
+        seconds = brentq(lambda t, part=part: left(t) / loaded - part, 0.0, 100.0)
+        assert_allclose(recovery.settled[:, column], seconds, rtol=0.25)
+    assert (recovery.settled[:, 0] == 0).all()
+    assert recovery.cells == tuple((k, k) for k in range(1, 7))
+    assert (recovery.signal.max(axis=1) > 100 * recovery.noise).all()
+
+
+def test_recovery_is_drawn_cell_by_cell(found):
+    from paper.environment_plates import recovery_plate
+
+    plate = recovery_plate(found.recovery)
+    shown = (found.recovery.times >= -2) & (found.recovery.times <= 12)
+    assert len(plate.figure.axes) == 6
+    for k, axis in enumerate(plate.figure.axes):
+        for s in range(2):
+            assert_allclose(axis.lines[s].get_ydata(), found.recovery.signal[k, shown, s] * 1e6)
+        assert f"cell ({k + 1},{k + 1})" in axis.get_title(loc="left")
+    assert "not in its text" in plate.caption
+    assert "assumed" in plate.caption
+
+
+# Figure S15
+
+
+def test_all_three_components_fall_by_five_percent(found):
+    warmth = found.warmth
+    assert (np.abs(warmth.field[0]) > 4e-3).all()
+    assert_allclose(warmth.loss, 0.05, rtol=2e-2)
+    assert_allclose(warmth.read, warmth.field, atol=2e-5)
+    assert_allclose(warmth.chip_temperature, warmth.temperature, atol=0.03)
+    assert warmth.left < 2e-3
+    assert warmth.left < 0.01 * np.abs(warmth.read[-1] / warmth.field[0] - 1).max()
+
+
+def test_warmth_is_drawn_as_it_was_read(found):
+    from paper.environment_plates import warmth_plate
+
+    plate = warmth_plate(found.warmth)
+    fields, losses, rest = plate.figure.axes
+    for k in range(3):
+        read = np.abs(found.warmth.read[:, k]) * 1e3
+        assert_allclose(fields.lines[2 * k + 1].get_ydata(), read)
+        assert f"{100 * found.warmth.loss[k]:.2f} % per 10" in texts(losses)
+        share = found.warmth.corrected[:, k] / found.warmth.field[0, k]
+        assert_allclose(rest.lines[k].get_ydata(), 100 * (share - 1))

@@ -1,0 +1,421 @@
+"""Calibration of virtual skins that differ from the design, against what they really are."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smoskin.commands.calibrate import calibrate, report, residual_figure, write_virtual_bench
+from smoskin.errors import ArgumentError, ModelError
+from smoskin.measurement import TouchTable
+from smoskin.mechanics.reduced.stiffness import board_stiffness, sheet_stiffness
+from smoskin.origami.sheet import loaded_positions
+from smoskin.records import Contact, Reading, Status
+from smoskin.sensing.closed_form.calibration import (
+    Calibration,
+    format_calibration,
+    parse_calibration,
+    read_calibration,
+)
+from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
+from smoskin.sensing.closed_form.fitting import fit_calibration
+from smoskin.sensing.closed_form.press_model import PressModel
+from smoskin.service.recorder import Recorder, open_recording
+from smoskin.twin.bench import MadeSkin, calibration_loads, made_skin, measure
+from tables import ideal_table
+
+DATE = "2026-01-31"
+SHA = "0" * 64
+
+
+def bench(design, seed):
+    """A made skin and its table."""
+    rng = np.random.default_rng(seed)
+    skin = made_skin(design, rng)
+    return skin, measure(skin, calibration_loads(design), rng)
+
+
+def fitted(design, table, **options):
+    return fit_calibration(design, table, date=DATE, data_sha256=SHA, **options)
+
+
+@pytest.fixture(scope="module")
+def skin_and_fit(planar):
+    skin, table = bench(planar, 7)
+    return skin, fitted(planar, table)
+
+
+def without_readings(table):
+    return TouchTable(
+        cell=table.cell,
+        force=table.force,
+        depth=table.depth,
+        field=np.zeros((len(table.cell), 0, 3)),
+        temperature=table.temperature,
+    )
+
+
+def truth(design, skin):
+    """The numbers of a skin in the order of `found`."""
+    made, c = skin.design, skin.design.coefficients
+    factor = [
+        design.magnet(s.magnet).remanence / made.magnet(s.magnet).remanence for s in design.halls
+    ]
+    return {
+        "v_a": np.array(c.attenuation),
+        "v_s": np.array([c.stiffness_variation]),
+        "v_f": np.array([*c.folding_correction_x, *c.folding_correction_y]),
+        "K_sf": np.array([board_stiffness(made)]),
+        "sheet": np.array([sheet_stiffness(made)]),
+        "rotation": np.ravel(skin.chip_rotation),
+        "k_c": np.array(factor),
+    }
+
+
+def found(calibration):
+    """Numbers and standard uncertainties of a calibration."""
+    c, u = calibration.coefficients, calibration.evidence.uncertainty
+    return {
+        "v_a": (c.attenuation, u.attenuation),
+        "v_s": ([c.stiffness_variation], [u.stiffness_variation]),
+        "v_f": (
+            [*c.folding_correction_x, *c.folding_correction_y],
+            [*u.folding_correction_x, *u.folding_correction_y],
+        ),
+        "K_sf": ([calibration.board_stiffness], [u.board_stiffness]),
+        "sheet": ([calibration.sheet_stiffness], [u.sheet_stiffness]),
+        "rotation": (np.ravel(calibration.chip_rotation), np.ravel(u.chip_rotation)),
+        "k_c": (calibration.field_factor, u.field_factor),
+    }
+
+
+def scores(true, calibration):
+    """Errors over standard uncertainties, by number."""
+    return {
+        name: (np.array(values) - true[name]) / np.array(spread)
+        for name, (values, spread) in found(calibration).items()
+    }
+
+
+def test_a_scattered_skin_is_found_within_its_own_uncertainty(planar, skin_and_fit):
+    skin, fit = skin_and_fit
+    for name, score in scores(truth(planar, skin), fit.calibration).items():
+        assert np.abs(score).max() < 4, (name, score)
+    force, depth, field = fit.noise
+    assert force == pytest.approx(0.02, rel=0.2)
+    assert depth == pytest.approx(0.02, rel=0.2)
+    assert 1e-6 < field < 3e-6
+
+
+def test_the_paper_s_v_f_are_found_again(planar):
+    rng = np.random.default_rng(3)
+    chips = np.zeros((3, 3))
+    design = replace(planar, coefficients=replace(planar.coefficients, stiffness_variation=1.3))
+    assert design.coefficients.folding_correction_x == (0.6, 0.75, 0.9)
+    assert design.coefficients.folding_correction_y == (0.9, 1.0, 1.1)
+    skin = MadeSkin(design, chip_rotation=chips, chip_offset=chips)
+    guess = replace(
+        planar,
+        coefficients=replace(
+            planar.coefficients,
+            folding_correction_x=(1.0, 1.0, 1.0),
+            folding_correction_y=(1.0, 1.0, 1.0),
+        ),
+    )
+    c = fitted(guess, measure(skin, calibration_loads(planar), rng)).calibration.coefficients
+    np.testing.assert_allclose(c.folding_correction_x, (0.6, 0.75, 0.9), rtol=0.06)
+    np.testing.assert_allclose(c.folding_correction_y, (0.9, 1.0, 1.1), rtol=0.06)
+
+
+def test_with_a_perfect_gauge_little_is_off(planar):
+    skin = made_skin(planar, np.random.default_rng(11))
+    quiet = measure(skin, calibration_loads(planar), np.random.default_rng(0), gauge_noise=0.0)
+    c = fitted(planar, quiet).calibration
+    for name, (values, _) in found(c).items():
+        rtol, atol = (0, 1e-3) if name in ("rotation", "v_a") else (5e-3, 0)
+        np.testing.assert_allclose(
+            values, truth(planar, skin)[name], rtol=rtol, atol=atol, err_msg=name
+        )
+
+
+def test_separate_attenuations_are_told_apart(planar):
+    skin = made_skin(planar, np.random.default_rng(2))
+    design = replace(
+        skin.design, coefficients=replace(skin.design.coefficients, attenuation=(0.3, 0.2))
+    )
+    made = MadeSkin(design, chip_rotation=skin.chip_rotation, chip_offset=skin.chip_offset)
+    table = measure(made, calibration_loads(planar), np.random.default_rng(4))
+    fit = fitted(planar, table, attenuation="separate")
+    np.testing.assert_allclose(fit.calibration.coefficients.attenuation, (0.3, 0.2), atol=2e-3)
+
+
+def test_readings_tell_v_a_better_than_stiffness(planar):
+    pytest.importorskip("matplotlib")
+    skin, table = bench(planar, 5)
+    gauge_fit = fitted(planar, without_readings(table))
+    by_gauge = gauge_fit.calibration
+    by_all = fitted(planar, table).calibration
+    v_a = skin.design.coefficients.attenuation[0]
+    spreads = [c.evidence.uncertainty.attenuation[0] for c in (by_gauge, by_all)]
+    assert spreads[1] < spreads[0] / 10
+    assert abs(by_gauge.coefficients.attenuation[0] - v_a) < 4 * spreads[0]
+    assert math.isnan(by_gauge.evidence.uncertainty.board_stiffness)
+    assert by_gauge.board_stiffness == board_stiffness(planar)
+    assert "nan" in format_calibration(by_gauge)
+    numbers = {line["name"]: line for line in report(planar, gauge_fit).as_json()["numbers"]}
+    assert numbers["board_stiffness_N_per_mm"]["standard_uncertainty"] is None
+    assert len(residual_figure(gauge_fit).axes) == 3
+
+
+def test_derivatives_are_those_of_differences(planar):
+    _, table = bench(planar, 1)
+    model = PressModel(planar, table.rows(np.arange(0, len(table.cell), 9)), 2)
+    rng = np.random.default_rng(0)
+    values = model.start(Calibration.nominal(planar))
+    values[model.layout.attenuation] = (0.3, 0.25)
+    values[model.layout.rotation] = rng.normal(0, 0.01, 9)
+    values[model.layout.factor] = (0.97, 1.02, 1.01)
+    values[model.layout.offset] = rng.normal(0, 1e-4, 9)
+    own = np.column_stack([model.touches.depth, model.touches.force[:, :2]])
+    own += np.array([1e-5, 0.02, 0.03])  # off the kink of |F_p| at zero
+    at = model.predict(values, own)
+    for k in range(model.size):
+        step = 1e-6 * np.eye(model.size)[k]
+        up, down = (model.predict(values + side * step, own).residual for side in (1, -1))
+        slope = (up - down) / 2e-6
+        off = np.abs(slope - at.by_skin[..., k]).max()
+        assert off < 2e-3 * np.abs(slope).max(), (k, off, np.abs(slope).max())
+    for k, size in enumerate((1e-9, 1e-6, 1e-6)):
+        step = size * np.eye(3)[k]
+        up, down = (model.predict(values, own + side * step).residual for side in (1, -1))
+        np.testing.assert_allclose(
+            (up - down) / (2 * size), at.by_own[..., k], rtol=1e-4, atol=1e-6
+        )
+
+
+def force_errors(skin, estimator, touches, seed):
+    """Relative errors of the force vector on known touches, after zeroing."""
+    rng = np.random.default_rng(seed)
+    estimator.zero([skin.read([], rng, time=-1.0 + 0.01 * k) for k in range(20)])
+    errors = []
+    for k, touch in enumerate(touches):
+        estimate = estimator.step(skin.read([touch], rng, time=0.01 * (k + 1)))
+        if estimate.status is Status.CONTACT:
+            off = np.linalg.norm(estimate.contacts[0].force - touch.force)
+            errors.append(off / np.linalg.norm(touch.force))
+        else:
+            errors.append(1.0)
+    return np.array(errors)
+
+
+def vertex_touches(skin):
+    cells = [(n, m) for n in range(6) for m in range(6)]
+    return [
+        Contact(position=loaded_positions(skin.design)[cell], force=force)
+        for cell in cells
+        for force in ((0.0, 0.0, -0.4), (0.25, -0.1, -0.7))
+    ]
+
+
+def test_the_fitted_estimator_beats_the_nominal_one_on_its_own_skin(planar, skin_and_fit):
+    skin, fit = skin_and_fit
+    touches = vertex_touches(skin)
+    nominal = force_errors(skin, ClosedFormEstimator(planar), touches, 1)
+    own = force_errors(skin, ClosedFormEstimator(planar, fit.calibration), touches, 1)
+    assert np.median(own) < 0.02
+    assert np.median(own) < np.median(nominal) / 5
+
+
+def test_calibrating_from_a_file_to_a_file(planar, tmp_path):
+    write_virtual_bench(planar, tmp_path / "table.csv", seed=1, sheet="reduced")
+    result = calibrate(planar, tmp_path / "table.csv", tmp_path / "skin.toml", date=DATE)
+    again = read_calibration(tmp_path / "skin.toml", planar)
+    assert again == result.fit.calibration
+    assert again.evidence.date == DATE
+    assert len(again.evidence.data_sha256) == 64
+    names = {line["name"]: line for line in result.as_json()["numbers"]}
+    assert names["board_stiffness_N_per_mm"]["nominal"] == pytest.approx(1.885, rel=1e-3)
+    assert [table.title for table in result.tables()][1] == "What the model leaves"
+    assert result.table is None
+    assert result.as_json()["press_table"] is None
+
+
+def test_residuals_can_be_drawn(skin_and_fit):
+    pytest.importorskip("matplotlib")
+    figure = residual_figure(skin_and_fit[1])
+    assert [axes.get_ylabel().split(":")[0] for axes in figure.axes] == ["force", "depth", "field"]
+
+
+number = st.floats(1e-3, 1e3)
+small = st.floats(-1, 1)
+
+
+@given(stiffness=number, folding=number, turn=small, offset=small)
+def test_documents_keep_every_bit(planar, stiffness, folding, turn, offset):
+    nominal = Calibration.nominal(planar)
+    calibration = replace(
+        nominal,
+        board_stiffness=stiffness,
+        coefficients=replace(nominal.coefficients, folding_correction_x=(folding, 1.0, 2.0)),
+        chip_rotation=((turn, 0.0, -turn),) * 3,
+        field_offset=((offset * 1e-3, 0.0, 1e-5),) * 3,
+    )
+    assert parse_calibration(format_calibration(calibration)) == calibration
+
+
+def test_documents_keep_every_bit_of_a_table(planar):
+    scattered = np.random.default_rng(0).lognormal(0.0, 3.0, (6, 6, 3, 3))
+    calibration = replace(Calibration.nominal(planar), press_table=ideal_table(planar, scattered))
+    assert parse_calibration(format_calibration(calibration)) == calibration
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("board_stiffness_N_per_mm", "board_stifness_N_per_mm", "did you mean 'board_stiffness"),
+        ("stiffness_variation = 1.0", "", "missing key 'stiffness_variation'"),
+        ("stiffness_variation = 1.0", "stiffness_variation = -1.0", "must be positive"),
+        ("stiffness_variation = 1.0", "stiffness_variation = 'a'", "must be a number; got 'a'"),
+        ("design_hash", "]", "not a TOML document"),
+        ("press_um_per_N", "press_mm_per_N", "press_table: unknown key 'press_mm_per_N'"),
+        ("drag_um_per_N", "drag_um", "unknown key 'drag_um'; did you mean 'drag_um_per_N'"),
+    ],
+)
+def test_faulty_documents_are_refused(planar, old, new, message):
+    text = format_calibration(replace(Calibration.nominal(planar), press_table=ideal_table(planar)))
+    assert old in text
+    with pytest.raises(ModelError, match=message):
+        parse_calibration(text.replace(old, new, 1))
+
+
+def test_a_calibration_of_another_design_is_refused(planar, long_planar, tmp_path):
+    path = tmp_path / "skin.toml"
+    path.write_text(format_calibration(Calibration.nominal(planar)))
+    with pytest.raises(ModelError, match="must belong to design '4x5'"):
+        read_calibration(path, long_planar)
+
+
+def test_what_the_data_cannot_determine_is_named(planar):
+    _, table = bench(planar, 0)
+    force = table.force
+    no_y = ~((np.abs(force[:, 1]) > 0.1) & (table.cell == (1, 1)).all(axis=1))
+    with pytest.raises(ModelError, match="folding_correction_y of layer 2"):
+        fitted(planar, table.rows(no_y))
+    slanted = (np.abs(force[:, :2]) > 0.1).any(axis=1)
+    with pytest.raises(ModelError, match=r"determine stiffness_variation.*straight presses; got 0"):
+        fitted(planar, table.rows(slanted))
+    one_cell = without_readings(table).rows((table.cell == 0).all(axis=1))
+    with pytest.raises(ModelError, match="folding_correction_x of layer 2"):
+        fitted(planar, one_cell)
+    unread = np.array(table.field)
+    unread[:, 1] = np.nan
+    blind = TouchTable(
+        cell=table.cell, force=force, depth=table.depth, field=unread,
+        temperature=table.temperature,
+    )  # fmt: skip
+    with pytest.raises(ModelError, match=r"field_factor of chip S2.*readings; got 0"):
+        fitted(planar, blind)
+
+
+def test_stiffness_of_one_cell_cannot_tell_v_a(planar):
+    """All layers have their slanted loads, but straight presses and stiffness say nothing."""
+    _, table = bench(planar, 0)
+    few = without_readings(table)
+    straight = (np.abs(few.force[:, :2]) < 0.05).all(axis=1)
+    layer_one = (few.cell == 0).all(axis=1)
+    chosen = (~straight | layer_one) & few.touched
+    noisy = TouchTable(
+        cell=few.cell[chosen], force=few.force[chosen],
+        depth=few.depth[chosen] * np.random.default_rng(0).uniform(0.6, 1.4, chosen.sum()),
+        field=few.field[chosen], temperature=few.temperature[chosen],
+    )  # fmt: skip
+    with pytest.raises(ModelError, match=r"the touches (cannot determine|fit no)"):
+        fitted(planar, noisy)
+
+
+def test_tables_of_other_skins_are_refused(planar, long_planar):
+    _, table = bench(planar, 0)
+    with pytest.raises(ArgumentError, match=r"touches must lie on cells \(1..4, 1..5\)"):
+        fitted(long_planar, table.rows(table.cell[:, 0] != 9))
+    two = TouchTable(
+        cell=table.cell, force=table.force, depth=table.depth, field=table.field[:, :2],
+        temperature=table.temperature[:, :2],
+    )  # fmt: skip
+    with pytest.raises(ArgumentError, match="all 3 chips or of none; got 2"):
+        fitted(planar, two)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_200_skins_are_found_as_well_as_stated(planar):
+    errors, inside = {}, {}
+    for seed in range(200):
+        skin, table = bench(planar, seed)
+        calibration = fitted(planar, table).calibration
+        true = truth(planar, skin)
+        factor = calibration.evidence.coverage_factor(0.9)
+        for name, (values, spread) in found(calibration).items():
+            off = np.array(values) - true[name]
+            absolute = name in ("v_a", "rotation")
+            errors.setdefault(name, []).append(np.abs(off / (1 if absolute else true[name])))
+            inside.setdefault(name, []).append(np.abs(off) < factor * np.array(spread))
+    ninetieth = {name: np.quantile(np.stack(e), 0.9, axis=0) for name, e in errors.items()}
+    assert np.all(ninetieth["v_a"] < 0.02)
+    assert np.all(ninetieth["v_s"] < 0.03)
+    assert np.all(ninetieth["v_f"] < 0.08)
+    covered = {name: float(np.mean(one)) for name, one in inside.items()}
+    assert all(0.85 <= share <= 0.97 for share in covered.values()), covered
+
+
+def test_readings_come_from_a_recording_too(planar, tmp_path):
+    """A table that says when touches were held, and a recording, are the table with readings."""
+    skin = made_skin(planar, np.random.default_rng(3))
+    whole = measure(skin, calibration_loads(planar), np.random.default_rng(4))
+    rows = len(whole.depth)
+    held = np.stack([np.arange(rows) + 0.2, np.arange(rows) + 0.8], axis=1)
+    with Recorder(tmp_path / "bench.mcap", planar) as recorder:
+        for row in range(rows):
+            for step, swing in ((0.0, 1e-3), (0.3, 2e-6), (0.5, 0.0), (0.7, -2e-6)):
+                recorder.write(
+                    Reading(
+                        time=row + step,
+                        field=whole.field[row] + swing,
+                        temperature=np.full(3, whole.temperature[row]),
+                    )
+                )
+    bare = TouchTable(
+        cell=whole.cell, force=whole.force, depth=whole.depth, field=np.zeros((rows, 0, 3)),
+        temperature=np.full(rows, 25.0), held=held,
+    )  # fmt: skip
+    filled = bare.with_readings(open_recording(tmp_path / "bench.mcap").readings())
+    np.testing.assert_allclose(filled.field, whole.field, atol=1e-12)
+    np.testing.assert_allclose(filled.temperature, whole.temperature)
+    late = replace_held(bare, held + 1e6)
+    with pytest.raises(ArgumentError, match=r"when row 1 was held; got none"):
+        late.with_readings(open_recording(tmp_path / "bench.mcap").readings())
+
+    lines = ["cell_n,cell_m,force_x_N,force_y_N,force_z_N,displacement_z_mm,from_s,until_s"]
+    for row in range(rows):
+        cell = ",".join(str(i + 1) for i in whole.cell[row]) if whole.touched[row] else ","
+        force = ",".join(repr(float(value)) for value in whole.force[row])
+        depth = repr(float(-whole.depth[row] * 1e3))
+        lines.append(f"{cell},{force},{depth},{held[row, 0]},{held[row, 1]}")
+    (tmp_path / "bench.csv").write_text("\n".join(lines) + "\n")
+    result = calibrate(
+        planar, tmp_path / "bench.csv", tmp_path / "skin.toml",
+        date="2026-01-31", recording=tmp_path / "bench.mcap",
+    )  # fmt: skip
+    direct = fit_calibration(planar, whole, date="2026-01-31", data_sha256="0" * 64)
+    assert result.fit.calibration.coefficients.attenuation == pytest.approx(
+        direct.calibration.coefficients.attenuation, rel=1e-6
+    )
+
+
+def replace_held(table: TouchTable, held: np.ndarray) -> TouchTable:
+    return TouchTable(
+        cell=table.cell, force=table.force, depth=table.depth, field=table.field,
+        temperature=table.temperature, held=held,
+    )  # fmt: skip

@@ -1,0 +1,213 @@
+"""Training networks: the loss, what is held out, what a killed training goes on to."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from networks import TINY, random_network, tiny_network
+from smoskin.errors import ArgumentError, ModelError
+from smoskin.sensing.network.lessons import Lessons, NetworkEffort
+from smoskin.sensing.network.model import spread_factors
+from smoskin.sensing.network.samples import TouchSource, TouchSpread
+from smoskin.sensing.network.training import likelihood_loss, train_network
+from smoskin.sensing.signals.signals import signal_noise
+from tables_of_response import plain, reduced_table, table_with_modes
+
+SHORT = replace(TINY, epochs=3, steps=5)
+
+
+@pytest.fixture(scope="module")
+def skin(planar):
+    return plain(planar)
+
+
+def touches(skin, seed=77, drag=0.0, table=None):
+    """That no training has seen."""
+    table = table or reduced_table(skin)
+    source = TouchSource(table, signal_noise(skin), TouchSpread(drag=drag, margin=0.0))
+    return source.draw(np.random.default_rng(seed), 40, 40)
+
+
+class Killed(Exception):
+    pass
+
+
+def killer(after):
+    """A progress that kills the training after so many epochs."""
+    calls = []
+
+    def progress(what, share):
+        calls.append(what)
+        if len(calls) > after:
+            raise Killed
+
+    return progress
+
+
+@pytest.mark.parametrize("drag", [0.0, 0.5])
+def test_the_loss_is_the_normal_likelihood(drag):
+    model = random_network(drag=drag, members=2)
+    rng = np.random.default_rng(3)
+    # Near the middle, where random weights state moderate spreads.
+    inputs = 0.1 * rng.normal(size=(6, 7)).astype(np.float32)
+    targets = rng.normal(size=(6, len(model.middle))).astype(np.float32)
+    count, expected = len(model.middle), []
+    for member in range(2):
+        hidden = inputs.astype(float)
+        for layer in model.layers[:-1]:
+            sums = hidden @ layer.weights[member] + layer.bias[member]
+            hidden = sums / (1 + np.exp(-sums))
+        said = hidden @ model.layers[-1].weights[member] + model.layers[-1].bias[member]
+        factors = spread_factors(said, count)
+        for row, factor, target in zip(said, factors, targets, strict=True):
+            white = np.linalg.solve(factor, target - row[:count])
+            size = np.log(np.diag(factor)).sum()
+            expected.append(size - multivariate_normal.logpdf(white, np.zeros(count)))
+    found = float(likelihood_loss([tuple(layer) for layer in model.layers], inputs, targets))
+    assert found == pytest.approx(np.mean(expected), rel=1e-4)
+
+
+def test_some_seconds_of_training_find_touches(skin):
+    model, drawn = tiny_network(skin), touches(skin)
+    said = model.predict(drawn.signals)
+    apart = np.hypot(*(said.values - drawn.values)[:, :2].T)
+    # Whoever knows nothing is off by some 50 mm.
+    assert np.median(apart) < 5e-3
+    force = np.abs(said.values[:, 4] / drawn.values[:, 4] - 1)
+    assert np.median(force) < 0.1
+    assert model.design_hash == skin.content_hash
+    assert [metric.unit for metric in model.metrics] == ["m", "1", "1"]
+    assert model.metrics[0].value < 10e-3
+    assert (said.novelty < 1).all()
+
+
+def test_stated_regions_hold_what_they_state(skin):
+    model, drawn = tiny_network(skin), touches(skin, seed=78)
+    said = model.predict(drawn.signals)
+    apart = said.values - drawn.values
+    place = np.linalg.solve(said.covariance[:, :2, :2], apart[:, :2, None])[..., 0]
+    inside = (place * apart[:, :2]).sum(axis=1) <= 4.605
+    assert 0.86 < inside.mean() < 0.94
+    sure = np.abs(apart[:, 4]) <= 1.645 * np.sqrt(said.covariance[:, 4, 4])
+    assert 0.86 < sure.mean() < 0.94
+
+
+def test_drags_are_told_where_they_are_trained(skin):
+    model, drawn = tiny_network(skin, drag=0.4), touches(skin, seed=79, drag=0.4)
+    said = model.predict(drawn.signals)
+    off = np.hypot(*(said.values - drawn.values)[:, 2:4].T)
+    firm = drawn.values[:, 4] < -0.3
+    assert np.median(off[firm]) < 0.1
+    assert [metric.name for metric in model.metrics][-1] == "mean error of the drag"
+
+
+def test_fewer_chips_are_enough(skin):
+    model = tiny_network(skin, chips=(1, 2))
+    assert model.chips == (1, 2)
+    drawn = touches(skin, table=reduced_table(skin))
+    said = model.predict(drawn.signals[:, 3:])
+    assert np.median(np.hypot(*(said.values - drawn.values)[:, :2].T)) < 10e-3
+
+
+def test_held_out_touches_are_of_skins_that_no_lesson_holds(skin):
+    source = TouchSource(table_with_modes(skin), signal_noise(skin))
+    lessons = Lessons(skin, source, SHORT, None)
+    taught = {row.tobytes() for k in range(3) for row in lessons.epoch(k).targets.reshape(-1, 3)}
+    assert len(taught) == 3 * SHORT.steps * SHORT.batch
+    sets = [lessons.held_out(which).values for which in range(3)]
+    kept = {row.tobytes() for one in sets for row in one}
+    assert len(kept) == sum(len(one) for one in sets)
+    assert not taught & {row.tobytes() for row in lessons.judges[1]}
+
+
+def test_a_killed_training_goes_on_to_the_same_numbers(skin, tmp_path):
+    whole = train_network(skin, reduced_table(skin), effort=SHORT)
+    checkpoint, curve = tmp_path / "checkpoint", tmp_path / "curve.jsonl"
+    with pytest.raises(Killed):
+        train_network(
+            skin,
+            reduced_table(skin),
+            effort=SHORT,
+            checkpoint=checkpoint,
+            curve=curve,
+            progress=killer(2),
+        )
+    assert len(curve.read_text().splitlines()) == 2
+    resumed = train_network(
+        skin, reduced_table(skin), effort=SHORT, checkpoint=checkpoint, curve=curve
+    )
+    for old, new in zip(whole.model.layers, resumed.model.layers, strict=True):
+        assert np.array_equal(old.weights, new.weights)
+        assert np.array_equal(old.bias, new.bias)
+    assert np.array_equal(whole.model.stretch, resumed.model.stretch)
+    assert whole.model.metrics == resumed.model.metrics
+    points = [json.loads(line) for line in curve.read_text().splitlines()]
+    assert [one["epoch"] for one in points] == [1, 2, 3]
+    assert [one["held_out"] for one in points] == [one.held_out for one in whole.curve]
+    assert resumed.ended == "all 3 epochs are done"
+    again = train_network(skin, reduced_table(skin), effort=SHORT, checkpoint=checkpoint)
+    assert len(again.curve) == 3
+
+
+def test_a_checkpoint_of_another_training_is_refused(skin, tmp_path):
+    checkpoint = tmp_path / "checkpoint"
+    train_network(skin, reduced_table(skin), effort=SHORT, checkpoint=checkpoint)
+    for change in ({"effort": replace(SHORT, seed=1)}, {"spread": TouchSpread(drift=1e-6)}):
+        with pytest.raises(ModelError, match="must be of this training"):
+            train_network(
+                skin, reduced_table(skin), checkpoint=checkpoint, **({"effort": SHORT} | change)
+            )
+    more = train_network(
+        skin, reduced_table(skin), effort=replace(SHORT, seconds=1e6), checkpoint=checkpoint
+    )
+    assert len(more.curve) == 3
+
+
+def test_it_ends_when_nothing_is_gained_or_time_is_over(skin):
+    flat = replace(SHORT, epochs=50, rate=1e-12, patience=3)
+    ended = train_network(skin, reduced_table(skin), effort=flat)
+    assert len(ended.curve) < 50
+    assert ended.ended == "3 epochs gained nothing on held-out skins"
+    seconds = iter(range(0, 10_000, 10))
+    brief = train_network(
+        skin,
+        reduced_table(skin),
+        effort=replace(SHORT, epochs=50, seconds=25.0),
+        clock=lambda: float(next(seconds)),
+    )
+    assert brief.ended == "its 25 s are over"
+    assert brief.curve[-1].seconds >= 25.0
+    assert brief.curve[-1].rate < brief.curve[0].rate
+
+
+def test_one_goes_on_from_another(skin):
+    first = tiny_network(skin)
+    gentle = replace(SHORT, epochs=1, rate=1e-4)
+    fresh = train_network(skin, reduced_table(skin), effort=gentle)
+    tuned = train_network(skin, reduced_table(skin), effort=gentle, start=first)
+    assert tuned.curve[-1].held_out < fresh.curve[-1].held_out - 1
+    assert tuned.model.members == first.members
+    assert np.array_equal(tuned.model.centre, first.centre)
+    for wrong, said in (
+        (random_network(), "start must be of the same design"),
+        (random_network(drag=0.1, design_hash=skin.content_hash, chips=(0, 1, 2)), "know drags"),
+    ):
+        with pytest.raises(ModelError, match=said):
+            train_network(skin, reduced_table(skin), effort=gentle, start=wrong)
+
+
+def test_wrong_use_is_refused(skin, planar):
+    with pytest.raises(ModelError, match="table must be of the design"):
+        train_network(planar, reduced_table(skin), effort=SHORT)
+    for change, said in (
+        ({"members": 0}, "members must be at least 1"),
+        ({"depth": 1}, "depth must be at least 2"),
+        ({"rate": 0.0}, "rate must be"),
+        ({"seconds": -1.0}, "seconds must be"),
+        ({"touches": 77}, "whole skins"),
+    ):
+        with pytest.raises(ArgumentError, match=said):
+            NetworkEffort(**change)

@@ -1,0 +1,125 @@
+"""The bound over the skin."""
+
+import numpy as np
+import pytest
+
+from smoskin.errors import ArgumentError
+from smoskin.sensing.bayes.priors import TouchPriors
+from smoskin.sensing.bayes.solver import TouchSolver
+from smoskin.sensing.response.bound import bound_map, bound_of_slopes, figures, information
+from smoskin.sensing.response.calibrate import plan_touches
+from smoskin.sensing.signals.signals import signal_noise
+from tables_of_response import plain, reduced_table, table_with_modes
+
+
+@pytest.fixture(scope="module")
+def skin(planar):
+    return plain(planar)
+
+
+def test_half_the_noise_is_half_the_bound_where_the_place_can_be_told(skin):
+    table, noise = reduced_table(skin), signal_noise(skin)
+    whole, half = (bound_map(table, one, drags=False) for one in (noise, noise / 4))
+    seen = whole.location < 1e-3
+    assert seen.any()
+    assert half.location[seen] == pytest.approx(whole.location[seen] / 2, rel=1e-2)
+    assert half.force[seen] == pytest.approx(whole.force[seen] / 2, rel=1e-2)
+
+
+def test_more_unknowns_or_fewer_chips_know_less(skin):
+    table, noise = reduced_table(skin), signal_noise(skin)
+    straight = bound_map(table, noise, drags=False, places=(13, 17))
+    dragged = bound_map(table, noise, places=(13, 17))
+    assert (dragged.location >= straight.location - 1e-12).all()
+    assert (straight.drag == 0).all()
+    assert (dragged.drag > 0).all()
+    fewer = bound_map(table.of_chips((1, 2)), noise[3:, 3:], drags=False, places=(13, 17))
+    assert (fewer.location >= straight.location - 1e-12).all()
+
+
+def test_a_table_that_knows_less_of_the_skin_bounds_higher(skin):
+    table, noise = table_with_modes(skin), signal_noise(skin)
+    blank, known = (bound_map(table, noise, misfit=m, places=(13, 17)) for m in (True, False))
+    assert (blank.location >= known.location - 1e-12).all()
+    assert np.median(blank.location) > 2 * np.median(known.location)
+
+
+def test_every_place_of_the_reference_design_can_be_told(skin):
+    found = bound_map(reduced_table(skin), signal_noise(skin), drags=False)
+    assert not found.blind.any()
+    assert found.blind_regions() == []
+    assert found.super_resolution.area > 1
+    assert found.super_resolution.spacing > 1
+
+
+def test_one_chip_is_blind_to_a_drag_and_a_place_at_once(skin):
+    table, noise = reduced_table(skin).of_chips((1,)), signal_noise(skin, (1,))
+    found = bound_map(table, noise, places=(13, 17))
+    assert found.blind.all()
+    assert found.blind_regions() == ["the whole skin"]
+    assert found.super_resolution == (0.0, 0.0)
+
+
+def test_blind_strips_and_patches_are_named():
+    x, y = np.linspace(0.0, 0.1, 11), np.linspace(0.0, 0.2, 21)
+    slopes = np.zeros((11, 21, 3, 5))
+    slopes[..., 0, 0] = slopes[..., 1, 1] = slopes[..., 2, 4] = 1.0
+    slopes[0, :, 0, 0] = slopes[:, 19:, 1, 1] = slopes[5, 5, 0, 0] = 0.0
+    found = bound_of_slopes(x, y, slopes, 1e-12 * np.eye(3), drags=False)
+    assert found.blind_regions() == ["x <= 0 mm", "y >= 190 mm", "0.4% of the skin elsewhere"]
+    # What is not known at all is known to lie on the skin.
+    assert found.place[0, 0, 0] == pytest.approx(0.1 / np.sqrt(12))
+
+
+def test_slopes_of_a_table_bound_as_the_table_does(skin):
+    table, noise = reduced_table(skin), signal_noise(skin)
+    direct = bound_map(table, noise, places=(5, 7))
+    at = np.stack(np.meshgrid(direct.x, direct.y, indexing="ij"), axis=-1).reshape(-1, 2)
+    slopes = table.slopes(at, np.tile([0.0, 0.0, -0.5], (len(at), 1)))
+    given = bound_of_slopes(direct.x, direct.y, slopes.reshape(5, 7, 9, 5), noise)
+    assert given.location == pytest.approx(direct.location)
+    assert given.drag == pytest.approx(direct.drag)
+    assert given.super_resolution == pytest.approx(direct.super_resolution)
+
+
+def test_what_chips_tell_adds_up(skin):
+    rng = np.random.default_rng(0)
+    slopes, noise = rng.normal(size=(2, 3, 9, 5)), signal_noise(skin)
+    parts = sum(
+        information(slopes[..., rows, :], noise[rows, rows])
+        for rows in (slice(0, 3), slice(3, 6), slice(6, 9))
+    )
+    assert parts == pytest.approx(information(slopes, noise))
+
+
+def test_figures_of_a_map():
+    found = figures(np.arange(1.0, 102.0))
+    assert found == (51.0, 51.0, 100.0, 101.0)
+
+
+def test_the_solver_meets_the_bound(skin):
+    table, noise = reduced_table(skin), signal_noise(skin)
+    rng = np.random.default_rng(2)
+    place, force = np.array([0.047, 0.071]), np.array([0.0, 0.0, -0.5])
+    exact = table.signals(place[None], force[None])[0]
+    solver = TouchSolver(table, noise, TouchPriors(drag_spread=0.0))
+    said = [solver.one(exact + rng.multivariate_normal(np.zeros(9), noise)) for _ in range(300)]
+    error = np.stack([one.values[0, :2] for one in said]) - place
+    stated = np.sqrt(np.einsum("bii->b", [one.covariance[0, :2, :2] for one in said]).mean())
+    reached = np.sqrt(np.mean((error**2).sum(axis=1)))
+    assert reached == pytest.approx(stated, rel=0.25)
+    slopes = table.slopes(place[None], force[None])[0][:, [0, 1, 4]]
+    bound = np.linalg.inv(slopes.T @ np.linalg.inv(noise) @ slopes)
+    assert reached > 0.9 * np.sqrt(np.trace(bound[:2, :2]))
+    assert reached < 1.5 * np.sqrt(np.trace(bound[:2, :2]))
+
+
+def test_wrong_use_is_refused(skin):
+    table, noise = reduced_table(skin), signal_noise(skin)
+    with pytest.raises(ArgumentError, match="force and places must be positive"):
+        bound_map(table, noise, force=0.0)
+    with pytest.raises(ArgumentError, match="two places or more"):
+        bound_of_slopes(np.zeros(1), np.zeros(2), np.zeros((1, 2, 9, 5)), noise)
+    with pytest.raises(ArgumentError, match="slopes"):
+        bound_of_slopes(np.zeros(2), np.zeros(2), np.zeros((2, 2, 9, 4)), noise)
+    assert len(plan_touches(table_with_modes(skin), 2, noise)) == 2

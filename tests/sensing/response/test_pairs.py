@@ -1,0 +1,127 @@
+"""What two touches do to each other: how they hold the sheet, and what a table makes of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from smoskin.magnetics.nonlinearity import cross_signals
+from smoskin.mechanics.sheet.compliance import grip_compliance
+from smoskin.mechanics.sheet.model import BarHinge
+from smoskin.mechanics.sheet.touches import Touches, patch_shares
+from smoskin.sensing.response.fit import add_coupling, table_curvature
+from smoskin.sensing.response.pair_point import PairPoint
+from smoskin.sensing.response.pairs import mutual_drags
+from tables_of_response import plain, reduced_table
+
+WHERE = np.array([[[0.031, 0.047], [0.0601, 0.101]], [[0.098, 0.13], [0.02, 0.04]]])
+PRESS = np.array([[0.5, 0.3], [0.8, 0.6]])
+
+
+@pytest.fixture(scope="module")
+def skin(planar):
+    return plain(planar)
+
+
+@pytest.fixture(scope="module")
+def grip(skin):
+    return grip_compliance(skin)
+
+
+@pytest.fixture(scope="module")
+def coupled(skin, grip):
+    """A table that knows how touches hold the sheet and how fields bend."""
+    table = replace(reduced_table(skin), grip=grip)
+    return replace(table, curvature=table_curvature(table))
+
+
+def straight(press):
+    force = np.zeros((*press.shape, 3))
+    force[..., 2] = -press
+    return force
+
+
+def test_how_the_sheet_gives_way_is_reciprocal(grip):
+    sideways = grip[..., :2].reshape(72, 72)
+    assert sideways == pytest.approx(sideways.T, rel=1e-6, abs=1e-12)
+    assert np.linalg.eigvalsh(sideways).min() > 0
+
+
+def test_touches_of_the_whole_sheet_drag_each_other_so(skin, grip):
+    sheet = BarHinge(skin)
+    light = 1e-3 * PRESS
+    pairs = Touches(position=WHERE, force=straight(light))
+    both = sheet.press(pairs).reaction
+    alone = [
+        sheet.press(Touches(position=WHERE[:, [k]], force=straight(light[:, [k]]))).reaction[:, 0]
+        for k in (0, 1)
+    ]
+    shares = patch_shares(skin, pairs).reshape(2, 2, -1)
+    expected = both - np.stack(alone, axis=1)
+    said = mutual_drags(grip, shares, light)
+    assert said == pytest.approx(expected, rel=5e-3, abs=2e-3 * np.abs(expected).max())
+    assert mutual_drags(np.zeros_like(grip), shares, light) == pytest.approx(0.0)
+
+
+def test_a_table_shows_how_its_fields_bend(skin, coupled):
+    """Two forces at one place are one touch with their sum."""
+    where = np.array([[0.045, 0.07], [0.08, 0.1], [0.06, 0.04]])
+    one, other = np.array([[0.1, 0.2, -0.4]] * 3), np.array([[-0.2, 0.1, -0.3]] * 3)
+    table = reduced_table(skin)
+    alone = [table.signals(where, force) for force in (one, other)]
+    both = table.signals(where, one + other)
+    missing = both - sum(alone)
+    left = missing - cross_signals(coupled.curvature, *alone)
+    assert np.abs(left).max() < 0.25 * np.abs(missing).max()
+
+
+@pytest.mark.parametrize("row", [0, 1])
+def test_one_pair_at_a_time_says_the_same_with_slopes(coupled, row):
+    point = PairPoint(coupled, coupled.point_table())
+    place, press = WHERE[row], PRESS[row]
+    said = point.at(place, press)
+    whole = coupled.together(place[None], straight(press)[None])[0]
+    assert said.values == pytest.approx(whole, abs=1e-12)
+    for k, step in enumerate([1e-6, 1e-6, 1e-5] * 2):
+        ends = []
+        for side in (-1, 1):
+            at = np.concatenate([place, press[:, None]], axis=1).ravel()
+            at[k] += side * step
+            at = at.reshape(2, 3)
+            ends.append(point.at(at[:, :2], at[:, 2]).values)
+        slope = (ends[1] - ends[0]) / (2 * step)
+        assert said.slopes[k] == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.abs(slope).max())
+
+
+def test_the_order_of_touches_does_not_matter(coupled):
+    force = straight(PRESS)
+    said = coupled.together(WHERE, force)
+    assert coupled.together(WHERE[:, ::-1], force[:, ::-1]) == pytest.approx(said, abs=1e-12)
+    plainly = sum(coupled.signals(WHERE[:, k], force[:, k]) for k in (0, 1))
+    assert np.abs(said - plainly).max() > 20e-6
+
+
+def test_coupling_is_found_from_pairs(skin, grip, coupled):
+    rng = np.random.default_rng(4)
+    where = rng.uniform(0, coupled.basis.extent, (600, 2, 2))
+    where = where[np.hypot(*(where[:, 0] - where[:, 1]).T) > 0.03]
+    force = straight(rng.uniform(0.1, 1.0, where.shape[:2]))
+    true = replace(coupled, curvature=1.3 * coupled.curvature)
+    both = true.together(where, force).reshape(len(where), 3, 3)
+    found = add_coupling(reduced_table(skin), grip, where[:-50], force[:-50], both[:-50])
+    late = where[-50:], force[-50:]
+    flat = both[-50:].reshape(50, -1)
+    added = sum(found.signals(late[0][:, k], late[1][:, k]) for k in (0, 1))
+    left, before = (np.sqrt(np.mean((said - flat) ** 2)) for said in (found.together(*late), added))
+    assert left < 0.05 * before
+    assert np.linalg.eigvalsh(found.pair_misfit).min() >= -1e-20
+    # What it takes to be unsure covers what it misses.
+    stated = np.sqrt(np.trace(found.pair_misfit) / 9 * np.mean((late[1] ** 2).sum(axis=(1, 2))))
+    assert left < 2 * stated
+
+
+def test_chips_left_out_take_their_curvature_along(coupled):
+    fewer = coupled.of_chips((2, 1))
+    whole = coupled.together(WHERE, straight(PRESS)).reshape(-1, 3, 3)
+    said = fewer.together(WHERE, straight(PRESS))
+    assert said == pytest.approx(whole[:, [2, 1]].reshape(-1, 6))

@@ -1,0 +1,170 @@
+"""Response tables: the functions they are made of, their fit and their file."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from smoskin.errors import ArgumentError, ModelError
+from smoskin.magnetics.mlx90393 import noise
+from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
+from smoskin.mechanics.sheet.touches import Touches, patch_shares
+from smoskin.sensing.response.basis import TouchBasis
+from smoskin.sensing.response.fit import add_warmth, fit_response_table
+from smoskin.sensing.response.table import ResponseTable, load_response_table
+from smoskin.twin.readout import Readout
+from tables_of_response import motions, plain, presses, reduced_table, signals, table_with_modes
+
+AT = np.array([[0.031, 0.047], [0.0601, 0.081], [0.10, 0.12], [0.003, 0.158]])
+PUSH = np.array([[0.1, -0.05, -0.5], [0.0, 0.0, -0.9], [-0.2, 0.1, -0.3], [0.05, 0.0, -0.7]])
+
+
+@pytest.fixture(scope="module")
+def skin(planar):
+    return plain(planar)
+
+
+def test_the_functions_are_the_shares_that_load_the_vertices(skin):
+    basis = TouchBasis.of(skin)
+    touches = Touches(position=AT[:, None], force=PUSH[:, None])
+    x = basis.along_x(AT[:, 0])[0][:, :6]
+    y = basis.along_y(AT[:, 1])[0][:, :6]
+    separable = x[:, :, None] * y[:, None, :]
+    assert separable.sum(axis=(1, 2)) == pytest.approx(1.0)
+    # Apart from the disc's corners and the rule that averages over it.
+    assert separable == pytest.approx(patch_shares(skin, touches)[:, 0], abs=0.01)
+
+
+def test_slopes_are_derivatives(skin):
+    table = reduced_table(skin)
+    slopes = table.slopes(AT, PUSH)
+    for k, step in enumerate((1e-7, 1e-7, 1e-6, 1e-6, 1e-6)):
+        ahead, behind = (np.concatenate([AT, PUSH], axis=1) for _ in range(2))
+        ahead[:, k] += step
+        behind[:, k] -= step
+        change = table.signals(ahead[:, :2], ahead[:, 2:])
+        change = change - table.signals(behind[:, :2], behind[:, 2:])
+        assert slopes[..., k] == pytest.approx(change / (2 * step), rel=1e-4, abs=1e-6)
+
+
+@pytest.mark.parametrize("temperature", [REFERENCE_TEMPERATURE, 15.0])
+def test_one_touch_at_a_time_says_the_same_as_a_batch(skin, temperature):
+    table = reduced_table(skin)
+    table = replace(table, warmth=0.001 * table.mean)
+    batch = table.signals(AT, PUSH, temperature)
+    point = table.point_table(temperature)
+    one = [point.at(*p, f) for p, f in zip(AT, PUSH, strict=True)]
+    assert np.stack([value for value, _ in one]) == pytest.approx(batch, abs=1e-12)
+    said, slopes = point.scan(AT[:, 0], AT[:, 1], PUSH[0])
+    for k, place in enumerate(AT):
+        value, slope = point.at(*place, PUSH[0])
+        assert said[k] == pytest.approx(value, abs=1e-12)
+        assert slopes[k] == pytest.approx(slope, abs=1e-10)
+
+
+def test_presses_held_out_are_met_to_the_chips_noise(skin):
+    table = reduced_table(skin)
+    where, push = presses(skin, 200, seed=7)
+    true = signals(skin, Readout(skin), motions(skin, where, push)).reshape(200, -1)
+    missed = np.sqrt(np.mean((table.signals(where, push) - true) ** 2))
+    assert missed < noise(skin.hall_setting).max()
+    # It knows so itself.
+    stated = np.sqrt(np.trace(table.misfit) / table.count * np.mean((push**2).sum(axis=1)))
+    assert missed == pytest.approx(stated, rel=0.6)
+
+
+def test_past_the_outermost_vertices_the_answer_goes_on(skin):
+    """As on a lever: what a millimetre changes at the rim it changes just within the vertices."""
+    table = reduced_table(skin)
+    places = [[0.0, 0.05], [0.001, 0.05], [0.014, 0.05], [0.015, 0.05]]
+    rim, rim_on, inner, inner_on = table.signals(places, np.tile(PUSH[0], (4, 1)))
+    assert np.linalg.norm(rim_on - rim) > 0.3 * np.linalg.norm(inner_on - inner)
+
+
+def test_warmer_rubber_takes_its_share_off_the_force(skin):
+    table = reduced_table(skin)
+    factor = 1 + 10 * table.softening
+    assert factor > 1.02
+    cool, warm = (
+        table.signals(AT, PUSH / factor),
+        table.signals(AT, PUSH, REFERENCE_TEMPERATURE + 10),
+    )
+    assert warm == pytest.approx(cool, abs=1e-12)
+    # What a degree changes besides is fitted to what is left.
+    where, push = presses(skin, 300, seed=3)
+    per_degree = (
+        table.signals(where, push, REFERENCE_TEMPERATURE + 1)
+        - table.signals(where, push, REFERENCE_TEMPERATURE - 1)
+    ) / 2
+    same = add_warmth(table, where, push, per_degree.reshape(300, 3, 3))
+    assert np.abs(same.warmth).max() < 1e-3 * np.abs(table.mean).max()
+
+
+def test_two_touches_that_do_not_couple_add_up(skin):
+    table = reduced_table(skin)
+    where = np.stack([AT[:2], AT[2:]], axis=1)
+    push = np.zeros((2, 2, 3))
+    push[..., 2] = [[-0.5, -0.3], [-0.8, -0.4]]
+    added = table.signals(where[:, 0], push[:, 0]) + table.signals(where[:, 1], push[:, 1])
+    assert table.together(where, push) == pytest.approx(added)
+    swapped = table.together(where[:, ::-1], push[:, ::-1])
+    assert swapped == pytest.approx(added)
+
+
+def test_modes_explain_skins_that_they_were_not_made_from(skin):
+    from smoskin.twin.manufacture import draw
+
+    table = table_with_modes(skin)
+    where, push = presses(skin, 150, seed=11)
+    motion = motions(skin, where, push)
+    made = Readout(skin, draw(skin, np.random.default_rng([10, 0])))
+    left = signals(skin, made, motion).reshape(150, -1) - table.signals(where, push)
+    ways = table.mode_signals(where, push)
+    weights = np.linalg.lstsq(ways[:75].swapaxes(1, 2).reshape(-1, len(table.modes)),
+                              left[:75].ravel(), rcond=None)[0]  # fmt: skip
+    after = left[75:] - np.einsum("bkc,k->bc", ways[75:], weights)
+    assert np.sqrt(np.mean(after**2)) < 0.1 * np.sqrt(np.mean(left[75:] ** 2))
+
+
+def test_chips_may_be_left_out(skin):
+    table = table_with_modes(skin)
+    fewer = table.of_chips((2, 1))
+    full = table.signals(AT, PUSH).reshape(-1, 3, 3)
+    assert fewer.signals(AT, PUSH) == pytest.approx(full[:, [2, 1]].reshape(-1, 6))
+    with pytest.raises(ArgumentError, match=r"chips must be among \(0, 1, 2\); got \(3,\)"):
+        table.of_chips((3,))
+
+
+def test_the_file_gives_the_table_back(skin, tmp_path):
+    pytest.importorskip("safetensors")
+    table = table_with_modes(skin)
+    table.save(tmp_path / "skin.response")
+    back = load_response_table(tmp_path / "skin.response")
+    assert back.design_hash == skin.content_hash
+    assert back.chips == table.chips
+    assert back.forces == table.forces
+    assert np.array_equal(back.mean, table.mean)
+    assert back.modes == pytest.approx(table.modes, rel=1e-6, abs=1e-12)
+    assert back.signals(AT, PUSH) == pytest.approx(table.signals(AT, PUSH))
+
+
+def test_other_files_are_refused(tmp_path):
+    tensors = pytest.importorskip("safetensors.numpy")
+    with pytest.raises(ModelError, match="cannot be read as a response table"):
+        load_response_table(tmp_path / "none")
+    tensors.save_file({"mean": np.zeros(3)}, str(tmp_path / "other"))
+    with pytest.raises(ModelError, match="a response table of this package must be given"):
+        load_response_table(tmp_path / "other")
+
+
+def test_wrong_tables_and_presses_are_refused(skin):
+    table = reduced_table(skin)
+    with pytest.raises(ModelError, match="mean must have shape"):
+        replace(table, mean=table.mean[..., :2])
+    with pytest.raises(ModelError, match="misfit must be finite"):
+        replace(table, misfit=np.full_like(table.misfit, np.nan))
+    with pytest.raises(ArgumentError, match="at least 3630"):
+        fit_response_table(skin, AT, PUSH, np.zeros((4, 3, 3)))
+    with pytest.raises(ArgumentError, match="lines_x must rise"):
+        TouchBasis(extent=(0.1, 0.1), lines_x=[0.05, 0.02], lines_y=[0.05])
+    assert isinstance(table, ResponseTable)

@@ -1,0 +1,375 @@
+"""The live page: what it draws of a moment, and what a mouse on it does."""
+
+import io
+import math
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from chromium import OpenPage, open_page
+from smoskin.arrays import Floats
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError
+from smoskin.feasibility import load_design
+from smoskin.origami.cell import size
+from smoskin.origami.layout import hall_positions, magnet_positions
+from smoskin.origami.sheet import build_sheet, loaded_positions
+from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
+from smoskin.service.page.scene import ESTIMATED, SkinShape, camera, pick
+from smoskin.service.page.view import View
+
+TOUCH = Contact(position=(0.045, 0.080), force=(0.1, -0.05, -0.5))
+NOTHING = Estimate(time=0.0, status=Status.NO_CONTACT)
+
+
+def shape_of(design: SkinDesign) -> SkinShape:
+    sheet, extent = build_sheet(design.cell, design.cells), size(design.cell)
+    return SkinShape(
+        vertices=sheet.vertices,
+        facets=sheet.facets,
+        chip_names=tuple(site.name for site in design.halls),
+        chips=hall_positions(design),
+        magnets=magnet_positions(design),
+        board=-design.columns.height,
+        extent=(design.cells[0] * extent.length, design.cells[1] * extent.width),
+    )
+
+
+PLANAR = load_design("planar")
+SHAPE = shape_of(PLANAR)
+
+
+def reading(time: float = 0.0, field: float = 0.0, flags: object = None) -> Reading:
+    return Reading(time=time, field=np.full((3, 3), field), flags=flags)
+
+
+@contextmanager
+def feeding(moment: Callable[[int], None]) -> Iterator[None]:
+    """Calls `moment` fifty times a second, with a running number, from a thread of its own."""
+    stop = threading.Event()
+
+    def feed() -> None:
+        number = 0
+        while not stop.wait(0.02):
+            moment(number)
+            number += 1
+
+    thread = threading.Thread(target=feed)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join(10.0)
+
+
+def assert_gone(before: set[threading.Thread]) -> None:
+    """Every thread that was not there before has ended, or does within five seconds."""
+    for thread in set(threading.enumerate()) - before:
+        thread.join(5.0)
+        assert not thread.is_alive(), f"{thread.name} is still running"
+
+
+# The sheet and the rays
+
+
+def test_every_edge_of_the_sheet_is_one_crease() -> None:
+    # Euler: V - E + F = 1 for a disc.
+    assert len(SHAPE.vertices) - len(SHAPE.creases) + len(SHAPE.facets) == 1
+
+
+@given(
+    triangle=st.integers(0, len(SHAPE.triangles) - 1),
+    u=st.floats(0.05, 0.9),
+    v=st.floats(0.05, 0.9),
+    exaggeration=st.floats(0.0, 1.0),
+)
+def test_a_ray_through_a_point_of_the_sheet_lands_there(
+    triangle: int, u: float, v: float, exaggeration: float
+) -> None:
+    free = SkinShape(
+        vertices=SHAPE.vertices, facets=SHAPE.facets, chip_names=(), chips=np.zeros((0, 3)),
+        magnets=np.zeros((0, 3)),
+    )  # fmt: skip
+    x, y, z = SHAPE.vertices.T
+    dent = np.exp(-((x - 0.06) ** 2 + (y - 0.08) ** 2) / 0.02**2)
+    drawn = np.stack([x, y, z - 3e-3 * exaggeration * dent], axis=-1)
+    weights = np.array([1.0 - u, u * (1.0 - v), u * v])
+    corners = SHAPE.triangles[triangle]
+    above = weights @ drawn[corners] + (0.0, 0.0, 0.2)
+    place = pick(free, drawn, above, (0.0, 0.0, -3.0))
+    assert place is not None
+    np.testing.assert_allclose(place, weights @ SHAPE.vertices[corners, :2], atol=1e-12)
+
+
+def test_a_ray_past_the_sheet_or_away_from_it_lands_nowhere() -> None:
+    assert pick(SHAPE, SHAPE.vertices, (0.5, 0.5, 0.1), (0.0, 0.0, -1.0)) is None
+    assert pick(SHAPE, SHAPE.vertices, (0.06, 0.08, 0.1), (0.0, 0.0, 1.0)) is None
+
+
+def test_a_press_on_the_rim_counts_inside_the_extent() -> None:
+    assert SHAPE.extent is not None
+    top = float(SHAPE.vertices[:, 1].max())
+    assert top > SHAPE.extent[1]
+    place = pick(SHAPE, SHAPE.vertices, (1e-3, top - 2e-3, 0.1), (0.0, 0.0, -1.0))
+    assert place is not None
+    np.testing.assert_allclose(place, (1e-3, SHAPE.extent[1]))
+
+
+def test_the_camera_sees_the_whole_sheet() -> None:
+    columns, rows = pixels(SHAPE.vertices, (0.0, 0.0, 700.0, 900.0)).T
+    assert 0 < columns.min() < columns.max() < 700
+    assert 0 < rows.min() < rows.max() < 900
+
+
+@pytest.mark.parametrize(
+    ("facets", "message"),
+    [
+        ([[0, 1, 2]], r"facets must have shape \(F, 4\); got \(1, 3\)"),
+        ([[0, 1, 2, 4]], r"facets must name at least one panel of vertices 0\.\.3; got 1"),
+    ],
+)
+def test_a_wrong_shape_says_what_is_wrong(facets: list[list[int]], message: str) -> None:
+    with pytest.raises(ArgumentError, match=message):
+        SkinShape(
+            vertices=np.eye(4, 3), facets=np.array(facets), chip_names=(),
+            chips=np.zeros((0, 3)), magnets=np.zeros((0, 3)),
+        )  # fmt: skip
+
+
+# The view without a page
+
+
+def test_wrong_moments_are_refused() -> None:
+    with View(SHAPE) as view:
+        with pytest.raises(ArgumentError, match="reading must have 3 chips; got 2"):
+            view.show(Reading(time=0.0, field=np.zeros((2, 3))), NOTHING)
+        with pytest.raises(ArgumentError, match=r"vertices must have shape \(\.\.\., 169, 3\)"):
+            view.show(reading(), NOTHING, vertices=np.zeros((4, 3)))
+
+
+def test_a_port_in_use_is_refused() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(ArgumentError, match=f"port must be free; got {port}"):
+            View(SHAPE, port=port)
+
+
+def test_the_page_is_on_this_machine_only() -> None:
+    with View(SHAPE) as view:
+        host, port = view.url.removeprefix("http://").split(":")
+        assert host == "127.0.0.1"
+        with pytest.raises(OSError, match=r".*"):
+            socket.create_connection(("127.0.0.2", int(port)), timeout=1.0)
+
+
+def test_closing_twice_leaves_no_thread_and_no_output(capsys: pytest.CaptureFixture[str]) -> None:
+    before = set(threading.enumerate())
+    with View(SHAPE) as view:
+        view.show(reading(), NOTHING)
+    view.close()
+    assert_gone(before)
+    assert capsys.readouterr().out == ""
+
+
+def test_showing_never_waits() -> None:
+    with View(SHAPE) as view:
+        spans = []
+        for number in range(200):
+            begin = time.perf_counter()
+            view.show(reading(number * 1e-3), NOTHING, truth=[TOUCH], vertices=SHAPE.vertices)
+            spans.append(time.perf_counter() - begin)
+        assert float(np.median(spans)) < 1e-3
+
+
+# The page in a browser
+
+
+def pixels(points: Floats, canvas: tuple[float, float, float, float]) -> Floats:
+    """Where points, m, appear in the page, by a pinhole camera; shape (..., 2)."""
+    left, top, width, height = canvas
+    eye, target, field_of_view = camera(SHAPE)
+    ahead = (target - eye) / np.linalg.norm(target - eye)
+    right = np.cross(ahead, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    scale = height / 2 / math.tan(field_of_view / 2)
+    ray = points - eye
+    depth = ray @ ahead
+    return np.stack(
+        [
+            left + width / 2 + scale * (ray @ right) / depth,
+            top + height / 2 - scale * (ray @ np.cross(right, ahead)) / depth,
+        ],
+        axis=-1,
+    )
+
+
+def picture(opened: OpenPage) -> Floats:
+    """The 3-D picture, shape (H, W, 3), 0 to 255."""
+    image = pytest.importorskip("PIL.Image")
+    left, top, width, height = opened.canvas()
+    png = opened.page.screenshot(clip={"x": left, "y": top, "width": width, "height": height})
+    return np.asarray(image.open(io.BytesIO(png)).convert("RGB"), dtype=float)
+
+
+def vermilion(colors: Floats) -> int:
+    """How many pixels have about the colour of an estimated force in some light."""
+    share = colors / np.maximum(colors.sum(axis=-1, keepdims=True), 1.0)
+    wanted = np.array(ESTIMATED) / sum(ESTIMATED)
+    vivid = np.ptp(colors, axis=-1) > 90
+    return int((vivid & (np.linalg.norm(share - wanted, axis=-1) < 0.15)).sum())
+
+
+@pytest.mark.browser
+def test_the_page_shows_what_it_is_told() -> None:
+    covariance = np.diag([2e-3, 1e-3, 0.02, 0.03, 0.04]) ** 2
+    touched = Estimate(
+        time=0.0, status=Status.CONTACT, contacts=(TOUCH,), covariance=covariance[None]
+    )
+    missing = Estimate(time=0.0, status=Status.CHIP_MISSING)
+    flags = [0, ChipFlag.MISSING, 0]
+
+    with View(SHAPE, title="a skin") as view, open_page(view.url) as opened:
+        opened.wait_until(lambda: opened.text("status") == "Waiting")
+
+        with feeding(lambda k: view.show(reading(0.02 * k), NOTHING, latency=1.25e-3)):
+            opened.wait_until(lambda: opened.text("status") == "Not touched")
+            opened.wait_until(lambda: float(opened.text("rate").removesuffix(" Hz")) > 10)
+            assert opened.text("latency") == "1.2 ms"
+            assert opened.page.get_by_text("a skin").count() > 0
+            assert opened.page.get_by_text("Press with the mouse").count() == 0
+        opened.wait_until(lambda: opened.text("status") == "Silent")
+        opened.dismiss_notices()
+        untouched = picture(opened)
+        # The sheet covers the middle, and its panels differ in shade.
+        height, width, _ = untouched.shape
+        middle = untouched[height // 3 : 2 * height // 3, width // 3 : 2 * width // 3]
+        assert middle.max(axis=-1).mean() < 240
+        assert middle.mean(axis=-1).std() > 8
+        assert vermilion(untouched) < 20
+
+        with feeding(lambda k: view.show(reading(100 + 0.02 * k), touched, truth=[TOUCH])):
+            opened.wait_until(lambda: opened.text("status") == "Touched")
+            assert opened.text("sentence") == Status.CONTACT.value
+        assert opened.text("touch") == "x 45.0 mm  y 80.0 mm  Fn 0.50 N"
+        assert opened.page.locator('[data-name="touches"] tr').all_text_contents() == [
+            "estimatetrueerror",
+            "x, mm45.0± 2.045.0+0.0",
+            "y, mm80.0± 1.080.0+0.0",
+            "Fn, N0.500± 0.0400.500+0.000",
+            "Fx, N0.100± 0.0200.100+0.000",
+            "Fy, N-0.050± 0.030-0.050+0.000",
+        ]
+        opened.wait_until(lambda: vermilion(picture(opened)) > 100)
+
+        with feeding(lambda k: view.show(reading(200 + 0.02 * k, flags=flags), missing)):
+            opened.wait_until(lambda: opened.text("status") == "Chip missing")
+            opened.wait_until(lambda: opened.page.get_by_text("S2 · missing").count() == 1)
+        opened.wait_until(lambda: vermilion(picture(opened)) < 20)
+
+
+@pytest.mark.browser
+def test_a_mouse_presses_the_skin() -> None:
+    presses: list[Contact | None] = []
+    zeros: list[float] = []
+
+    def press(contact: Contact | None) -> None:
+        presses.append(contact)
+
+    def zero() -> None:
+        zeros.append(time.monotonic())
+
+    with View(SHAPE, on_press=press, on_zero=zero) as view, open_page(view.url) as opened:
+        view.show(reading(), NOTHING)
+        opened.wait_until(lambda: opened.text("status") != "Waiting")
+        opened.page.get_by_text("Press with the mouse").wait_for()
+        opened.page.wait_for_timeout(1500)  # The panels slide in and the canvas shrinks.
+        opened.dismiss_notices()
+        canvas = opened.canvas()
+        top = build_sheet(PLANAR.cell, PLANAR.cells).vertices[:, 2].max()
+
+        for cell in ((0, 0), (3, 2), (5, 4)):
+            place = loaded_positions(PLANAR)[cell]
+            presses.clear()
+            opened.page.mouse.click(*pixels(np.array([*place, top]), canvas))
+            opened.wait_until(lambda: len(presses) == 2)
+            pressed, released = presses
+            assert pressed is not None
+            np.testing.assert_allclose(pressed.position, place, atol=1e-3)
+            np.testing.assert_allclose(pressed.force, (0.0, 0.0, -0.5))
+            assert released is None
+
+        presses.clear()
+        opened.page.get_by_label("Keep pressing until released").check()
+        opened.page.mouse.click(*pixels(np.array([*place, top]), canvas))
+        opened.wait_until(lambda: presses)
+        opened.page.wait_for_timeout(2500)
+        assert len(presses) == 1
+        opened.page.get_by_role("button", name="Release").click()
+        opened.wait_until(lambda: presses[-1] is None)
+
+        presses.clear()
+        along = loaded_positions(PLANAR)[1:5, 1]
+        opened.page.keyboard.down("Shift")
+        for number, place in enumerate(along):
+            opened.page.mouse.move(*pixels(np.array([*place, top]), canvas), steps=8)
+            if number == 0:
+                opened.page.mouse.down()
+            opened.page.wait_for_timeout(200)
+        opened.page.mouse.up()
+        opened.page.keyboard.up("Shift")
+        opened.wait_until(lambda: presses and presses[-1] is None)
+        slide = np.array([contact.position for contact in presses if contact is not None])
+        assert len(slide) > 4
+        assert np.all(np.diff(slide[:, 0]) > 0)
+        np.testing.assert_allclose(slide[-1], along[-1], atol=2e-3)
+
+        opened.page.get_by_role("button", name="Zero").click()
+        opened.wait_until(lambda: zeros)
+    assert len(zeros) == 1
+
+
+@pytest.mark.browser
+def test_what_a_callback_raises_reaches_the_caller() -> None:
+    def zero() -> None:
+        raise RuntimeError("no zero to be had")
+
+    before = set(threading.enumerate())
+    with View(SHAPE, on_zero=zero) as view, open_page(view.url) as opened:
+        opened.page.get_by_role("button", name="Zero").click()
+
+        def failed() -> bool:
+            try:
+                view.show(reading(), NOTHING)
+            except RuntimeError as error:
+                return str(error) == "no zero to be had"
+            return False
+
+        opened.wait_until(failed)
+    assert_gone(before)
+
+
+@pytest.mark.browser
+def test_closing_lets_go_of_a_press_and_of_the_browser() -> None:
+    presses: list[Contact | None] = []
+    before = set(threading.enumerate())
+    view = View(SHAPE, on_press=presses.append)
+    with open_page(view.url) as opened:
+        inside = set(threading.enumerate())
+        opened.page.get_by_label("Keep pressing until released").check()
+        opened.page.wait_for_timeout(1500)
+        middle = loaded_positions(PLANAR)[2, 2]
+        opened.page.mouse.click(*pixels(np.array([*middle, 8e-3]), opened.canvas()))
+        opened.wait_until(lambda: presses)
+        view.close()
+        assert presses[-1] is None
+        assert len(presses) == 2
+        assert_gone(inside)
+    assert_gone(before)

@@ -1,0 +1,352 @@
+"""The loop: who gets what, who waits for whom, and that everything is closed at the end."""
+
+import gc
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smoskin.design.document import read_design
+from smoskin.errors import ArgumentError, SmoskinError, SourceError
+from smoskin.records import ChipFlag, Estimate, Reading, Status
+from smoskin.roles import Estimator, Sink, Source
+from smoskin.service.loop import Latest, Loop, run
+from smoskin.service.recorder import Recorder, open_recording
+
+CHIPS = 3
+
+
+class ListSource(Source):
+    """Gives readings from a list; an exception in it is raised."""
+
+    def __init__(self, items: Iterable[Reading | Exception]) -> None:
+        self._items: Iterator[Reading | Exception] = iter(items)
+        self.timeouts: list[float] = []
+        self.closed = False
+
+    @property
+    def chips(self) -> int:
+        return CHIPS
+
+    def read(self, timeout: float = 1.0) -> Reading | None:
+        self.timeouts.append(timeout)
+        item = None if self.closed else next(self._items, None)
+        if isinstance(item, Exception):
+            raise item
+        return item
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class FlagEstimator(Estimator):
+    """Judges by the chips' flags and order of times alone."""
+
+    def __init__(self) -> None:
+        self._last = -math.inf
+
+    def step(self, reading: Reading) -> Estimate:
+        if len(reading.field) != CHIPS:
+            raise ArgumentError(f"reading must have {CHIPS} chips; got {len(reading.field)}")
+        flags = int(np.bitwise_or.reduce(reading.flags))
+        status = Status.NO_CONTACT
+        if flags & ChipFlag.SATURATED:
+            status = Status.SATURATED
+        if flags & ChipFlag.MISSING or not np.isfinite(reading.field).all():
+            status = Status.CHIP_MISSING
+        if reading.time <= self._last:
+            status = Status.STALE
+        self._last = max(self._last, reading.time)
+        return Estimate(time=reading.time, status=status)
+
+    def reset(self) -> None:
+        self._last = -math.inf
+
+
+class ListSink(Sink):
+    """Keeps what it gets."""
+
+    def __init__(self, on_write: Callable[[], object] = lambda: None) -> None:
+        self.taken: list[tuple[Reading, Estimate | None]] = []
+        self.closings = 0
+        self._on_write = on_write
+
+    def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
+        self._on_write()
+        self.taken.append((reading, estimate))
+
+    def close(self) -> None:
+        self.closings += 1
+
+
+def at(moment: float, flags: object = None, field: object = None) -> Reading:
+    return Reading(time=moment, field=np.zeros((CHIPS, 3)) if field is None else field, flags=flags)
+
+
+def ticks(count: int) -> list[Reading]:
+    return [at(0.01 * index) for index in range(count)]
+
+
+# ---------------------------------------------------------------- what the loop does
+
+
+def test_every_reading_becomes_an_estimate_in_every_sink() -> None:
+    source, sinks = ListSource(ticks(5)), [ListSink(), ListSink()]
+    estimates = list(run(source, FlagEstimator(), sinks=sinks))
+    assert [estimate.time for estimate in estimates] == [0.01 * index for index in range(5)]
+    for sink in sinks:
+        assert [reading for reading, _ in sink.taken] == ticks(5)
+        assert [estimate for _, estimate in sink.taken] == estimates
+        assert sink.closings == 1
+    assert source.closed
+
+
+def test_bad_measurements_pass_and_are_counted() -> None:
+    nan, inf = np.full((CHIPS, 3), np.nan), np.full((CHIPS, 3), np.inf)
+    readings = [
+        at(0.0),
+        at(0.1, field=nan),
+        at(0.2, field=inf),
+        at(0.3, flags=[ChipFlag.MISSING, 0, 0]),
+        at(0.4, flags=[0, ChipFlag.SATURATED, 0]),
+        at(0.2),
+        at(0.4),
+        at(0.5),
+    ]
+    loop = Loop(ListSource(readings), FlagEstimator())
+    assert len(list(loop)) == 8
+    counters = loop.counters
+    assert counters.readings == 8
+    assert counters.statuses[Status.NO_CONTACT] == 2
+    assert counters.statuses[Status.CHIP_MISSING] == 3
+    assert counters.statuses[Status.SATURATED] == 1
+    assert counters.statuses[Status.STALE] == 2
+    assert counters.statuses[Status.CONTACT] == 0
+    assert sum(counters.statuses.values()) == counters.readings
+
+
+def test_the_recorder_gets_every_one(tmp_path: Path) -> None:
+    design = read_design("planar")
+    readings = [*ticks(20), at(0.05), at(0.3, flags=[1, 2, 4], field=np.full((CHIPS, 3), np.nan))]
+    recorder = Recorder(tmp_path / "touch.mcap", design)
+    estimates = list(run(ListSource(readings), FlagEstimator(), sinks=[recorder]))
+    recording = open_recording(tmp_path / "touch.mcap")
+    assert not recording.truncated
+    assert list(recording) == list(zip(readings, estimates, strict=True))
+
+
+def test_rate_and_latency_are_measured() -> None:
+    now = [0.0]
+
+    def pass_time(seconds: float) -> None:
+        now[0] += seconds
+
+    class SlowSource(ListSource):
+        def read(self, timeout: float = 1.0) -> Reading | None:
+            pass_time(0.006)
+            return super().read(timeout)
+
+    work = iter([0.004] * 99 + [0.104])
+    sink = ListSink(lambda: pass_time(next(work)))
+    source = SlowSource(ticks(100))
+    loop = Loop(source, FlagEstimator(), sinks=[sink], clock=lambda: now[0])
+    assert math.isnan(loop.counters.rate)
+    assert math.isnan(loop.counters.latency_median)
+    list(loop)
+    counters = loop.counters
+    assert counters.rate == pytest.approx(100.0)
+    assert counters.latency_median == pytest.approx(0.004)
+    assert 0.004 <= counters.latency_p99 <= 0.104
+
+
+def test_counters_may_be_asked_from_another_thread() -> None:
+    loop = Loop(ListSource(ticks(3000)), FlagEstimator())
+    stop, asked = threading.Event(), []
+
+    def ask() -> None:
+        while not stop.is_set():
+            asked.append(loop.counters.readings)
+
+    asking = threading.Thread(target=ask)
+    asking.start()
+    try:
+        list(loop)
+    finally:
+        stop.set()
+        asking.join(5.0)
+    assert asked == sorted(asked)
+    assert loop.counters.readings == 3000
+
+
+# ---------------------------------------------------------------- how it ends
+
+
+def test_a_dead_source_raises_after_everything_is_closed() -> None:
+    source = ListSource([at(0.0), SourceError("no reading within 0.2 s")])
+    sink = ListSink()
+    estimates = run(source, FlagEstimator(), sinks=[sink], deadline=0.2)
+    next(estimates)
+    with pytest.raises(SourceError, match="no reading within"):
+        next(estimates)
+    assert source.timeouts == [0.2, 0.2]
+    assert (source.closed, sink.closings) == (True, 1)
+
+
+def test_breaking_off_closes_everything() -> None:
+    source, sink = ListSource(ticks(5)), ListSink()
+    for _ in run(source, FlagEstimator(), sinks=[sink]):
+        break
+    gc.collect()
+    assert (source.closed, sink.closings) == (True, 1)
+
+
+def test_the_context_closes_even_a_loop_that_never_ran() -> None:
+    source, sink = ListSource(ticks(5)), ListSink()
+    with Loop(source, FlagEstimator(), sinks=[sink]):
+        pass
+    assert (source.closed, sink.closings) == (True, 1)
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
+@pytest.mark.parametrize("place", ["source", "estimator", "sink", "user"])
+def test_whatever_interrupts_closes_everything(error: type[BaseException], place: str) -> None:
+    def fail() -> None:
+        raise error
+
+    source, sinks = ListSource(ticks(3)), [ListSink(), ListSink()]
+    estimator = FlagEstimator()
+    if place == "source":
+        source.read = lambda timeout=1.0: fail()  # type: ignore[method-assign]
+    elif place == "estimator":
+        estimator.step = lambda reading: fail()  # type: ignore[method-assign]
+    elif place == "sink":
+        sinks[0] = ListSink(fail)
+
+    def use() -> None:
+        with Loop(source, estimator, sinks=sinks) as loop:
+            for _ in loop:
+                fail()
+
+    with pytest.raises(error):
+        use()
+    assert source.closed
+    assert all(sink.closings >= 1 for sink in sinks)
+
+
+def test_a_sink_that_fails_to_close_does_not_keep_others_open() -> None:
+    class Stubborn(ListSink):
+        def close(self) -> None:
+            raise SmoskinError("stuck")
+
+    source, last = ListSource(ticks(2)), ListSink()
+    with pytest.raises(SmoskinError, match="stuck"):
+        list(run(source, FlagEstimator(), sinks=[Stubborn(), last]))
+    assert (source.closed, last.closings) == (True, 1)
+
+
+def test_the_wrong_number_of_chips_is_wrong_use() -> None:
+    source, sink = ListSource([Reading(time=0.0, field=np.zeros((4, 3)))]), ListSink()
+    with pytest.raises(ArgumentError, match="reading must have 3 chips; got 4"):
+        list(run(source, FlagEstimator(), sinks=[sink]))
+    assert (source.closed, sink.closings, sink.taken) == (True, 1, [])
+
+
+@pytest.mark.parametrize("deadline", [0.0, -1.0, math.inf, math.nan])
+def test_nothing_runs_without_a_deadline(deadline: float) -> None:
+    with pytest.raises(ArgumentError, match="deadline must be positive and finite"):
+        run(ListSource([]), FlagEstimator(), deadline=deadline)
+
+
+# ---------------------------------------------------------------- latest value wins
+
+
+def until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 10.0
+    while not condition():
+        assert time.monotonic() < deadline, "waited too long"
+        time.sleep(0.001)
+
+
+def test_a_slow_sink_gets_the_newest_and_holds_nobody_up() -> None:
+    busy, go = threading.Event(), threading.Event()
+
+    def wait() -> None:
+        busy.set()
+        assert go.wait(10.0)
+
+    slow, fast = ListSink(wait), ListSink()
+    latest = Latest(slow)
+    loop = Loop(ListSource(ticks(100)), FlagEstimator(), sinks=[fast, latest])
+    with loop:
+        running = iter(loop)
+        next(running)
+        assert busy.wait(10.0)
+        for _ in range(99):
+            next(running)
+        assert loop.counters.dropped == 98
+        assert len(fast.taken) == 100
+        go.set()
+        until(lambda: len(slow.taken) == 2)
+    assert [reading.time for reading, _ in slow.taken] == [0.0, pytest.approx(0.99)]
+    assert slow.closings == 1
+    assert loop.counters.dropped + len(slow.taken) == 100
+
+
+def test_a_sink_that_keeps_up_gets_every_one() -> None:
+    inner = ListSink()
+    with Latest(inner) as latest:
+        for count, reading in enumerate(ticks(50), start=1):
+            latest.write(reading, None)
+            until(lambda count=count: len(inner.taken) == count)  # type: ignore[misc]
+    assert latest.dropped == 0
+    assert [reading for reading, _ in inner.taken] == ticks(50)
+
+
+def test_the_last_value_is_delivered_before_closing() -> None:
+    inner = ListSink(lambda: time.sleep(0.05))
+    latest = Latest(inner)
+    for reading in ticks(3):
+        latest.write(reading, None)
+    latest.close()
+    latest.close()
+    assert inner.taken[-1][0] == ticks(3)[-1]
+    assert inner.closings == 1
+    with pytest.raises(SmoskinError, match="the sink is closed"):
+        latest.write(at(1.0), None)
+
+
+def test_what_a_slow_sink_raises_is_not_swallowed() -> None:
+    def fail() -> None:
+        raise ValueError("no screen")
+
+    source = ListSource(at(0.001 * index) for index in range(10**9))
+    inner = ListSink(fail)
+    estimates = run(source, FlagEstimator(), sinks=[Latest(inner)])
+    with pytest.raises(ValueError, match="no screen"):
+        deque(estimates, maxlen=0)
+    assert (source.closed, inner.closings) == (True, 1)
+
+    alone = Latest(ListSink(fail))
+    alone.write(at(0.0), None)
+    with pytest.raises(ValueError, match="no screen"):
+        alone.close()
+
+
+def test_a_sink_that_hangs_is_given_up() -> None:
+    release = threading.Event()
+    hanging = ListSink(lambda: release.wait(10.0))
+    latest = Latest(hanging, patience=0.05)
+    latest.write(at(0.0), None)
+    try:
+        with pytest.raises(SmoskinError, match=r"ListSink has not finished within 0\.05 s"):
+            latest.close()
+        assert hanging.closings == 1
+    finally:
+        release.set()
+    with pytest.raises(ArgumentError, match="patience must be positive and finite"):
+        Latest(hanging, patience=math.inf)

@@ -1,0 +1,577 @@
+"""Recordings: lossless, readable by others, and honest about cuts and damage."""
+
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from smoskin.design.document import read_design
+from smoskin.errors import ArgumentError, MissingExtraError, RecordingError
+from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
+from smoskin.service.recorder import Recorder, Recording, open_recording
+
+DESIGN = read_design("planar")
+CHIPS = len(DESIGN.halls)
+WALL = 1_700_000_000_000_000_000
+
+
+class Clock:
+    """Stands still until told."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def moments(count: int) -> list[tuple[Reading, Estimate]]:
+    noise = np.random.default_rng(3)
+    made = []
+    for index in range(count):
+        time = 5.0 + 0.01 * index
+        reading = Reading(
+            time=time,
+            field=noise.normal(0.0, 1e-3, (CHIPS, 3)),
+            temperature=noise.normal(25.0, 1.0, CHIPS),
+        )
+        contact = Contact(position=(0.04, 0.08), force=(0.1, -0.2, -0.5 - 0.01 * index))
+        spread = noise.normal(0.0, 1e-3, (1, 5, 5))
+        estimate = Estimate(
+            time=time, status=Status.CONTACT, contacts=(contact,), covariance=spread
+        )
+        made.append((reading, estimate))
+    return made
+
+
+def recorder(path: Path, **options: object) -> Recorder:
+    return Recorder(path, DESIGN, wall_clock=lambda: WALL, **options)  # type: ignore[arg-type]
+
+
+def record(path: Path, count: int) -> Path:
+    with recorder(path, flush_interval=0.0) as sink:
+        for reading, estimate in moments(count):
+            sink.write(reading, estimate)
+    return path
+
+
+@pytest.fixture
+def recorded(tmp_path: Path) -> Path:
+    """Six moments, a chunk for each."""
+    return record(tmp_path / "touch.mcap", 6)
+
+
+# ---------------------------------------------------------------- what is written is read
+
+floats = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@st.composite
+def readings(draw: st.DrawFn) -> Reading:
+    return Reading(
+        time=draw(floats),
+        field=draw(arrays(np.uint64, (CHIPS, 3))).view(np.float64),
+        temperature=draw(arrays(np.uint64, CHIPS)).view(np.float64),
+        flags=draw(arrays(np.int64, CHIPS)),
+    )
+
+
+@st.composite
+def estimates(draw: st.DrawFn) -> Estimate:
+    count = draw(st.integers(0, 3))
+    return Estimate(
+        time=draw(floats),
+        status=draw(st.sampled_from(Status)),
+        contacts=tuple(
+            Contact(
+                position=draw(arrays(np.float64, 2, elements=st.floats(-1e3, 1e3))),
+                force=draw(arrays(np.uint64, 3)).view(np.float64),
+            )
+            for _ in range(count)
+        ),
+        covariance=draw(arrays(np.uint64, (count, 5, 5))).view(np.float64),
+    )
+
+
+def reading_bits(reading: Reading) -> tuple[bytes, ...]:
+    parts = (reading.field, reading.temperature, reading.flags)
+    return (np.float64(reading.time).tobytes(), *(part.tobytes() for part in parts))
+
+
+def estimate_bits(estimate: Estimate | None) -> object:
+    if estimate is None:
+        return None
+    contacts = [(c.position.tobytes(), c.force.tobytes()) for c in estimate.contacts]
+    time = np.float64(estimate.time).tobytes()
+    return time, estimate.status, contacts, estimate.covariance.tobytes()
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.lists(st.tuples(readings(), st.none() | estimates()), max_size=6), st.booleans())
+# Forces whose bits are NaN or huge go into the viewers' sum as they are.
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_every_bit_comes_back(
+    tmp_path_factory: pytest.TempPathFactory,
+    pairs: list[tuple[Reading, Estimate | None]],
+    often: bool,
+) -> None:
+    path = tmp_path_factory.mktemp("bits") / "touch.mcap"
+    with recorder(path, flush_interval=0.0 if often else 1e9) as sink:
+        for reading, estimate in pairs:
+            sink.write(reading, estimate)
+    recording = open_recording(path)
+    back = list(recording)
+    assert [reading_bits(r) for r, _ in back] == [reading_bits(r) for r, _ in pairs]
+    assert [estimate_bits(e) for _, e in back] == [estimate_bits(e) for _, e in pairs]
+    assert [reading_bits(r) for r in recording.readings()] == [reading_bits(r) for r, _ in pairs]
+    assert recording.reading_count == len(pairs)
+    assert recording.estimate_count == sum(e is not None for _, e in pairs)
+    assert not recording.truncated
+    assert recording.lost_chunks == 0
+
+
+def test_the_description_says_what_was_recorded(recorded: Path) -> None:
+    recording = open_recording(recorded)
+    said = recording.description
+    assert said.design == DESIGN.name
+    assert said.design_hash == DESIGN.content_hash
+    assert said.setting == DESIGN.hall_setting
+    assert said.chips == CHIPS
+    assert said.version
+    assert said.start == WALL * 1e-9
+    assert recording.duration == pytest.approx(0.05)
+
+
+def test_a_recording_of_nothing_is_a_recording(tmp_path: Path) -> None:
+    recorder(tmp_path / "none.mcap").close()
+    recording = open_recording(tmp_path / "none.mcap")
+    assert list(recording) == []
+    assert recording.duration == 0.0
+    assert not recording.truncated
+
+
+def test_iterating_twice_at_once_gives_the_same(recorded: Path) -> None:
+    recording = open_recording(recorded)
+    for one, other in zip(recording, recording, strict=True):
+        assert one == other
+    assert list(recording.estimates()) == [estimate for _, estimate in moments(6)]
+
+
+def test_times_out_of_order_are_kept_in_order_of_recording(tmp_path: Path) -> None:
+    times = [2.0, 1.0, 1.0, 1e12, -1e300, 3.0]
+    with recorder(tmp_path / "mixed.mcap") as sink:
+        for time in times:
+            sink.write(Reading(time=time, field=np.zeros((CHIPS, 3))))
+    recording = open_recording(tmp_path / "mixed.mcap")
+    assert [reading.time for reading in recording.readings()] == times
+
+
+def test_a_shorter_chip_row_is_wrong_use(tmp_path: Path) -> None:
+    with recorder(tmp_path / "touch.mcap") as sink:
+        with pytest.raises(ArgumentError, match=r"reading must have the design's 3 chips; got 2"):
+            sink.write(Reading(time=0.0, field=np.zeros((2, 3))))
+        sink.write(Reading(time=0.0, field=np.zeros((CHIPS, 3))))
+    assert open_recording(tmp_path / "touch.mcap").reading_count == 1
+
+
+def test_an_existing_file_is_never_overwritten(recorded: Path) -> None:
+    before = recorded.read_bytes()
+    with pytest.raises(RecordingError, match="exists; choose another name"):
+        recorder(recorded)
+    assert recorded.read_bytes() == before
+
+
+def test_a_recorder_says_what_is_wrong(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="cannot be written: No such file or directory"):
+        recorder(tmp_path / "no" / "such" / "folder.mcap")
+    with pytest.raises(ArgumentError, match="flush_interval must be finite and >= 0; got -1"):
+        recorder(tmp_path / "touch.mcap", flush_interval=-1.0)
+    sink = recorder(tmp_path / "touch.mcap")
+    sink.close()
+    sink.close()
+    with pytest.raises(RecordingError, match="the recorder is closed"):
+        sink.write(Reading(time=0.0, field=np.zeros((CHIPS, 3))))
+
+
+# ---------------------------------------------------------------- what others read
+
+
+def decoded_by_others(path: Path) -> dict[str, list[tuple[int, object]]]:
+    """Log time and message by topic, through mcap's reader and the schemas in the file alone."""
+    from mcap.reader import make_reader
+    from rosbags.typesys import get_types_from_msg
+    from rosbags.typesys.store import Typestore
+
+    found: dict[str, list[tuple[int, object]]] = {}
+    stores: dict[str, Typestore] = {}
+    with open(path, "rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert reader.get_header().profile == "ros2"
+        for schema, channel, message in reader.iter_messages():
+            assert schema is not None
+            assert (schema.encoding, channel.message_encoding) == ("ros2msg", "cdr")
+            if schema.name not in stores:
+                store = stores[schema.name] = Typestore()
+                store.register(get_types_from_msg(schema.data.decode(), schema.name))
+            content = stores[schema.name].deserialize_cdr(message.data, schema.name)
+            found.setdefault(channel.topic, []).append((message.log_time, content))
+    return found
+
+
+def test_viewers_find_standard_messages(tmp_path: Path) -> None:
+    flags = [ChipFlag.MISSING, ChipFlag.SATURATED, ChipFlag.WRAPPED | ChipFlag.OLD]
+    reading = Reading(time=7.25, field=np.arange(9.0).reshape(3, 3) * 1e-3, flags=flags)
+    contacts = (
+        Contact(position=(0.03, 0.05), force=(0.1, 0.2, -0.5)),
+        Contact(position=(0.07, 0.02), force=(0.0, 0.0, -1.0)),
+    )
+    touched = Estimate(
+        time=7.25,
+        status=Status.CONTACT,
+        contacts=contacts,
+        covariance=np.full((2, 5, 5), np.nan),
+    )
+    with recorder(tmp_path / "touch.mcap") as sink:
+        sink.write(reading, touched)
+        later = Reading(time=7.75, field=reading.field)
+        sink.write(later, Estimate(time=7.75, status=Status.NO_CONTACT))
+        sink.write(later, Estimate(time=7.75, status=Status.STALE))
+    found = decoded_by_others(tmp_path / "touch.mcap")
+
+    chip = [content.magnetic_field for _, content in found["/skin/chip1/field"]]
+    assert (chip[0].x, chip[0].y, chip[0].z) == tuple(reading.field[1])
+    for index in (0, 2):  # a missing and a wrapped chip have no field to show
+        lost = found[f"/skin/chip{index}/field"][0][1].magnetic_field
+        assert np.isnan([lost.x, lost.y, lost.z]).all()
+        assert not np.isnan(found[f"/skin/chip{index}/field"][1][1].magnetic_field.x)
+
+    for index, contact in enumerate(contacts):
+        [(_, shown)] = found[f"/skin/contact{index}"]
+        assert shown.header.frame_id == "skin"
+        assert (shown.point.x, shown.point.y, shown.point.z) == (*contact.position, 0.0)
+
+    (stamp, pushed), (next_stamp, free) = found["/skin/wrench"]
+    assert (stamp, next_stamp) == (WALL, WALL + 500_000_000)
+    assert (pushed.header.stamp.sec, pushed.header.stamp.nanosec) == divmod(WALL, 10**9)
+    force, torque = pushed.wrench.force, pushed.wrench.torque
+    np.testing.assert_allclose([force.x, force.y, force.z], [0.1, 0.2, -1.5])
+    lever = sum(np.cross([*contact.position, 0.0], contact.force) for contact in contacts)
+    np.testing.assert_allclose([torque.x, torque.y, torque.z], lever)
+    assert (free.wrench.force.z, free.wrench.torque.x) == (0.0, 0.0)
+
+
+def test_our_own_messages_explain_themselves(recorded: Path) -> None:
+    from mcap.reader import make_reader
+
+    found = decoded_by_others(recorded)
+    for (_, content), (reading, _) in zip(found["/skin/reading"], moments(6), strict=True):
+        assert content.time == reading.time
+        np.testing.assert_array_equal(content.field.reshape(-1, 3), reading.field)
+        assert content.SATURATED == ChipFlag.SATURATED
+    assert {content.status for _, content in found["/skin/estimate"]} == {"CONTACT"}
+    assert found["/skin/description"][0][1].design == DESIGN.name
+    with open(recorded, "rb") as file:
+        schemas = make_reader(file).get_summary().schemas.values()
+    [text] = [schema.data.decode() for schema in schemas if schema.name.endswith("/Reading")]
+    assert "float64[] field                # T, (chips, 3) row by row" in text
+
+
+def test_a_ros_bag_reader_opens_it_as_it_is(recorded: Path) -> None:
+    from rosbags.highlevel import AnyReader
+
+    with AnyReader([recorded]) as bag:
+        counts = {connection.topic: connection.msgcount for connection in bag.connections}
+        times = [
+            bag.deserialize(raw, connection.msgtype).time
+            for connection, _, raw in bag.messages()
+            if connection.topic == "/skin/reading"
+        ]
+    assert counts["/skin/wrench"] == counts["/skin/chip0/field"] == counts["/skin/contact0"] == 6
+    assert times == [reading.time for reading, _ in moments(6)]
+
+
+def test_stamps_follow_the_readings_own_clock(tmp_path: Path) -> None:
+    wall = iter([WALL, WALL + 3_000_000_000])
+    with Recorder(tmp_path / "touch.mcap", DESIGN, wall_clock=lambda: next(wall)) as sink:
+        for time in (100.0, 100.25, 101.0):
+            sink.write(Reading(time=time, field=np.zeros((CHIPS, 3))))
+    stamps = [stamp for stamp, _ in decoded_by_others(tmp_path / "touch.mcap")["/skin/reading"]]
+    # The recorder was opened at WALL; the first reading came three seconds later.
+    assert [stamp - WALL for stamp in stamps] == [3_000_000_000, 3_250_000_000, 4_000_000_000]
+
+
+# ---------------------------------------------------------------- kills, cuts and damage
+
+
+def assert_readings_true(recording: Recording, originals: list[Reading]) -> int:
+    """Every reading given is one of the originals, in order; returns how many are."""
+    unread = iter(originals)
+    given = list(recording.readings())
+    assert all(any(reading == original for original in unread) for reading in given)
+    assert len(given) == recording.reading_count
+    return len(given)
+
+
+def test_a_kill_loses_at_most_the_flush_interval(tmp_path: Path) -> None:
+    path, clock = tmp_path / "touch.mcap", Clock()
+    with recorder(path, clock=clock) as sink:
+        for index in range(500):
+            clock.now = 0.01 * index
+            sink.write(Reading(time=clock.now, field=np.zeros((CHIPS, 3))))
+            if index % 37 == 0:
+                on_disk = open_recording(path)
+                assert on_disk.truncated
+                assert index + 1 - on_disk.reading_count <= 100
+
+
+def test_a_killed_process_leaves_a_recording(tmp_path: Path) -> None:
+    path = tmp_path / "killed.mcap"
+    script = f"""
+import os, signal
+import numpy as np
+from smoskin.design.document import read_design
+from smoskin.records import Reading
+from smoskin.service.recorder import Recorder
+time = [0.0]
+sink = Recorder({str(path)!r}, read_design("planar"), clock=lambda: time[0])
+for index in range(250):
+    time[0] = 0.01 * index
+    sink.write(Reading(time=time[0], field=np.full(({CHIPS}, 3), 1e-3 * index)))
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    ended = subprocess.run([sys.executable, "-c", script], timeout=60, check=False)
+    assert ended.returncode == -signal.SIGKILL
+    recording = open_recording(path)
+    assert recording.truncated
+    assert recording.lost_chunks == 0
+    times = [reading.time for reading in recording.readings()]
+    assert times == [0.01 * index for index in range(len(times))]
+    assert len(times) >= 150
+
+
+# Exhaustive where it matters, and all the way when asked.
+every_byte = pytest.mark.parametrize("step", [7, pytest.param(1, marks=pytest.mark.slow)])
+
+
+@every_byte
+def test_a_file_cut_anywhere_gives_all_before_the_cut(step: int, tmp_path: Path) -> None:
+    count = 3
+    whole = open_recording(record(tmp_path / "touch.mcap", count))
+    content = whole.path.read_bytes()
+    originals = [reading for reading, _ in moments(count)]
+    header, *ends = [span.offset + span.length for span in whole.spans]
+    edges = {header, *ends, header - 1, *(end - 1 for end in ends)}
+    cut = tmp_path / "cut.mcap"
+    for length in sorted({*range(0, len(content), step), *edges}):
+        cut.write_bytes(content[:length])
+        if length < header:
+            with pytest.raises(RecordingError, match=r"is empty|ends before its"):
+                open_recording(cut)
+            continue
+        recording = open_recording(cut)
+        assert recording.truncated
+        assert recording.lost_chunks == 0
+        assert recording.description == whole.description
+        wanted = sum(end <= length for end in ends[:count])
+        assert recording.reading_count == wanted
+        if length in edges:
+            assert list(recording.readings()) == originals[:wanted]
+
+
+@every_byte
+@pytest.mark.parametrize("closed", [True, False])
+def test_one_damaged_byte_is_never_a_silent_wrong_answer(
+    closed: bool, step: int, tmp_path: Path
+) -> None:
+    count = 3
+    whole = open_recording(record(tmp_path / "touch.mcap", count))
+    content = bytearray(whole.path.read_bytes())
+    if not closed:
+        del content[whole.spans[-1].offset :]
+    originals = [reading for reading, _ in moments(count)]
+    damaged = tmp_path / "damaged.mcap"
+    refused, incomplete = 0, 0
+    for position in range(0, len(content), step):
+        content[position] ^= 0x10
+        damaged.write_bytes(content)
+        content[position] ^= 0x10
+        try:
+            recording = open_recording(damaged)
+        except RecordingError:
+            # Only damage to what names the file, not to a reading, may lose it all; and a
+            # closed file is named twice.
+            assert position < (8 if closed else whole.spans[1].offset)
+            refused += 1
+            continue
+        assert recording.description == whole.description
+        if recording.reading_count == count and position % 16:
+            continue
+        found = assert_readings_true(recording, originals)
+        if found < count:
+            incomplete += 1
+            assert recording.lost_chunks > 0 or recording.truncated
+            if closed:
+                assert (recording.lost_chunks, found) == (1, count - 1)
+    assert refused > 0
+    assert incomplete > 0
+
+
+def test_a_damaged_chunk_costs_that_chunk_only(recorded: Path) -> None:
+    whole = open_recording(recorded)
+    content = bytearray(recorded.read_bytes())
+    third = whole.spans[3]  # the description stands in a chunk of its own
+    content[third.offset + third.length // 2] ^= 0xFF
+    recorded.write_bytes(content)
+    recording = open_recording(recorded)
+    assert recording.lost_chunks == 1
+    assert not recording.truncated
+    expected = moments(6)
+    assert list(recording) == expected[:2] + expected[3:]
+
+
+def test_readings_lost_without_a_trace_are_counted(recorded: Path) -> None:
+    """No index, and a chunk that no longer looks like one: only the numbering tells."""
+    whole = open_recording(recorded)
+    content = bytearray(recorded.read_bytes())[: whole.spans[-1].offset]
+    content[whole.spans[2].offset] = 0x80  # an opcode of someone's own
+    recorded.write_bytes(content)
+    recording = open_recording(recorded)
+    assert recording.reading_count == 5
+    assert recording.lost_chunks == 1
+
+
+def test_a_tail_of_zeros_is_a_cut(recorded: Path) -> None:
+    """What file systems leave behind after a power cut."""
+    whole = open_recording(recorded)
+    content = recorded.read_bytes()[: whole.spans[4].offset]
+    recorded.write_bytes(content + bytes(5000))
+    recording = open_recording(recorded)
+    assert recording.truncated
+    assert recording.reading_count == 3
+
+
+def test_a_full_disk_raises_and_leaves_a_recording(tmp_path: Path) -> None:
+    path = tmp_path / "full.mcap"
+    script = f"""
+import resource
+import numpy as np
+from smoskin.design.document import read_design
+from smoskin.records import Reading
+from smoskin.service.recorder import Recorder
+resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+noise = np.random.default_rng(0)
+sink = Recorder({str(path)!r}, read_design("planar"), flush_interval=0.0)
+try:
+    for index in range(1000):
+        sink.write(Reading(time=float(index), field=noise.normal(size=({CHIPS}, 3))))
+except OSError as error:
+    print(index, error.strerror)
+try:
+    sink.close()
+except OSError as error:
+    print("closed", error.strerror)
+"""
+    command = [sys.executable, "-c", script]
+    said = subprocess.run(command, timeout=60, check=True, capture_output=True, text=True)
+    written, closed = said.stdout.splitlines()
+    assert written.endswith("File too large")
+    assert closed == "closed File too large"
+    recording = open_recording(path)
+    assert recording.truncated
+    assert 10 < recording.reading_count <= int(written.split()[0])
+
+
+def test_a_file_that_changes_after_opening_is_reported(recorded: Path) -> None:
+    recording = open_recording(recorded)
+    content = bytearray(recorded.read_bytes())
+    span = recording.spans[3]
+    content[span.offset + span.length // 2] ^= 0xFF
+    recorded.write_bytes(content)
+    with pytest.raises(RecordingError, match="has changed since it was opened"):
+        list(recording)
+    recorded.unlink()
+    with pytest.raises(RecordingError, match="cannot be read: No such file"):
+        list(recording)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "the file is empty"),
+        (b"\x89MCA", "ends before its header"),
+        (b"time,x,y,z\n", r"not an MCAP file: it begins with b'time,x,y'"),
+        (os.urandom(3000).replace(b"\x89", b"\x88"), "not an MCAP file"),
+        (b"\x89MCAP0\r\n" + bytes(2000), "ends before its description"),
+    ],
+)
+def test_other_files_are_refused(content: bytes, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "other.mcap"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=message):
+        open_recording(path)
+
+
+def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"none\.mcap cannot be read: No such file"):
+        open_recording(tmp_path / "none.mcap")
+    with pytest.raises(RecordingError, match="Is a directory"):
+        open_recording(tmp_path)
+
+
+def test_another_robots_recording_is_refused(tmp_path: Path) -> None:
+    from mcap.writer import Writer
+
+    path = tmp_path / "other.mcap"
+    with open(path, "wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2", library="")
+        schema = writer.register_schema("std_msgs/msg/Empty", "ros2msg", b"")
+        channel = writer.register_channel("/joint_states", "cdr", schema)
+        writer.add_message(channel, log_time=1, data=bytes(5), publish_time=1)
+        writer.finish()
+    with pytest.raises(RecordingError, match=r"not a recording of a skin.*/joint_states"):
+        open_recording(path)
+
+
+@pytest.mark.parametrize("package", ["mcap", "rosbags"])
+def test_a_missing_extra_is_named(
+    package: str, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.split(".")[0] == package]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, package, None)
+    for use in (lambda: open_recording(recorded), lambda: recorder(tmp_path / "new.mcap")):
+        with pytest.raises(
+            MissingExtraError, match=r"recording and replaying .*smoskin\[recording"
+        ):
+            use()
+    assert not (tmp_path / "new.mcap").exists()
+
+
+def test_importing_the_service_costs_no_extra() -> None:
+    script = """
+import sys
+import smoskin.service.loop, smoskin.service.recorder, smoskin.service.source
+extras = {"mcap", "rosbags", "zstandard", "viser", "jax"}
+print(sorted(extras & {name.split(".")[0] for name in sys.modules}))
+"""
+    command = [sys.executable, "-c", script]
+    said = subprocess.run(command, timeout=60, check=True, capture_output=True, text=True)
+    assert said.stdout.strip() == "[]"
+
+
+def test_other_numbers_of_chips_are_recorded_alike(tmp_path: Path) -> None:
+    design = replace(DESIGN, halls=DESIGN.halls[:1])
+    with Recorder(tmp_path / "one.mcap", design) as sink:
+        sink.write(Reading(time=0.0, field=[[1e-3, 2e-3, 3e-3]]))
+    recording = open_recording(tmp_path / "one.mcap")
+    assert recording.description.chips == 1
+    assert next(recording.readings()).field.shape == (1, 3)

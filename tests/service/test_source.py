@@ -1,0 +1,367 @@
+"""Sources by URL, and the pace of playback and of the twin."""
+
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smoskin.design.document import read_design
+from smoskin.errors import ArgumentError, DesignError, SourceError
+from smoskin.mechanics.viscoelasticity import elastomer_prony
+from smoskin.records import ChipFlag, Contact, Reading
+from smoskin.service.recorder import Recorder, open_recording
+from smoskin.service.source import ReplaySource, TwinSource, open_source
+from smoskin.twin.creep import Creep
+from smoskin.twin.reduced import ReducedTwin
+from smoskin.twin.whole import Twin
+
+DESIGN = read_design("planar")
+CHIPS = len(DESIGN.halls)
+
+
+class FakeTime:
+    """A clock that sleeping moves on."""
+
+    def __init__(self) -> None:
+        self.now = 1000.0
+
+    def clock(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        assert seconds > 0.0
+        self.now += seconds
+
+
+def recorded(path: Path, times: Sequence[float]) -> Path:
+    with Recorder(path, DESIGN) as sink:
+        for index, moment in enumerate(times):
+            sink.write(Reading(time=moment, field=np.full((CHIPS, 3), float(index))))
+    return path
+
+
+def played(path: Path, **options: float) -> tuple[list[float], list[float]]:
+    """Times of the readings, and when they came."""
+    fake = FakeTime()
+    source = ReplaySource(open_recording(path), clock=fake.clock, sleep=fake.sleep, **options)
+    given, came = [], []
+    for reading in source:
+        given.append(reading.time)
+        came.append(fake.now - 1000.0)
+    return given, came
+
+
+# ---------------------------------------------------------------- replay
+
+
+def test_playback_has_the_original_timing(tmp_path: Path) -> None:
+    times = [5.0, 5.1, 5.15, 5.45, 5.5]
+    given, came = played(recorded(tmp_path / "a.mcap", times))
+    assert given == times
+    np.testing.assert_allclose(came, np.subtract(times, 5.0), atol=1e-9)
+
+
+@pytest.mark.parametrize(("speed", "whole"), [(2.0, 0.2), (0.5, 0.8), (float("inf"), 0.0)])
+def test_speed_scales_the_timing(speed: float, whole: float, tmp_path: Path) -> None:
+    path = recorded(tmp_path / "a.mcap", [5.0, 5.2, 5.4])
+    assert played(path, speed=speed)[1][-1] == pytest.approx(whole)
+
+
+def test_a_long_gap_is_cut_short(tmp_path: Path) -> None:
+    path = recorded(tmp_path / "a.mcap", [0.0, 3600.0, 3600.01])
+    np.testing.assert_allclose(played(path)[1], [0.0, 0.5, 0.51], atol=1e-9)
+    np.testing.assert_allclose(played(path, longest_gap=0.1)[1], [0.0, 0.1, 0.11], atol=1e-9)
+
+
+def test_shuffled_times_are_passed_on_and_the_pace_goes_on(tmp_path: Path) -> None:
+    times = [0.0, 0.2, 0.1, 0.1, 0.4, 0.3, 0.5]
+    given, came = played(recorded(tmp_path / "a.mcap", times))
+    assert given == times
+    np.testing.assert_allclose(came, [0.0, 0.2, 0.2, 0.2, 0.4, 0.4, 0.5], atol=1e-9)
+
+
+def test_a_wild_time_costs_one_gap(tmp_path: Path) -> None:
+    given, came = played(recorded(tmp_path / "a.mcap", [0.0, 0.1, 1e9, 0.2, 0.3, -1e9, -1e9 + 1]))
+    assert given[2] == 1e9
+    np.testing.assert_allclose(came, [0.0, 0.1, 0.6, 0.6, 0.7, 0.7, 1.2], atol=1e-6)
+
+
+def test_bad_measurements_are_played_as_recorded(tmp_path: Path) -> None:
+    flags = [ChipFlag.MISSING, ChipFlag.SATURATED, ChipFlag.INVALID]
+    field = np.array([[np.nan] * 3, [0.05, 0.0, 0.0], [np.inf, -np.inf, 0.0]])
+    bad = Reading(time=0.0, field=field, flags=flags)
+    with Recorder(tmp_path / "bad.mcap", DESIGN) as sink:
+        sink.write(bad)
+    with open_source(f"replay:{tmp_path / 'bad.mcap'}") as source:
+        assert list(source) == [bad]
+
+
+def test_a_reading_that_is_not_due_yet_is_not_lost(tmp_path: Path) -> None:
+    fake = FakeTime()
+    recording = open_recording(recorded(tmp_path / "a.mcap", [0.0, 0.4]))
+    source = ReplaySource(recording, clock=fake.clock, sleep=fake.sleep)
+    assert source.read() is not None
+    with pytest.raises(SourceError, match=r"no reading within 0\.1 s; the next is due in 0\.300 s"):
+        source.read(timeout=0.1)
+    late = source.read()
+    assert late is not None
+    assert late.time == 0.4
+    assert fake.now == pytest.approx(1000.4)
+    assert source.read() is None
+
+
+def test_a_recording_that_changes_while_it_plays_ends_the_source(tmp_path: Path) -> None:
+    path = recorded(tmp_path / "a.mcap", [0.0, 0.1])
+    source = ReplaySource(open_recording(path))
+    content = bytearray(path.read_bytes())
+    for span in open_recording(path).spans:
+        content[span.offset + 40] ^= 0xFF
+    path.write_bytes(content)
+    with pytest.raises(SourceError, match="has changed since it was opened"):
+        source.read()
+
+
+def test_a_damaged_recording_plays_what_is_left(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with Recorder(path, DESIGN, flush_interval=0.0) as sink:
+        for index in range(5):
+            sink.write(Reading(time=0.1 * index, field=np.zeros((CHIPS, 3))))
+    third = open_recording(path).spans[3]
+    path.write_bytes(path.read_bytes()[: third.offset + 20])
+    with open_source(f"replay:{path}?speed=max") as source:
+        assert len(list(source)) == 2
+
+
+# ---------------------------------------------------------------- twin
+
+
+def test_the_twin_keeps_its_rate() -> None:
+    fake = FakeTime()
+    source = TwinSource(ReducedTwin(DESIGN), rate=50.0, clock=fake.clock, sleep=fake.sleep)
+    times = [source.read().time for _ in range(5)]  # type: ignore[union-attr]
+    np.testing.assert_allclose(times, [0.0, 0.02, 0.04, 0.06, 0.08])
+    assert fake.now == pytest.approx(1000.08)
+
+
+def test_the_twin_skips_what_nobody_read_in_time() -> None:
+    fake = FakeTime()
+    source = TwinSource(ReducedTwin(DESIGN), rate=100.0, clock=fake.clock, sleep=fake.sleep)
+    source.read()
+    fake.now += 0.055  # readings 1 to 4 pass, 5 is waited for no more
+    late, following = source.read(), source.read()
+    assert late is not None
+    assert following is not None
+    assert (late.time, following.time) == (pytest.approx(0.05), pytest.approx(0.06))
+    assert fake.now == pytest.approx(1000.06)
+    assert source.missed == 4
+
+
+def test_an_unpaced_twin_never_waits() -> None:
+    def never(_: float) -> None:
+        raise AssertionError("slept")
+
+    source = TwinSource(ReducedTwin(DESIGN), rate=10.0, speed=float("inf"), sleep=never)
+    times = [source.read().time for _ in range(4)]  # type: ignore[union-attr]
+    np.testing.assert_allclose(times, [0.0, 0.1, 0.2, 0.3])
+
+
+def test_a_touch_shows_in_the_next_reading() -> None:
+    source = TwinSource(ReducedTwin(DESIGN, seed=None), speed=float("inf"))
+    free = source.read()
+    press = [Contact(position=(0.05, 0.067), force=(0.0, 0.0, -0.5))]
+    source.touch(press)
+    pressed = source.read()
+    source.touch([])
+    again = source.read()
+    assert free is not None
+    assert pressed is not None
+    assert again is not None
+    np.testing.assert_array_equal(pressed.field, ReducedTwin(DESIGN, seed=None).read(press).field)
+    assert np.abs(pressed.field - free.field).max() > 1e-5
+    np.testing.assert_array_equal(again.field, free.field)
+
+
+def test_an_impossible_touch_raises_where_it_is_made() -> None:
+    source = TwinSource(ReducedTwin(DESIGN), speed=float("inf"))
+    with pytest.raises(ArgumentError, match="position must lie on the skin"):
+        source.touch([Contact(position=(9.0, 9.0), force=(0.0, 0.0, -0.5))])
+    assert source.read() is not None
+
+
+def test_the_same_seed_gives_the_same_readings() -> None:
+    url = "twin://planar?rate=1000&seed={}&speed=max&mechanics=reduced"
+    one, same, other = (open_source(url.format(seed)) for seed in (7, 7, 8))
+    first = one.read()
+    assert first is not None
+    assert first == same.read()
+    assert first != other.read()
+
+
+def test_touching_from_another_thread_while_reading() -> None:
+    source = TwinSource(ReducedTwin(DESIGN), rate=500.0)
+    stop = threading.Event()
+
+    def rub() -> None:
+        while not stop.is_set():
+            for x in (0.03, 0.06):
+                source.touch([Contact(position=(x, 0.08), force=(0.0, 0.0, -0.3))])
+
+    rubbing = threading.Thread(target=rub)
+    rubbing.start()
+    try:
+        times = [source.read().time for _ in range(50)]  # type: ignore[union-attr]
+    finally:
+        stop.set()
+        rubbing.join(5.0)
+    assert times == sorted(set(times))
+
+
+def settled(source: TwinSource) -> np.ndarray:
+    reading = source.read()
+    assert reading is not None
+    return reading.field
+
+
+def test_a_touch_creeps_in_and_out_again() -> None:
+    """With the rubber's own compliance, and to the same end as without creep."""
+    skin, solid = ReducedTwin(DESIGN, seed=None), elastomer_prony(DESIGN.columns.material)
+    source = TwinSource(skin, rate=1.0, speed=float("inf"), creep=Creep(DESIGN))
+    touch = [Contact(position=(0.05, 0.067), force=(0.0, 0.0, -0.05))]
+    rest, end = skin.read().field, skin.read(touch).field
+    np.testing.assert_array_equal(settled(source), rest)
+    source.touch(touch)
+    held = np.array([(settled(source) - rest)[1, 0] for _ in range(300)]) / (end - rest)[1, 0]
+    assert held[0] < 0.99
+    assert held[-1] == pytest.approx(1.0, abs=1e-3)
+    # The touch grows over the first second; long after, that no longer shows.
+    since = np.arange(len(held)) + 0.5
+    np.testing.assert_allclose(held[20:], solid.compliance(since[20:]), atol=3e-3)
+    source.touch([])
+    left = np.array([(settled(source) - rest)[1, 0] for _ in range(300)]) / (end - rest)[1, 0]
+    assert 0.01 < left[0] < 0.15
+    np.testing.assert_allclose(left[20:], 1 - solid.compliance(since[20:]), atol=3e-3)
+
+
+def test_creep_goes_on_through_readings_that_nobody_read() -> None:
+    fake = FakeTime()
+    press = [Contact(position=(0.05, 0.067), force=(0.0, 0.0, -0.5))]
+    skin = ReducedTwin(DESIGN, seed=None)
+    patient = TwinSource(skin, rate=10.0, speed=float("inf"), creep=Creep(DESIGN))
+    late = TwinSource(skin, rate=10.0, creep=Creep(DESIGN), clock=fake.clock, sleep=fake.sleep)
+    for source in (patient, late):
+        settled(source)
+        source.touch(press)
+        settled(source)
+    every = [settled(patient) for _ in range(20)]
+    fake.now += 1.23
+    last = late.read()
+    assert last is not None
+    assert late.missed == 11
+    np.testing.assert_allclose(last.field, every[late.missed], rtol=1e-12)
+
+
+def test_the_temperature_is_set_and_read() -> None:
+    with open_source("twin://planar?temperature=45&mechanics=reduced&speed=max") as source:
+        reading = source.read()
+    assert reading is not None
+    np.testing.assert_allclose(reading.temperature, 45.0, atol=0.05)
+    cold = ReducedTwin(DESIGN, seed=None).read()
+    np.testing.assert_allclose(reading.field, 0.9 * cold.field, atol=1e-5)
+
+
+def test_the_whole_sheet_is_the_default() -> None:
+    touch = [Contact(position=(0.05, 0.067), force=(0.0, 0.0, -0.5))]
+    with open_source("twin://planar?manufactured=yes&seed=3&speed=max") as source:
+        assert isinstance(source, TwinSource)
+        source.read()
+        source.touch(touch)
+        reading = source.read()
+    made = Twin(DESIGN, seed=3, manufactured=True)
+    made.read()
+    assert reading is not None
+    expected = made.read(touch)
+    np.testing.assert_array_equal(reading.field, expected.field)
+
+
+# ---------------------------------------------------------------- URLs
+
+
+@pytest.mark.parametrize(
+    ("url", "message"),
+    [
+        ("touch.mcap", r"url must be replay:FILE.* or twin://DESIGN.*; got 'touch.mcap'"),
+        ("serial:///dev/ttyACM0", r"url must be replay:FILE"),
+        ("i2c://1", r"url must be replay:FILE"),
+        ("replay:", r"url must be replay:FILE"),
+        ("twin://?rate=3", r"url must be replay:FILE"),
+        ("", r"url must be replay:FILE"),
+        ("twin://planar?speeed=1", "options must be of rate, seed, speed, .*; got 'speeed'"),
+        ("twin://planar?mechanics=rigid", "mechanics must be one of whole, reduced; got 'rigid'"),
+        ("twin://planar?creep=1", "creep must be one of yes, no; got '1'"),
+        ("twin://planar?temperature=hot", "temperature must be a number of degC; got 'hot'"),
+        (
+            "twin://planar?temperature=90&mechanics=reduced",
+            r"temperature must lie in .*75 degC; got 90\.0",
+        ),
+        (
+            "twin://planar?manufactured=yes&mechanics=reduced",
+            "manufactured=yes needs mechanics=whole",
+        ),
+        ("replay:a.mcap?rate=100", "options must be of speed, gap; got 'rate'"),
+        ("replay:a.mcap?speed=1&speed=2", "option 'speed' must be given once"),
+        ("replay:a.mcap?speed", "options must be written NAME=VALUE"),
+        ("replay:a.mcap?speed=-1", "speed must be a number >= 0 or 'max'; got '-1'"),
+        ("replay:a.mcap?speed=fast", "speed must be a number >= 0 or 'max'; got 'fast'"),
+        ("replay:a.mcap?speed=nan", "speed must be a number >= 0 or 'max'; got 'nan'"),
+        ("replay:a.mcap?gap=0", "gap must be a positive number; got '0'"),
+        ("twin://planar?rate=0", "rate must be a positive number; got '0'"),
+        ("twin://planar?rate=max", "rate must be a positive number; got 'max'"),
+        ("twin://planar?seed=1.5", r"seed must be a whole number >= 0; got '1\.5'"),
+    ],
+)
+def test_a_wrong_url_says_what_would_be_right(url: str, message: str) -> None:
+    with pytest.raises(ArgumentError, match=message):
+        open_source(url)
+
+
+def test_what_cannot_be_opened_is_named(tmp_path: Path) -> None:
+    with pytest.raises(SourceError, match=r"none\.mcap cannot be read: No such file"):
+        open_source(f"replay:{tmp_path / 'none.mcap'}")
+    (tmp_path / "text.mcap").write_text("hello")
+    with pytest.raises(SourceError, match="not an MCAP file"):
+        open_source(f"replay:{tmp_path / 'text.mcap'}")
+    with pytest.raises(DesignError, match="planar"):
+        open_source("twin://no-such-design")
+
+
+@pytest.mark.parametrize("zero", ["max", "0", "0.0"])
+def test_as_fast_as_possible_has_two_names(zero: str, tmp_path: Path) -> None:
+    path = recorded(tmp_path / "a.mcap", [0.25 * index for index in range(40)])
+    start = time.monotonic()
+    with open_source(f"replay:{path}?speed={zero}") as source:
+        assert len(list(source)) == 40
+    assert time.monotonic() - start < 5.0
+
+
+def test_wrong_paces_are_refused(tmp_path: Path) -> None:
+    recording = open_recording(recorded(tmp_path / "a.mcap", [0.0]))
+    with pytest.raises(ArgumentError, match="speed must be positive; got 0"):
+        ReplaySource(recording, speed=0.0)
+    with pytest.raises(ArgumentError, match="longest_gap must be positive; got nan"):
+        ReplaySource(recording, longest_gap=float("nan"))
+    with pytest.raises(ArgumentError, match="rate must be positive; got -1"):
+        TwinSource(ReducedTwin(DESIGN), rate=-1.0)
+    with pytest.raises(ArgumentError, match="rate must be finite"):
+        TwinSource(ReducedTwin(DESIGN), rate=float("inf"))
+
+
+def test_chips_are_those_of_the_design(tmp_path: Path) -> None:
+    design = replace(DESIGN, halls=DESIGN.halls[:2])
+    assert TwinSource(ReducedTwin(design)).chips == 2
+    with Recorder(tmp_path / "two.mcap", design) as sink:
+        sink.write(Reading(time=0.0, field=np.zeros((2, 3))))
+    assert ReplaySource(open_recording(tmp_path / "two.mcap")).chips == 2

@@ -1,0 +1,122 @@
+"""Draws of made skins: their spread, their repeatability, and where each deviation goes."""
+
+from dataclasses import fields, is_dataclass, replace
+from operator import attrgetter
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from smoskin.errors import ArgumentError
+from smoskin.mechanics.reduced.stiffness import board_stiffness
+from smoskin.mechanics.sheet.lattice import build_lattice, springs_of
+from smoskin.mechanics.viscoelasticity import modulus_factor
+from smoskin.origami.sheet import build_sheet
+from smoskin.twin.manufacture import (
+    Tolerances,
+    as_designed,
+    draw,
+    made_mechanics,
+)
+
+
+def same(one: object, other: object) -> bool:
+    """Whether all numbers in two records agree."""
+    if not is_dataclass(one):
+        return np.array_equal(one, other)
+    return all(same(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
+
+
+def test_the_same_stream_draws_the_same_skin_and_another_does_not(planar):
+    one, same_seed, other = (draw(planar, np.random.default_rng(k)) for k in (5, 5, 6))
+    assert same(one, same_seed)
+    assert not same(one, other)
+
+
+@pytest.mark.parametrize(
+    ("of", "tolerance", "rest"),
+    [
+        ("remanence", "remanence", 1.0),
+        ("frame", "frame_stiffness", 1.0),
+        ("shear_layer", "stiffness_variation", 1.0),
+        ("creases", "crease_stiffness", 1.0),
+        ("magnet_place", "magnet_place", 0.0),
+        ("magnet_turn", "magnet_tilt", 0.0),
+        ("chip_pose.offset", "chip_place", 0.0),
+        ("chip_pose.turn", "chip_tilt", 0.0),
+        ("chip_errors.sensitivity", "chip_sensitivity", 1.0),
+        ("chip_errors.zero", "chip_zero", 0.0),
+        ("chip_errors.warmth", "chip_warmth", 0.0),
+    ],
+)
+def test_what_scatters_scatters_by_its_tolerance(planar, of, tolerance, rest):
+    rng = np.random.default_rng(0)
+    values = np.stack([np.asarray(attrgetter(of)(draw(planar, rng))) for _ in range(600)])
+    spread = getattr(Tolerances(), tolerance)
+    assert values.mean() == pytest.approx(rest, abs=0.2 * spread)
+    assert values.std() == pytest.approx(spread, rel=0.1)
+    assert np.abs(values - rest).max() <= 3 * spread * (1 + 1e-12)
+
+
+def test_columns_scatter_one_by_one_and_together(planar):
+    rng, limits = np.random.default_rng(0), Tolerances()
+    columns = np.stack([draw(planar, rng).columns for _ in range(400)])
+    together, apart = columns.mean(axis=(1, 2)).std(), columns.std(axis=(1, 2)).mean()
+    height = limits.column_height / planar.columns.height
+    assert together == pytest.approx(limits.stiffness_variation, rel=0.1)
+    assert apart == pytest.approx(np.hypot(limits.column_stiffness, height), rel=0.1)
+
+
+def test_without_tolerances_the_skin_is_as_designed(planar):
+    design, lattice = made_mechanics(planar, as_designed(planar), 25.0)
+    plain = build_lattice(planar)
+    assert design == planar
+    for one in fields(lattice):
+        assert_allclose(getattr(lattice, one.name), getattr(plain, one.name), rtol=1e-12)
+
+
+def test_each_deviation_scales_its_springs_alone(planar):
+    made, springs, sheet = (
+        draw(planar, np.random.default_rng(3)),
+        springs_of(planar),
+        build_sheet(planar.cell, planar.cells),
+    )
+    design, lattice = made_mechanics(planar, made, 25.0)
+    plain = build_lattice(planar)
+    inner = sheet.columns[1:-1, 1:-1]
+    factor = made.columns[1:-1, 1:-1, None]
+    assert_allclose(lattice.ground[inner], factor * plain.ground[inner], rtol=1e-12)
+    corner = sheet.columns[0, 0]
+    expected = made.columns[0, 0] * springs.column_shear + made.frame * springs.frame
+    assert_allclose(lattice.ground[corner, :2], expected, rtol=1e-12)
+    assert_array_equal(lattice.bar_stiffness, plain.bar_stiffness)
+    panels = plain.panel_hinges
+    assert_array_equal(lattice.hinge_stiffness[:panels], plain.hinge_stiffness[:panels])
+    assert_allclose(
+        lattice.hinge_stiffness[panels:], made.creases * plain.hinge_stiffness[panels:], rtol=1e-12
+    )
+    assert board_stiffness(design) == pytest.approx(made.shear_layer * board_stiffness(planar))
+
+
+def test_warm_rubber_is_stiffer_and_film_and_frame_are_not(planar):
+    _, cold = made_mechanics(planar, as_designed(planar), 25.0)
+    design, warm = made_mechanics(planar, as_designed(planar), 55.0)
+    factor = float(modulus_factor(planar.columns.material, 55.0))
+    inner = build_sheet(planar.cell, planar.cells).columns[3, 3]
+    assert factor > 1.05
+    assert_allclose(warm.ground[inner], factor * cold.ground[inner], rtol=1e-12)
+    assert_array_equal(warm.hinge_stiffness, cold.hinge_stiffness)
+    assert board_stiffness(design) == pytest.approx(factor * board_stiffness(planar))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("magnet_tilt", -0.1, r"magnet_tilt must be finite and >= 0; got -0\.1"),
+        ("chip_zero", float("inf"), "chip_zero must be finite and >= 0; got inf"),
+        ("column_stiffness", 0.5, r"column_stiffness must be below 0\.333; got 0\.5"),
+    ],
+)
+def test_absurd_tolerances_are_refused(name, value, message):
+    with pytest.raises(ArgumentError, match=message):
+        replace(Tolerances(), **{name: value})

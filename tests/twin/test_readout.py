@@ -1,0 +1,175 @@
+"""From motion to readings: frames against magpylib's own, and what the chips add."""
+
+from dataclasses import replace
+
+import magpylib
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from magpylib_oracle import magpylib_disc
+from smoskin.errors import ArgumentError
+from smoskin.magnetics import mlx90393
+from smoskin.magnetics.chip import answered
+from smoskin.origami.cell import size
+from smoskin.origami.layout import hall_positions, magnet_positions
+from smoskin.records import ChipFlag
+from smoskin.twin.manufacture import Tolerances, as_designed, draw
+from smoskin.twin.readout import Motion, Readout
+from smoskin.twin.surroundings import Neighbour, Surroundings
+
+EARTH = (20e-6, -5e-6, -45e-6)
+
+
+def some_motion(rng, design, batch=()) -> Motion:
+    """Half a millimetre, a degree or two, sheet and board."""
+    magnets = rng.normal(size=(*batch, len(design.magnets), 6))
+    magnets *= [3e-4, 3e-4, 1e-4, 0.03, 0.03, 0.03]
+    magnets[..., [m.mount == "base" for m in design.magnets], :] = 0.0
+    board = rng.normal(size=(*batch, 3)) * [2e-4, 2e-4, 0.02]
+    return Motion(magnets=magnets, board=board, valid=np.ones(batch, dtype=bool))
+
+
+def still(design) -> Motion:
+    return Motion(
+        magnets=np.zeros((len(design.magnets), 6)), board=np.zeros(3), valid=np.array(True)
+    )
+
+
+def magpylib_reading(design, made, around, motion):
+    """The same skin built of magpylib's objects, moved by its own rotations; (S, 3), T."""
+    extent = size(design.cell)
+    middle = [design.cells[0] * extent.length / 2, design.cells[1] * extent.width / 2, 0]
+    yaw, slide = Rotation.from_rotvec([0, 0, motion.board[2]]), [*motion.board[:2], 0]
+    sources = []
+    for g, (magnet, place) in enumerate(zip(design.magnets, magnet_positions(design), strict=True)):
+        strong = replace(magnet, remanence=magnet.remanence * made.remanence[g])
+        disc = magpylib_disc(strong, place, made.magnet_turn[g])
+        disc.move(made.magnet_place[g])
+        if magnet.mount == "sheet":
+            disc.rotate(Rotation.from_rotvec(motion.magnets[g, 3:]))
+            disc.move(motion.magnets[g, :3])
+            disc.rotate(yaw, anchor=middle)
+            disc.move(slide)
+        sources.append(disc)
+        for one in around.neighbours:
+            other = magpylib_disc(magnet, place, [0, 0, 0])
+            other.rotate(Rotation.from_rotvec(one.turn.copy()), anchor=(0, 0, 0))
+            other.move(one.place)
+            sources.append(other)
+    seen = []
+    for s, site in enumerate(design.halls):
+        chip = magpylib.Sensor(
+            position=hall_positions(design)[s] + made.chip_pose.offset[s],
+            orientation=Rotation.from_matrix(mlx90393.rotation(site)),
+        )
+        chip.rotate(Rotation.from_rotvec(made.chip_pose.turn[s].copy()))
+        chip.rotate(yaw, anchor=middle)
+        chip.move(slide)
+        with np.errstate(all="ignore"):
+            field = magpylib.getB(sources, chip, sumup=True)
+        seen.append(field + chip.orientation.inv().apply(around.earth.copy()))
+    return answered(np.stack(seen), made.chip_errors)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_made_skin_that_has_moved_reads_what_magpylib_says(planar, seed):
+    rng = np.random.default_rng(seed)
+    wide = Tolerances(magnet_tilt=0.1, chip_tilt=0.1, magnet_place=5e-4, chip_place=5e-4)
+    made, motion = draw(planar, rng, wide), some_motion(rng, planar)
+    around = Surroundings(
+        earth=EARTH,
+        neighbours=(Neighbour(place=(0.1, 0.0, 0.02), turn=(0.1, 0.2, 0.7)),),
+    )
+    ours = Readout(planar, made, around).seen(motion)
+    assert_allclose(ours, magpylib_reading(planar, made, around, motion), rtol=1e-6, atol=5e-8)
+
+
+def test_a_board_that_carries_everything_along_changes_nothing(planar):
+    """Without a magnet on the base and without the Earth, nobody sees the board move."""
+    alone = replace(planar, magnets=planar.magnets[1:], halls=planar.halls[1:])
+    readout, rng = Readout(alone), np.random.default_rng(0)
+    motion = some_motion(rng, alone)
+    parked = replace(motion, board=np.zeros(3))
+    assert_allclose(readout.seen(motion), readout.seen(parked), rtol=1e-9, atol=1e-13)
+
+
+def test_the_earth_turns_in_the_chips_as_the_board_turns(planar):
+    there, without = Readout(planar, surroundings=Surroundings(earth=EARTH)), Readout(planar)
+    quarter = replace(still(planar), board=np.array([0.0, 0.0, np.pi / 2]))
+    felt = there.seen(quarter) - without.seen(quarter)
+    for s, site in enumerate(planar.halls):
+        turned = Rotation.from_rotvec([0, 0, -np.pi / 2]).apply(EARTH)
+        assert_allclose(felt[s], mlx90393.rotation(site).T @ turned, atol=1e-15)
+    assert_allclose(there.field(still(planar)) - without.field(still(planar)), [EARTH] * 3)
+
+
+def test_a_neighbour_far_away_is_not_felt_and_one_beside_is(planar):
+    rest, alone = still(planar), Readout(planar)
+    felt = [
+        np.abs(
+            Readout(
+                planar, surroundings=Surroundings(neighbours=(Neighbour(place=(x, 0, 0)),))
+            ).field(rest)
+            - alone.field(rest)
+        ).max()
+        for x in (0.12, 1.2)
+    ]
+    assert felt[0] > 5e-8 > 1e-10 > felt[1]
+
+
+def test_a_batch_is_its_states(planar):
+    readout, rng = Readout(planar), np.random.default_rng(0)
+    motion = some_motion(rng, planar, (2, 3))
+    warmth = np.linspace(20, 40, 6).reshape(2, 3)
+    seen = readout.seen(motion, warmth)
+    one = Motion(magnets=motion.magnets[1, 2], board=motion.board[1, 2], valid=np.array(True))
+    assert seen.shape == (2, 3, 3, 3)
+    assert_allclose(seen[1, 2], readout.seen(one, 40.0), rtol=1e-9, atol=1e-14)
+
+
+def test_heat_weakens_the_magnets_alone(planar):
+    readout = Readout(planar, surroundings=Surroundings(earth=EARTH))
+    rest = still(planar)
+    cold, warm = readout.field(rest), readout.field(rest, 35.0)
+    assert_allclose(warm - EARTH, 0.95 * (cold - EARTH), atol=1e-15)
+
+
+@pytest.mark.parametrize("degrees", [-41.0, 76.0, float("nan")])
+def test_a_temperature_that_no_skin_stands_is_refused(planar, degrees):
+    with pytest.raises(ArgumentError, match=r"temperature must lie in .*75 degC"):
+        Readout(planar).read(still(planar), None, temperature=degrees)
+
+
+def test_an_invalid_state_is_a_bad_measurement(planar):
+    lost = Motion(magnets=np.full((3, 6), np.nan), board=np.full(3, np.nan), valid=np.array(False))
+    for rng in (None, np.random.default_rng(0)):
+        reading = Readout(planar).read(lost, rng)
+        assert reading.flags.tolist() == [int(ChipFlag.INVALID)] * 3
+
+
+def test_ideal_and_noisy_chips_agree_within_noise_and_steps(planar):
+    readout, rng = Readout(planar), np.random.default_rng(0)
+    motion = some_motion(rng, planar, (2000,))
+    motion = Motion(
+        magnets=np.broadcast_to(motion.magnets[0], motion.magnets.shape),
+        board=np.broadcast_to(motion.board[0], motion.board.shape),
+        valid=motion.valid,
+    )
+    counts = readout.sample(motion, rng).counts
+    step = mlx90393.sensitivity(planar.hall_setting)
+    off = (counts * step - readout.seen(motion)).mean(axis=0) / step
+    assert np.all((off > -1.0) & (off < 0.0))
+
+
+def test_as_designed_deviates_by_nothing(planar):
+    motion = some_motion(np.random.default_rng(1), planar)
+    assert_allclose(Readout(planar, as_designed(planar)).seen(motion), Readout(planar).seen(motion))
+
+
+def test_surroundings_must_be_finite():
+    with pytest.raises(ArgumentError, match="earth must be three finite numbers"):
+        Surroundings(earth=(0.0, float("nan"), 0.0))
+    with pytest.raises(ArgumentError, match=r"place must have shape \(\.\.\., 3\)"):
+        Neighbour(place=(0.0, 1.0))
