@@ -72,3 +72,28 @@ def frozen(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Floats
             )
     copy.flags.writeable = False
     return copy
+
+
+def assign(record: object, **values: object) -> None:
+    """Set fields of a frozen record while it is being made: the one place that may."""
+    for name, value in values.items():
+        object.__setattr__(record, name, value)
+
+
+def freeze(record: object, **shapes: tuple[int | None, ...]) -> None:
+    """Turn fields of a frozen record into read-only arrays of these shapes, while it is being made.
+
+    Parameters
+    ----------
+    record : object
+        The record, from its `__post_init__`.
+    **shapes : tuple of int or None
+        Shape of the field of that name; ``None`` stands for any length.
+
+    Raises
+    ------
+    ArgumentError
+        If a field is not numeric or has another shape.
+    """
+    for name, shape in shapes.items():
+        assign(record, **{name: frozen(name, getattr(record, name), shape)})

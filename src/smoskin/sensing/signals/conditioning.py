@@ -14,8 +14,10 @@ import math
 import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
@@ -23,7 +25,6 @@ from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, temperature_factor
 from smoskin.records import ChipFlag, Reading, Status
-from smoskin.sensing.closed_form.calibration import Calibration
 
 _BAD = int(ChipFlag.MISSING | ChipFlag.INVALID)
 _FULL = int(ChipFlag.SATURATED | ChipFlag.WRAPPED)
@@ -131,6 +132,22 @@ class IdleZero:
             self._widening = min(wider, self.tracking.widening_limit)
 
 
+class ChipCalibration(Protocol):
+    """What a calibration knows of the chips of one skin."""
+
+    @property
+    def chip_rotation(self) -> ArrayLike:
+        """Rotation vector of each chip against its design, (S, 3), rad."""
+
+    @property
+    def field_factor(self) -> ArrayLike:
+        """Field of the designed magnet over that of the made one, (S,)."""
+
+    @property
+    def field_offset(self) -> ArrayLike:
+        """Field that is added at each chip, (S, 3), T."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Conditioned:
     """One reading made ready for the models."""
@@ -151,7 +168,7 @@ class Conditioner:
         T: of each untouched chip's own magnet, in the skin's frame.
     cross_talk : Floats, shape (S, 3)
         T: of all other magnets there at rest, likewise.
-    calibration : Calibration, optional
+    calibration : ChipCalibration, optional
         Of how the chips are turned and their magnets' strength; as designed by default.
     tracking : ZeroTracking, optional
         How the zero follows drift.
@@ -163,25 +180,27 @@ class Conditioner:
         rest_field: Floats,
         cross_talk: Floats,
         *,
-        calibration: Calibration | None = None,
+        calibration: ChipCalibration | None = None,
         tracking: ZeroTracking | None = None,
     ) -> None:
         # Here, so that whoever only imports the package does not wait for it.
         from scipy.spatial.transform import Rotation
 
         self.tracking = tracking or ZeroTracking()
-        calibration = calibration or Calibration.nominal(design)
-        mounts = mlx90393.rotations(design.halls)
-        turns = Rotation.from_rotvec(calibration.chip_rotation).as_matrix()
         # Turn and factor in one; what is added to the field leaves with the cross-talk.
-        self._to_field = np.array(calibration.field_factor)[:, None, None] * turns @ mounts
+        self._to_field = mlx90393.rotations(design.halls)
+        self._cross_talk = cross_talk
+        if calibration is not None:
+            turns = Rotation.from_rotvec(calibration.chip_rotation).as_matrix()
+            factor = np.array(calibration.field_factor)[:, None, None]
+            self._to_field = factor * turns @ self._to_field
+            self._cross_talk = cross_talk - np.array(calibration.field_offset)
         self._rest = rest_field
         setting = design.hall_setting
         self._limit = 1.01 * float(
             mlx90393.full_scale(setting).max()
         )  # no chip says more than this
         self._jump = mlx90393.full_scale(setting) if mlx90393.wraps(setting) else None
-        self._cross_talk = cross_talk - np.array(calibration.field_offset)
         self.reset()
 
     @property
