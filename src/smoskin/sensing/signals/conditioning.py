@@ -191,7 +191,7 @@ class Conditioner:
         self._to_field = mlx90393.rotations(design.halls)
         self._cross_talk = cross_talk
         if calibration is not None:
-            turns = Rotation.from_rotvec(calibration.chip_rotation).as_matrix()
+            turns = Rotation.from_rotvec(np.array(calibration.chip_rotation)).as_matrix()
             factor = np.array(calibration.field_factor)[:, None, None]
             self._to_field = factor * turns @ self._to_field
             self._cross_talk = cross_talk - np.array(calibration.field_offset)
