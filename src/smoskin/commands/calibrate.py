@@ -322,7 +322,7 @@ def residual_figure(fit: Fit) -> "Figure":
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise MissingExtraError("plotting residuals", "report") from error
+        raise MissingExtraError("plotting residuals", "plots") from error
     shown = residual_plot(fit)
     figure = Figure(figsize=(9, 8), layout="constrained")
     force, depth, field = figure.subplots(3, 1)

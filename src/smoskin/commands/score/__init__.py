@@ -88,7 +88,7 @@ def score_file(
         If Matplotlib, JAX or safetensors is not installed.
     """
     if find_spec("matplotlib") is None:
-        raise MissingExtraError("the score's figures", "report")
+        raise MissingExtraError("the score's figures", "plots")
     from smoskin.commands.score.plates import score_plates
 
     asked = exam or Exam()

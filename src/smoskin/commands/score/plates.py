@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from paper.style import BLUE, GREEN, GREY, INK, ORANGE, RED, Plate, lay_out, styled
 from smoskin.arrays import Bools, Floats
 from smoskin.commands.score.plan import HEADLINE
 from smoskin.commands.score.report import (
@@ -24,6 +23,7 @@ from smoskin.commands.score.report import (
 )
 from smoskin.design.skin import SkinDesign
 from smoskin.origami.layout import magnet_positions
+from smoskin.plots import BLUE, GREEN, GREY, INK, ORANGE, RED, Plate, lay_out, styled
 
 _MAP: Final = "cividis"
 _COLOURS: Final = (BLUE, ORANGE, GREEN, RED)

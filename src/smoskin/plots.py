@@ -1,0 +1,262 @@
+"""Pictures of a skin: its outline, touches with their uncertainty, maps, and what chips read.
+
+Decides how every figure of the project looks: millimetres and microtesla on the axes, one style,
+and colours that differ for every kind of colour vision. Needs Matplotlib, the extra ``plots``.
+"""
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from smoskin.arrays import Floats, floats
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import MissingExtraError
+from smoskin.origami.cell import size
+from smoskin.origami.layout import hall_positions, magnet_positions, skin_extent
+from smoskin.records import Contact, Estimate, Reading
+
+try:
+    from matplotlib import rc_context
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Circle, Ellipse, Rectangle
+except ImportError as error:
+    raise MissingExtraError("drawing", "plots") from error
+
+BLUE: Final = "#0072B2"
+ORANGE: Final = "#E69F00"
+GREEN: Final = "#009E73"
+RED: Final = "#D55E00"
+GREY: Final = "#8c8c8c"
+INK: Final = "#222222"
+
+_STYLE: Final[Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8,
+    "axes.titlesize": 8.5,
+    "axes.titlelocation": "left",
+    "axes.edgecolor": GREY,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.6,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "legend.frameon": False,
+    "svg.hashsalt": "smoskin",  # the same data give the same bytes
+    "svg.fonttype": "path",
+    "pdf.fonttype": 42,
+}
+_REGION: Final = 4.605
+"""Chi-square that 90 % of two normal errors stay below."""
+_ARROW: Final = 20e-3
+"""Length of an arrow for a newton of drag, m."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plate:
+    """A figure with its name, title and caption."""
+
+    name: str
+    """Stem of its file, such as `figure_s7`."""
+    title: str
+    """Title, a line."""
+    caption: str
+    """Caption, a few sentences."""
+    figure: Figure
+    """Figure as drawn."""
+
+    def write(self, folder: Path) -> Path:
+        """Write it as SVG; the same data give the same bytes."""
+        path = folder / f"{self.name}.svg"
+        with styled():
+            self.figure.savefig(path, metadata={"Date": None, "Title": self.title})
+        return path
+
+
+def styled() -> AbstractContextManager[None]:
+    """The project's style, while the context lasts."""
+    return rc_context(_STYLE)
+
+
+def lay_out(figure: Figure) -> None:
+    """Find the layout once and keep it, instead of finding it again at each drawing."""
+    figure.draw_without_rendering()
+    # A placeholder engine, "none", would have each file drawn twice.
+    figure.set_layout_engine(None)
+
+
+def draw_skin(design: SkinDesign, axes: Axes | None = None) -> Axes:
+    """Outline, cells, magnets and chips of a skin, seen from above.
+
+    Parameters
+    ----------
+    design : SkinDesign
+        The skin.
+    axes : Axes, optional
+        Axes to draw into, in millimetres; those of a new figure by default.
+
+    Returns
+    -------
+    Axes
+        The axes.
+    """
+    axes = _axes(axes, (3.6, 4.4))
+    length, width = 1e3 * skin_extent(design)
+    cell = size(design.cell)
+    axes.add_patch(Rectangle((0, 0), length, width, fill=False, edgecolor=INK, linewidth=1.0))
+    axes.vlines(1e3 * cell.length * np.arange(1, design.cells[0]), 0, width, GREY, linewidth=0.3)
+    axes.hlines(1e3 * cell.width * np.arange(1, design.cells[1]), 0, length, GREY, linewidth=0.3)
+    for magnet, place in zip(design.magnets, 1e3 * magnet_positions(design), strict=True):
+        colour = ORANGE if magnet.mount == "sheet" else GREY
+        axes.add_patch(
+            Circle((place[0], place[1]), 1e3 * magnet.radius, fill=False, edgecolor=colour)
+        )
+    chips = 1e3 * hall_positions(design)
+    axes.plot(chips[:, 0], chips[:, 1], "s", color=GREEN, markersize=3)
+    axes.set(xlabel="x (mm)", ylabel="y (mm)", title=design.name)
+    axes.set_aspect("equal")
+    return axes
+
+
+def draw_touches(
+    axes: Axes, touches: Estimate | Sequence[Contact], *, colour: str = RED, label: str = ""
+) -> None:
+    """Touches on a skin: a point each, an arrow for the drag, the region that holds 90 %.
+
+    Parameters
+    ----------
+    axes : Axes
+        Axes in millimetres, as `draw_skin` gives them.
+    touches : Estimate or sequence of Contact
+        Touches to draw; those of an estimate with the regions of their covariance.
+    colour, label : str, optional
+        Colour, and the name in a legend.
+    """
+    contacts = touches.contacts if isinstance(touches, Estimate) else tuple(touches)
+    for k, contact in enumerate(contacts):
+        x, y = (1e3 * float(value) for value in contact.position)
+        axes.plot(x, y, "o", color=colour, markersize=4, label=label if k == 0 and label else None)
+        dx, dy = (1e3 * _ARROW * float(value) for value in contact.force[:2])
+        if np.hypot(dx, dy) > 0.5:
+            axes.annotate(
+                "", (x + dx, y + dy), (x, y), arrowprops={"arrowstyle": "->", "color": colour}
+            )
+        if isinstance(touches, Estimate):
+            spread = touches.covariance[k, :2, :2]
+            if np.isfinite(spread).all():
+                axes.add_patch(_region((x, y), spread, colour))
+
+
+def draw_map(
+    design: SkinDesign,
+    values: ArrayLike,
+    axes: Axes | None = None,
+    *,
+    label: str = "",
+    limits: tuple[float, float] | None = None,
+) -> Axes:
+    """Values over the skin as a map.
+
+    Parameters
+    ----------
+    design : SkinDesign
+        The skin.
+    values : array_like, shape (P, Q)
+        Values on a grid along x and y that reaches from rim to rim, or one a cell; NaN stays blank.
+    axes : Axes, optional
+        Axes to draw into; those of a new figure by default.
+    label : str, optional
+        Name and unit of the values, for the colour bar.
+    limits : tuple of float, optional
+        Values at the ends of the colours; all finite values by default.
+
+    Returns
+    -------
+    Axes
+        The axes.
+    """
+    axes = _axes(axes, (4.2, 4.4))
+    grid = floats("values", values, (None, None))
+    low, high = limits or (float(np.nanmin(grid)), float(np.nanmax(grid)))
+    length, width = 1e3 * skin_extent(design)
+    cells = grid.shape == design.cells
+    dx, dy = (
+        (0.0, 0.0) if cells else (length / (2 * len(grid) - 2), width / (2 * grid.shape[1] - 2))
+    )
+    image = axes.imshow(
+        np.ma.masked_invalid(grid.T),
+        origin="lower",
+        cmap="cividis",
+        vmin=low,
+        vmax=high,
+        extent=(-dx, length + dx, -dy, width + dy),
+    )
+    for magnet, place in zip(design.magnets, 1e3 * magnet_positions(design), strict=True):
+        axes.add_patch(
+            Circle((place[0], place[1]), 1e3 * magnet.radius, fill=False, edgecolor="white")
+        )
+    bar = axes.figure.colorbar(image, ax=axes, shrink=0.8, label=label)
+    bar.outline.set_visible(False)
+    axes.set(xlabel="x (mm)", ylabel="y (mm)")
+    axes.set_aspect("equal")
+    return axes
+
+
+def draw_readings(readings: Sequence[Reading], axes: Axes | None = None) -> Axes:
+    """Fields of all chips over time, less those of the first reading.
+
+    Parameters
+    ----------
+    readings : sequence of Reading
+        Readings in time.
+    axes : Axes, optional
+        Axes to draw into; those of a new figure by default.
+
+    Returns
+    -------
+    Axes
+        The axes.
+    """
+    axes = _axes(axes, (5.6, 2.6))
+    time = np.array([reading.time for reading in readings])
+    field = 1e6 * np.array([reading.field - readings[0].field for reading in readings])
+    for s in range(field.shape[1]):
+        for axis, (colour, dash) in enumerate(((BLUE, "-"), (ORANGE, "--"), (GREEN, ":"))):
+            axes.plot(
+                time,
+                field[:, s, axis],
+                dash,
+                color=colour,
+                alpha=1 / (1 + s),
+                linewidth=0.9,
+                label=f"chip {s + 1}, {'xyz'[axis]}",
+            )
+    axes.set(xlabel="time (s)", ylabel="change of field (µT)")
+    axes.legend(fontsize=6, ncols=3)
+    return axes
+
+
+def _axes(axes: Axes | None, inches: tuple[float, float]) -> Axes:
+    """The given axes, or those of a new figure of pyplot, which notebooks show."""
+    if axes is not None:
+        return axes
+    from matplotlib import pyplot as plt
+
+    with styled():
+        return plt.figure(figsize=inches, layout="constrained").add_subplot()
+
+
+def _region(place: tuple[float, float], spread: Floats, colour: str) -> Ellipse:
+    """The ellipse that holds 90 % of a normal distribution in the plane, mm."""
+    values, axes = np.linalg.eigh(spread)
+    half = 1e3 * np.sqrt(_REGION * np.clip(values, 0.0, None))
+    angle = np.degrees(np.arctan2(axes[1, 1], axes[0, 1]))
+    return Ellipse(
+        place, 2 * half[1], 2 * half[0], angle=angle, fill=False, edgecolor=colour, linewidth=0.9
+    )
