@@ -33,7 +33,6 @@ from smoskin.sensing.network.model import load_network
 from smoskin.sensing.response.calibrate import calibrate_touches, plan_touches
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.signals import FOLLOWING, signal_noise
-from smoskin.sensing.tracking import TrackingEstimator
 from smoskin.twin.whole import Twin
 
 UNTOUCHED = 20
@@ -115,10 +114,6 @@ def main() -> None:
         one = BayesEstimator(design, known, priors=priors, creep=rubber, tracking=FOLLOWING)
         one.zero(said[session][:UNTOUCHED])
         runners.append(Runner(name, one, said[session], touches))
-    inner = BayesEstimator(design, six, priors=none, creep=rubber, tracking=FOLLOWING)
-    inner.zero(said["straight"][:UNTOUCHED])
-    tracked = TrackingEstimator(inner)
-    runners.append(Runner("one straight touch, tracked", tracked, said["straight"], 1))
     if asked.network:
         network = NetworkEstimator(
             design, load_network(asked.network), creep=rubber, tracking=FOLLOWING

@@ -6,10 +6,11 @@ each of them to the sentences written here.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from types import TracebackType
 from typing import Self
 
+from smoskin.arrays import Floats
 from smoskin.records import Contact, Estimate, HeldTouch, Reading
 
 
@@ -74,9 +75,25 @@ class Estimator(ABC):
             If the reading has another number of chips than the estimator was made for.
         """
 
+    @property
+    @abstractmethod
+    def drift(self) -> Floats:
+        """How far the zero has followed since it was set, shape (S, 3), T."""
+
+    @abstractmethod
+    def zero(self, readings: Sequence[Reading]) -> None:
+        """Take the mean of these readings of the untouched skin as its zero.
+
+        Raises
+        ------
+        ArgumentError
+            If there are none in which every chip that is used was good, or one has another number
+            of chips than the estimator was made for.
+        """
+
     @abstractmethod
     def reset(self) -> None:
-        """Forget everything remembered between readings, the zero included."""
+        """Return to the zero of the start and forget everything remembered between readings."""
 
 
 class Sink(Resource):

@@ -1,6 +1,7 @@
 """What every estimator must do, whatever is inside it."""
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -11,6 +12,9 @@ from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
+from smoskin.sensing.learned.gaussian_process import LearnedEstimator, LearnedModel, Output
+from smoskin.sensing.learned.inputs import Encoding, Form
+from smoskin.sensing.learned.training import Effort, Examples, train
 from smoskin.sensing.network.estimator import NetworkEstimator
 from smoskin.twin.reduced import ReducedTwin
 from tables_of_response import reduced_table
@@ -26,9 +30,33 @@ def network_estimator(design) -> Estimator:
     return NetworkEstimator(design, tiny_network(design, drag=0.4))
 
 
-@pytest.fixture(
-    params=[ClosedFormEstimator, bayes_estimator, network_estimator], ids=lambda make: make.__name__
-)
+@cache
+def learned_model(design) -> LearnedModel:
+    """A Gaussian process of a few presses near `TOUCH`."""
+    twin, rng = ReducedTwin(design, seed=1), np.random.default_rng(1)
+    targets = np.stack([*rng.uniform([0.04, 0.055], [0.06, 0.075], (40, 2)).T,
+                        -rng.uniform(0.3, 0.7, 40)], axis=1)  # fmt: skip
+    field = [twin.read([Contact(position=row[:2], force=(0, 0, row[2]))]).field for row in targets]
+    examples = Examples(
+        time=np.arange(40.0),
+        field=np.stack(field) - ReducedTwin(design, seed=None).read().field,
+        targets=targets,
+        outputs=(Output.X, Output.Y, Output.FZ),
+        group=np.arange(40),
+        run=np.zeros(40, dtype=int),
+    )
+    encoding = Encoding(chips=(0, 1, 2), form=Form.DIRECTION)
+    return train(examples, encoding, effort=Effort(iterations=3))
+
+
+def learned_estimator(design) -> Estimator:
+    return LearnedEstimator(learned_model(design), ReducedTwin(design, seed=None).read().field)
+
+
+ESTIMATORS = [ClosedFormEstimator, bayes_estimator, network_estimator, learned_estimator]
+
+
+@pytest.fixture(params=ESTIMATORS, ids=lambda make: make.__name__)
 def make(request, planar) -> Callable[[], Estimator]:
     return lambda: request.param(planar)
 
@@ -100,6 +128,36 @@ def test_shuffled_time_is_stale_and_reset_forgets_it(make, planar):
     assert estimator.step(twin.read([TOUCH], time=4.0)).status is Status.STALE
     estimator.reset()
     assert estimator.step(twin.read([TOUCH], time=4.0)).status is Status.CONTACT
+
+
+def test_the_zero_takes_an_offset_off_and_tells_no_drift(make, planar):
+    twin, plain, moved = ReducedTwin(planar, seed=None), make(), make()
+    offset = 1e-6 * np.arange(9.0).reshape(3, 3)
+    shifted = [spoilt(twin.read(time=0.1 * k), field=twin.read().field + offset) for k in range(9)]
+    plain.zero([twin.read(time=0.1 * k) for k in range(9)])
+    moved.zero([*shifted, spoilt(twin.read(), flags=[1, 0, 0])])
+    touched = twin.read([TOUCH], time=1.0)
+    expected = plain.step(touched)
+    found = moved.step(spoilt(touched, field=touched.field + offset))
+    assert expected.status is found.status is Status.CONTACT
+    for name in ("position", "force"):
+        there, here = (getattr(one.contacts[0], name) for one in (expected, found))
+        np.testing.assert_allclose(there, here, rtol=1e-6, atol=1e-9)
+    assert moved.drift.shape == (3, 3)
+    assert not moved.drift.any()
+    moved.reset()
+    other = moved.step(spoilt(touched, field=touched.field + offset))
+    assert other != found
+
+
+def test_a_zero_needs_a_good_reading_of_the_same_chips(make, planar):
+    twin, estimator = ReducedTwin(planar, seed=None), make()
+    for unusable in ([], [spoilt(twin.read(), flags=[1, 0, 0])]):
+        with pytest.raises(ArgumentError, match=f"readings must .*got {len(unusable)} readings"):
+            estimator.zero(unusable)
+    with pytest.raises(ArgumentError, match="got 5"):
+        estimator.zero([twin.read(), Reading(time=0.0, field=np.zeros((5, 3)))])
+    assert estimator.step(twin.read([TOUCH])).status is Status.CONTACT
 
 
 @pytest.mark.parametrize("chips", [0, 1, 2, 4, 5])

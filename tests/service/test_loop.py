@@ -5,12 +5,13 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from smoskin.arrays import Floats
 from smoskin.design.document import read_design
 from smoskin.errors import ArgumentError, SmoskinError, SourceError
 from smoskin.records import ChipFlag, Estimate, Reading, Status
@@ -63,6 +64,13 @@ class FlagEstimator(Estimator):
             status = Status.STALE
         self._last = max(self._last, reading.time)
         return Estimate(time=reading.time, status=status)
+
+    @property
+    def drift(self) -> Floats:
+        return np.zeros((CHIPS, 3))
+
+    def zero(self, readings: Sequence[Reading]) -> None:
+        """Flags need no zero."""
 
     def reset(self) -> None:
         self._last = -math.inf

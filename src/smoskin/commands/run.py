@@ -7,12 +7,13 @@ readings.
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.mechanics.viscoelasticity import elastomer_prony
@@ -125,14 +126,21 @@ class _ZeroedFirst(Estimator):
         self._untouched.clear()
         self._zeroed = False
 
+    @property
+    def drift(self) -> Floats:
+        return self._inner.drift
+
+    def zero(self, readings: Sequence[Reading]) -> None:
+        self._inner.zero(readings)
+        self._zeroed = True
+
     def step(self, reading: Reading) -> Estimate:
         if self._zeroed:
             return self._inner.step(reading)
         if not reading.flags.any() and np.isfinite(reading.field).all():
             self._untouched.append(reading)
         if len(self._untouched) == _ZEROS:
-            self._inner.zero(self._untouched)
-            self._zeroed = True
+            self.zero(self._untouched)
         return Estimate(time=reading.time, status=Status.NOT_CALIBRATED)
 
 

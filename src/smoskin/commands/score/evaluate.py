@@ -202,10 +202,10 @@ def judge(
     rng: np.random.Generator,
     disturbance: Disturbance | None = None,
 ) -> Judged:
-    """What an estimator with a method `zero` says in a session, against the truth."""
+    """What an estimator says in a session, against the truth."""
     said = readings(twin, session, rng, disturbance or Disturbance())
     estimator.reset()
-    _zero(estimator, said[:_ZEROS])
+    estimator.zero(said[:_ZEROS])
     touches = session.touches
     count, places = touches.force.shape[:2]
     truth = np.concatenate([touches.position, touches.force], axis=-1)
@@ -289,13 +289,6 @@ def label(
         place_spread=stage,
         force_spread=gauge,
     )
-
-
-def _zero(estimator: Estimator, untouched: Sequence[Reading]) -> None:
-    """Give an estimator its zero; those of the package that track one have a method for it."""
-    zero = getattr(estimator, "zero", None)
-    if zero is not None:
-        zero(untouched)
 
 
 def _matched(values: Floats, truth: Floats) -> Ints:

@@ -30,6 +30,8 @@ _ROWS: Final = 5
 """Of an estimate's covariance."""
 _STILL: Final = ZeroTracking(idle_field=np.finfo(float).tiny, time_constant=np.inf)
 """No reading counts as idle, so that the zero stays as it was given."""
+_LARGEST: Final = 1e6
+"""T: no chip measures more, and squares of more overflow."""
 _TENSORS: Final = (
     "centre",
     "scale",
@@ -307,6 +309,14 @@ class LearnedEstimator(Estimator):
         self._last_time = -np.inf
         self._set_zero(None if self._given is None else self._given[self._chips].reshape(-1))
 
+    @property
+    def drift(self) -> Floats:
+        """How far the zero has followed since it was set, (S, 3), T; 0 of chips not used."""
+        drift = np.zeros((self.model.chips_in_reading, 3))
+        if self._zero is not None:
+            drift[self._chips] = self._zero.drift.reshape(-1, 3)
+        return drift
+
     def zero(self, readings: Sequence[Reading]) -> None:
         """Take the mean of these readings, made while nothing touches, as the zero.
 
@@ -376,7 +386,7 @@ class LearnedEstimator(Estimator):
         flags = int(np.bitwise_or.reduce(reading.flags[self._chips]))
         if flags & _BAD or not np.isfinite(self._used(reading)).all():
             return Status.CHIP_MISSING
-        if flags & _FULL:
+        if flags & _FULL or not (np.abs(self._used(reading)) <= _LARGEST).all():
             return Status.SATURATED
         return Status.STALE if flags & int(ChipFlag.OLD) else None
 
