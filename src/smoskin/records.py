@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from enum import Enum, IntFlag
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from smoskin.arrays import Floats, Ints, frozen
+from smoskin.arrays import Floats, Ints, assign, freeze, frozen
 from smoskin.errors import ArgumentError
 
 
@@ -67,25 +68,21 @@ class Reading:
         self,
         *,
         time: float,
-        field: object,
-        temperature: object = None,
-        flags: object = None,
+        field: ArrayLike,
+        temperature: ArrayLike | None = None,
+        flags: ArrayLike | None = None,
     ) -> None:
         if not math.isfinite(time):
             raise ArgumentError(f"time must be finite; got {time}")
-        values = frozen("field", field, (None, 3))  # type: ignore[arg-type]
+        values = frozen("field", field, (None, 3))
         chips = len(values)
-        if temperature is None:
-            temperature = np.full(chips, np.nan)
-        degrees = frozen("temperature", temperature, (chips,))  # type: ignore[arg-type]
-        marks = np.zeros(chips, dtype=np.int64) if flags is None else np.array(flags, np.int64)
+        degrees = np.full(chips, np.nan) if temperature is None else temperature
+        marks = np.zeros(chips, np.int64) if flags is None else np.array(flags, np.int64)
         if marks.shape != (chips,):
             raise ArgumentError(f"flags must have shape ({chips},); got {marks.shape}")
         marks.setflags(write=False)
-        object.__setattr__(self, "time", float(time))
-        object.__setattr__(self, "field", values)
-        object.__setattr__(self, "temperature", degrees)
-        object.__setattr__(self, "flags", marks)
+        assign(self, time=float(time), field=values, temperature=degrees, flags=marks)
+        freeze(self, temperature=(chips,))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Reading):
@@ -113,13 +110,11 @@ class Contact:
     force: Floats
     """(3,), N, that the toucher exerts on the skin; pressing is negative z."""
 
-    def __init__(self, *, position: object, force: object) -> None:
-        place = frozen("position", position, (2,))  # type: ignore[arg-type]
-        push = frozen("force", force, (3,))  # type: ignore[arg-type]
-        if not (math.isfinite(place[0]) and math.isfinite(place[1])):
-            raise ArgumentError(f"position must be finite; got {place}")
-        object.__setattr__(self, "position", place)
-        object.__setattr__(self, "force", push)
+    def __init__(self, *, position: ArrayLike, force: ArrayLike) -> None:
+        assign(self, position=position, force=force)
+        freeze(self, position=(2,), force=(3,))
+        if not np.isfinite(self.position).all():
+            raise ArgumentError(f"position must be finite; got {self.position} m")
 
     @property
     def normal_force(self) -> float:
@@ -145,11 +140,11 @@ class Estimate:
     contacts: tuple[Contact, ...] = ()
     """The touches; empty unless the status is `CONTACT` or `AMBIGUOUS`."""
     covariance: Floats = field(default_factory=lambda: np.zeros((0, 5, 5)))
-    """(C, 5, 5): of (x, y, Fx, Fy, Fz) of each contact, in m and N; NaN where unknown."""
+    """(C, 5, 5): covariance of (x, y, Fx, Fy, Fz) of each contact, in m and N; NaN where
+    unknown."""
 
     def __post_init__(self) -> None:
-        spread = frozen("covariance", self.covariance, (len(self.contacts), 5, 5))
-        object.__setattr__(self, "covariance", spread)
+        freeze(self, covariance=(len(self.contacts), 5, 5))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Estimate):
@@ -173,17 +168,17 @@ class HeldTouch:
     """
 
     contact: Contact
-    """As whoever touched knows it."""
+    """The touch as its toucher knows it."""
     readings: tuple[Reading, ...]
-    """All since the touch before, in time."""
+    """All readings since the touch before, in time."""
     rest: tuple[float, float]
-    """s: from when until when nothing touched the skin, on the readings' clock."""
+    """Start and end of the rest without any touch, s, on the readings' clock."""
     held: tuple[float, float]
-    """s: from when until when the touch was held still."""
+    """Start and end of the still hold, s."""
 
     def __post_init__(self) -> None:
         times = (*self.rest, *self.held)
-        if not self.readings or not all(math.isfinite(one) for one in times):
+        if not self.readings or not np.isfinite(times).all():
             raise ArgumentError(f"readings must be there and times finite; got {times} s")
         if not self.rest[0] <= self.rest[1] <= self.held[0] <= self.held[1]:
             raise ArgumentError(f"rest must end before held begins; got {self.rest}, {self.held} s")

@@ -14,6 +14,7 @@ from functools import partial
 from types import MappingProxyType
 from typing import Any, Final, Literal
 
+from smoskin.arrays import assign
 from smoskin.design.materials import ELASTOMERS, FILMS
 from smoskin.errors import DesignError, ModelError
 
@@ -309,7 +310,7 @@ class SkinDesign:
     """Where each value comes from, by dotted field path such as ``cell.panel_a``."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
+        assign(self, provenance=MappingProxyType(dict(self.provenance)))
         columns, rows = self.cells
         if columns < 1 or rows < 1:
             raise DesignError(f"cells must be at least (1, 1); got {self.cells}")

@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Floats, floats, frozen
+from smoskin.arrays import Floats, floats, freeze
 from smoskin.design.skin import Magnet
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.sector import VACUUM_PERMEABILITY, field
@@ -184,10 +184,8 @@ class LinearCorrection:
 
     def __post_init__(self) -> None:
         many = np.shape(self.k_c)[:-1]
-        for name in ("k_c", "c_c"):
-            object.__setattr__(self, name, frozen(name, getattr(self, name), (*many, 3)))
-        for name in ("wave_number", "amplitude", "gap", "side"):
-            object.__setattr__(self, name, frozen(name, getattr(self, name), many))
+        freeze(self, k_c=(*many, 3), c_c=(*many, 3))
+        freeze(self, wave_number=many, amplitude=many, gap=many, side=many)
         for name in ("wave_number", "amplitude", "gap"):
             if not np.all(getattr(self, name) > 0.0):
                 raise ArgumentError(f"{name} must be positive; got {getattr(self, name)}")

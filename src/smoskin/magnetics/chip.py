@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Floats, floats, frozen
+from smoskin.arrays import Floats, assign, floats, freeze, frozen
 from smoskin.design.skin import HallSite
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
@@ -29,8 +29,7 @@ class ChipPose:
     """(..., 3), rad: rotation vector from the designed attitude."""
 
     def __init__(self, *, offset: ArrayLike, turn: ArrayLike) -> None:
-        object.__setattr__(self, "offset", _vectors("offset", offset, "m"))
-        object.__setattr__(self, "turn", _vectors("turn", turn, "rad"))
+        assign(self, offset=_vectors("offset", offset, "m"), turn=_vectors("turn", turn, "rad"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,10 +63,9 @@ class ChipErrors:
         degrees = floats("warmth", warmth)
         if not np.isfinite(degrees).all():
             raise ArgumentError(f"warmth must be finite; got {degrees} degC")
-        object.__setattr__(self, "sensitivity", gain)
-        object.__setattr__(self, "cross_axis", frozen("cross_axis", cross, cross.shape))
-        object.__setattr__(self, "zero", _vectors("zero", zero, "T"))
-        object.__setattr__(self, "warmth", frozen("warmth", degrees, degrees.shape))
+        assign(self, sensitivity=gain, cross_axis=cross, zero=_vectors("zero", zero, "T"))
+        assign(self, warmth=degrees)
+        freeze(self, cross_axis=cross.shape, warmth=degrees.shape)
 
 
 def mounting(sites: Sequence[HallSite], pose: ChipPose) -> Floats:

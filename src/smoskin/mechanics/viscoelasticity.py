@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Floats, floats, frozen
+from smoskin.arrays import Floats, assign, floats, freeze, frozen
 from smoskin.design.materials import ELASTOMERS
 from smoskin.errors import ArgumentError
 
@@ -62,10 +62,9 @@ class Prony:
         drive = np.sqrt(shares / instants)
         rates, modes = np.linalg.eigh(np.diag(1 / instants) - np.outer(drive, drive))
         late = (1 - shares.sum()) * (drive @ modes) ** 2 / rates
-        object.__setattr__(self, "moduli", shares)
-        object.__setattr__(self, "times", instants)
-        object.__setattr__(self, "retardation_shares", frozen("shares", late[::-1], (None,)))
-        object.__setattr__(self, "retardation_times", frozen("times", 1 / rates[::-1], (None,)))
+        assign(self, moduli=shares, times=instants)
+        assign(self, retardation_shares=late[::-1], retardation_times=1 / rates[::-1])
+        freeze(self, retardation_shares=(None,), retardation_times=(None,))
 
     @classmethod
     def from_creep(cls, shares: ArrayLike, times: ArrayLike) -> "Prony":

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Bools, Floats, Ints, floats, frozen
+from smoskin.arrays import Bools, Floats, Ints, assign, floats, frozen
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.origami.cell import size
@@ -107,9 +107,7 @@ class Touches:
         wide = np.broadcast_to(floats("radius", radius), where.shape[:2])
         if not (np.isfinite(wide) & (wide > 0)).all():
             raise ArgumentError(f"radius must be positive and finite; got {np.min(wide)} m")
-        object.__setattr__(self, "position", where)
-        object.__setattr__(self, "force", push)
-        object.__setattr__(self, "radius", frozen("radius", wide, where.shape[:2]))
+        assign(self, position=where, force=push, radius=frozen("radius", wide, where.shape[:2]))
 
     def __len__(self) -> int:
         return len(self.position)
