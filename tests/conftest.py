@@ -9,6 +9,12 @@ import pytest
 from smoskin.design.skin import SkinDesign
 from smoskin.feasibility import load_design
 
+# What one test process has compiled, the others and their subprocesses need not compile again.
+os.environ.setdefault(
+    "JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache" / "jax")
+)
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")
+
 
 @pytest.fixture(scope="session")
 def planar() -> SkinDesign:
