@@ -5,24 +5,23 @@ Makes the table first where there is none (some minutes), and tells the bound be
 """
 
 import argparse
-from pathlib import Path
 
 import numpy as np
 from rich.console import Console
 
 from smoskin import load_design
-from smoskin.commands.response import cached_response_table
 from smoskin.commands.score import Exam, examine
 from smoskin.commands.score.files import table_subject
 from smoskin.commands.score.plan import parse_places
 from smoskin.commands.train import parse_chips
 from smoskin.sensing.response.bound import bound_map
+from smoskin.sensing.response.table import load_response_table
 from smoskin.sensing.signals.signals import signal_noise
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("table", type=Path)
+    parser.add_argument("table", nargs="?", default="planar")
     parser.add_argument("--design", default="planar")
     parser.add_argument("--skins", type=int, default=5)
     parser.add_argument("--places", default="25x33")
@@ -42,7 +41,7 @@ def main() -> None:
         pairs=asked.pairs,
         chips=parse_chips(asked.chips),
     )
-    subject = table_subject(cached_response_table(design, asked.table), design, exam)
+    subject = table_subject(load_response_table(asked.table), design, exam)
     console = Console(width=110)
     for table in examine(design, subject, exam).tables():
         console.print(table)

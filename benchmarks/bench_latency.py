@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from smoskin import load_design
-from smoskin.commands.response import cached_response_table
 from smoskin.commands.score.evaluate import (
     Disturbance,
     grid_sessions,
@@ -31,7 +30,7 @@ from smoskin.sensing.bayes.priors import TouchPriors
 from smoskin.sensing.network.estimator import NetworkEstimator
 from smoskin.sensing.network.model import load_network
 from smoskin.sensing.response.calibrate import calibrate_touches, plan_touches
-from smoskin.sensing.response.table import ResponseTable
+from smoskin.sensing.response.table import ResponseTable, load_response_table
 from smoskin.sensing.signals.signals import FOLLOWING, signal_noise
 from smoskin.twin.whole import Twin
 
@@ -79,12 +78,12 @@ def calibrated(table: ResponseTable, twin: Twin, chips: Sequence[int]) -> Respon
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("table", type=Path)
+    parser.add_argument("table", nargs="?", default="planar")
     parser.add_argument("--touches", type=int, default=300)
     parser.add_argument("--network", type=Path, help="a model file of `smoskin train`, too")
     asked = parser.parse_args()
     design = load_design("planar")
-    table = cached_response_table(design, asked.table)
+    table = load_response_table(asked.table)
     twin = Twin(design, seed=1, manufactured=True)
     rng = np.random.default_rng(2)
     rubber = elastomer_prony(design.columns.material)

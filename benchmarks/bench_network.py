@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from smoskin import load_design
-from smoskin.commands.response import cached_response_table
 from smoskin.commands.score.evaluate import (
     FORCES,
     Disturbance,
@@ -33,6 +32,7 @@ from smoskin.sensing.network.model import NetworkModel, load_network
 from smoskin.sensing.network.samples import TouchSpread
 from smoskin.sensing.network.training import train_network
 from smoskin.sensing.response.calibrate import calibrate_touches, plan_touches
+from smoskin.sensing.response.table import load_response_table
 from smoskin.sensing.signals.signals import FOLLOWING, signal_noise
 from smoskin.twin.whole import Twin
 
@@ -91,7 +91,7 @@ def tell_latency(design: SkinDesign, model: NetworkModel, twin: Twin) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("table", type=Path)
+    parser.add_argument("table", nargs="?", default="planar")
     parser.add_argument("--skins", type=int, default=5)
     parser.add_argument("--places", type=int, nargs=2, default=(25, 33))
     parser.add_argument("--count", type=int, help="of the places for each force; all by default")
@@ -102,7 +102,7 @@ def main() -> None:
     parser.add_argument("--start", type=Path, help="a network of the design to go on from")
     asked = parser.parse_args()
     design = load_design("planar")
-    table = cached_response_table(design, asked.table).of_chips(parse_chips(asked.chips))
+    table = load_response_table(asked.table).of_chips(parse_chips(asked.chips))
     noise, rubber = signal_noise(design, table.chips), elastomer_prony(design.columns.material)
     plan = plan_touches(table, asked.touches, noise)
     start = None if asked.start is None else load_network(asked.start)

@@ -9,14 +9,12 @@ pairs, their second touch 0.3 s after the first.
 
 import argparse
 import time
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from smoskin import load_design
 from smoskin.arrays import Floats
-from smoskin.commands.response import cached_response_table
 from smoskin.commands.score.evaluate import Disturbance, label
 from smoskin.datasets.patterns import far_pairs
 from smoskin.magnetics import mlx90393
@@ -29,7 +27,7 @@ from smoskin.sensing.bayes.priors import TouchPriors
 from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.response.calibrate import calibrate_touches, plan_touches
 from smoskin.sensing.response.pair_point import PairPoint
-from smoskin.sensing.response.table import ResponseTable
+from smoskin.sensing.response.table import ResponseTable, load_response_table
 from smoskin.sensing.signals.signals import FOLLOWING, signal_noise
 from smoskin.twin.creep import creeping
 from smoskin.twin.readout import Motion
@@ -154,7 +152,7 @@ def line(name: str, found: Found) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("table", type=Path)
+    parser.add_argument("table", nargs="?", default="planar")
     parser.add_argument("--skins", type=int, default=5)
     parser.add_argument("--first", type=int, default=1, help="seed of the first made skin")
     parser.add_argument("--pairs", type=int, default=40)
@@ -164,7 +162,7 @@ def main() -> None:
     parser.add_argument("--drag", type=float, default=0.0, help="N, that a single touch may have")
     asked = parser.parse_args()
     design = load_design("planar")
-    table = cached_response_table(design, asked.table).of_chips(tuple(asked.chips))
+    table = load_response_table(asked.table).of_chips(tuple(asked.chips))
     noise = signal_noise(design, table.chips)
     rubber = elastomer_prony(design.columns.material)
     plan = plan_touches(table, asked.touches, noise)

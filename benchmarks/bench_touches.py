@@ -7,16 +7,15 @@ table is made first where there is none (some minutes).
 import argparse
 import json
 import sys
-from pathlib import Path
 
 from paper.touch_curve import CurveEffort, touch_curve
 from smoskin import load_design
-from smoskin.commands.response import cached_response_table
+from smoskin.sensing.response.table import load_response_table
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("table", type=Path)
+    parser.add_argument("table", nargs="?", default="planar")
     parser.add_argument("--skins", type=int, default=5)
     parser.add_argument("--counts", type=int, nargs="+", default=(2, 5, 8, 10, 15, 30, 60, 120))
     parser.add_argument("--forces", type=float, nargs="+", default=(0.3, 0.5, 0.7, 1.0))
@@ -25,7 +24,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true")
     asked = parser.parse_args()
     design = load_design("planar")
-    table = cached_response_table(design, asked.table).of_chips(tuple(asked.chips))
+    table = load_response_table(asked.table).of_chips(tuple(asked.chips))
     effort = CurveEffort(
         seeds=tuple(range(1, asked.skins + 1)),
         counts=tuple(asked.counts),

@@ -3,7 +3,7 @@
 import numpy as np
 
 import smoskin as smo
-from smoskin.commands.response import Effort, make_response_table
+from smoskin.commands.table import Effort, make_table
 from smoskin.commands.touches import TouchOrder, calibrate_with_rig, virtual_rig
 from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.twin.creep import Creep
@@ -12,7 +12,7 @@ from smoskin.twin.rig import VirtualRig
 design = smo.load_design("planar")
 # A small table, for speed; `smoskin table planar --out planar.table` makes a good one.
 small = Effort(presses=4000, pairs=400, skins=16, draws=3, presses_a_skin=300)
-table = make_response_table(design, small)
+table = make_table(design, small)
 
 rig = virtual_rig(design, seed=7)
 found = calibrate_with_rig(design, table, rig, TouchOrder(count=30))

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 
 from smoskin.arrays import Floats
-from smoskin.commands.response import Effort, make_response_table
 from smoskin.commands.score.evaluate import label
+from smoskin.commands.table import Effort, make_table
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ModelError
 from smoskin.magnetics import mlx90393
@@ -50,7 +50,7 @@ def trial_table(design: SkinDesign, given: ResponseTable | None) -> ResponseTabl
         If the table belongs to another design or lacks chips.
     """
     if given is None:
-        return make_response_table(design, EFFORT)
+        return make_table(design, EFFORT)
     if given.design_hash != design.content_hash or len(given.chips) != len(design.halls):
         raise ModelError(
             f"table must be of all chips of the design {design.name!r} "

@@ -367,12 +367,12 @@ def test_sheets_on_the_command_line(skin, table, twin, tmp_path):
 def test_a_virtual_rig_calibrates_the_twin_that_then_runs(planar, tmp_path, monkeypatch):
     pytest.importorskip("jax")
     pytest.importorskip("safetensors")
-    from smoskin.commands.response import Effort, make_response_table
+    from smoskin.commands.table import Effort, make_table
     from smoskin.service.source import open_source
 
     small = Effort(presses=4000, pairs=0, skins=10, draws=3, presses_a_skin=200)
     response, own = tmp_path / "planar.table", tmp_path / "skin.table"
-    make_response_table(planar, small).save(response)
+    make_table(planar, small).save(response)
     done = smoskin(
         "calibrate", response, "--touches", "30", "--seed", "4", "--out", own, "--json"
     )  # fmt: skip

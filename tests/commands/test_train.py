@@ -1,22 +1,18 @@
-"""`smoskin train` and `smoskin table`: the files that they leave, and what they refuse."""
+"""`smoskin train`: the files that it leaves, and what it refuses."""
 
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from networks import TINY
 from smoskin.cli import app
 from smoskin.cli import train as commands
-from smoskin.commands.response import Effort
-from smoskin.commands.table import write_table
 from smoskin.commands.train import effort_of, parse_chips, train_on_table
 from smoskin.design.document import format_design
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.sensing.network.model import load_network
-from smoskin.sensing.response.table import load_response_table
 from tables_of_response import plain, reduced_table
 
 SHORT = replace(TINY, epochs=2, steps=4)
@@ -107,25 +103,3 @@ def test_what_cannot_be_is_refused():
         parse_chips("one")
     effort = effort_of(members=3, minutes=2.0, seed=4)
     assert (effort.members, effort.seconds, effort.seed) == (3, 120.0, 4)
-
-
-def test_a_table_is_made_with_the_effort_asked_for(skin, tmp_path, monkeypatch):
-    asked = []
-
-    def made(design, effort, progress):
-        asked.append(effort)
-        progress("pressing", 0.5)
-        return reduced_table(design)
-
-    monkeypatch.setattr("smoskin.commands.table.make_response_table", made)
-    written = write_table(skin, tmp_path / "a.table", presses=50, pairs=0, skins=3, seed=2)
-    assert asked == [replace(Effort(), presses=50, pairs=0, skins=3, seed=2)]
-    again = load_response_table(tmp_path / "a.table")
-    assert np.array_equal(again.mean, written.table.mean)
-    assert written.as_json()["modes"] == 0
-    result = run("table", "planar", "--out", tmp_path / "b.table", "--skins", "5")
-    assert result.exit_code == 0, result.output
-    assert "normal forces" in result.stdout
-    assert asked[-1].skins == 5
-    machines = run("table", "planar", "--out", tmp_path / "c.table", "--json")
-    assert json.loads(machines.stdout)["chips"] == [0, 1, 2]

@@ -61,10 +61,10 @@ def test_the_curve_is_drawn_with_its_numbers(curve, tmp_path):
 def test_more_touches_make_better_estimates(planar):
     pytest.importorskip("jax")
     from paper.touch_curve import touch_curve
-    from smoskin.commands.response import Effort, make_response_table
+    from smoskin.commands.table import Effort, make_table
 
     small = Effort(presses=4000, pairs=0, skins=10, draws=3, presses_a_skin=200)
-    table = make_response_table(planar, small).of_chips((1, 2))
+    table = make_table(planar, small).of_chips((1, 2))
     told = []
     curve = touch_curve(
         planar,

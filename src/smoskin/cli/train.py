@@ -1,6 +1,7 @@
 """Commands that press a twin for a response table, and that train networks on one."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,42 +12,46 @@ from smoskin.cli.frame import Design, Json, app, progress_bar, show
 
 @app.command("table")
 def make_table(
-    out: Annotated[Path, typer.Option(help="The response table to write.", dir_okay=False)],
     design: Design = "planar",
+    out: Annotated[
+        Path | None,
+        typer.Option(help="The file to write; by default DESIGN.table, here.", dir_okay=False),
+    ] = None,
     presses: Annotated[
-        int | None, typer.Option(min=1, help="Of the skin as designed, one touch each.")
+        int | None, typer.Option(min=1, help="Presses of the skin as designed, one touch each.")
     ] = None,
     pairs: Annotated[
-        int | None, typer.Option(min=0, help="Of the skin as designed, two touches each.")
+        int | None, typer.Option(min=0, help="Presses of the skin as designed, two touches each.")
     ] = None,
     skins: Annotated[
-        int | None, typer.Option(min=1, help="Made sheets, from which comes how skins differ.")
+        int | None, typer.Option(min=1, help="Made sheets, which show how skins differ.")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the presses and of the made skins.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the presses and made skins.")] = 0,
     as_json: Json = False,
 ) -> None:
     """Press a design's twin all over and write what its chips read as a response table.
 
-    It takes some minutes. Calibration by a few touches, networks and the Bayesian estimator all
-    start from this file.
+    It takes a minute or two. Calibration by a few touches, networks and the Bayesian estimator all
+    start from this file. The table of the planar design comes with the package.
     """
-    from smoskin.commands.table import write_table
+    from smoskin.commands import table as making
     from smoskin.feasibility import load_design
 
+    usual = making.Effort(seed=seed)
+    effort = replace(
+        usual,
+        presses=presses or usual.presses,
+        pairs=usual.pairs if pairs is None else pairs,
+        skins=skins or usual.skins,
+    )
+    file = out or Path(f"{Path(design).stem}.table")
     with progress_bar() as progress:
-        made = write_table(
-            load_design(design),
-            out,
-            presses=presses,
-            pairs=pairs,
-            skins=skins,
-            seed=seed,
-            progress=progress,
-        )
+        table = making.make_table(load_design(design), effort, progress=progress)
+    table.save(file)
     if as_json:
-        typer.echo(json.dumps(made.as_json()))
+        typer.echo(json.dumps({"file": str(file), **making.table_facts(table)}))
         return
-    show(made.rows())
+    show(making.table_rows(table, str(file)))
 
 
 @app.command()

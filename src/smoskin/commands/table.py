@@ -1,99 +1,200 @@
-"""Makes the response table of a design and writes it, with what there is to say of it."""
+"""Makes the response table of a design by pressing its twin.
+
+Decides which presses a table is made of: many of the skin as designed, with drags, with pairs and
+with warm and cold rubber; and one set on many made skins, from which come the modes in which skins
+differ. Each made sheet is read by chips and magnets of several draws, which cost next to nothing.
+The mathematics is that of the section "Fit" in `docs/derivations.md`.
+"""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import asdict, dataclass, replace
+from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from smoskin.arrays import Floats
-from smoskin.commands.response import Effort, make_response_table
+from smoskin.datasets.patterns import far_pairs
 from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError
+from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
+from smoskin.mechanics.sheet.compliance import grip_compliance
+from smoskin.mechanics.sheet.touches import Touches
+from smoskin.origami.cell import size
+from smoskin.origami.layout import skin_extent
+from smoskin.sensing.response.fit import add_coupling, add_modes, add_warmth, fit_response_table
 from smoskin.sensing.response.table import ResponseTable
+from smoskin.twin.manufacture import Tolerances, draw, made_mechanics
+from smoskin.twin.readout import Motion, Readout
+from smoskin.twin.whole import Twin
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 Progress = Callable[[str, float], None]
-"""Is told what is being pressed, and the share of the whole work that is done."""
+"""A function that is told what is being pressed, and the share of the whole work that is done."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class WrittenTable:
-    """A response table and its file."""
-
-    table: ResponseTable
-    file: Path
-
-    def as_json(self) -> dict[str, object]:
-        """Plain values for machines."""
-        table = self.table
-        return {
-            "file": str(self.file),
-            "design_hash": table.design_hash,
-            "chips": list(table.chips),
-            "forces_N": list(table.forces),
-            "modes": len(table.modes),
-            "misfit_uT_per_N": [float(one) for one in self._misfit_microtesla()],
-        }
-
-    def rows(self) -> "Table":
-        """The same, for people."""
-        from rich.table import Table
-
-        table = Table(title=str(self.file), show_header=False)
-        low, high = self.table.forces
-        missed = ", ".join(f"{one:.1f}" for one in self._misfit_microtesla())
-        for name, value in (
-            ("chips", ", ".join(str(chip) for chip in self.table.chips)),
-            ("normal forces", f"{low:.2f} to {high:.2f} N"),
-            ("ways in which made skins differ", str(len(self.table.modes))),
-            ("missed of each signal, uT for a newton", missed),
-        ):
-            table.add_row(name, value)
-        return table
-
-    def _misfit_microtesla(self) -> Floats:
-        """What the table misses of each signal, (C,), uT for a newton."""
-        return np.asarray(np.sqrt(np.diag(self.table.misfit)) * 1e6)
-
-
-def write_table(
-    design: SkinDesign,
-    out: Path,
-    *,
-    presses: int | None = None,
-    pairs: int | None = None,
-    skins: int | None = None,
-    seed: int = 0,
-    progress: Progress = lambda task, share: None,
-) -> WrittenTable:
-    """Press the twin of a design and write its response table.
-
-    Parameters
-    ----------
-    design : SkinDesign
-    out : Path
-    presses, pairs, skins : int, optional
-        As `smoskin.commands.response.Effort`, which has the numbers that are not given.
-    seed : int
-    progress : callable
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effort:
+    """How much is pressed.
 
     Raises
     ------
     ArgumentError
-        If a number cannot be.
-    MissingExtraError
-        If the extras `twin` and `learned` are not installed.
+        If a number is not positive.
     """
-    usual = Effort(seed=seed)
-    effort = replace(
-        usual,
-        presses=usual.presses if presses is None else presses,
-        pairs=usual.pairs if pairs is None else pairs,
-        skins=usual.skins if skins is None else skins,
+
+    presses: int = 12_000
+    """Presses of the skin as designed, one touch each."""
+    pairs: int = 4_000
+    """Presses of the skin as designed, two touches each; 0 leaves two touches to add up."""
+    skins: int = 96
+    """Made sheets."""
+    draws: int = 4
+    """Draws of magnets and chips on each made sheet."""
+    presses_a_skin: int = 640
+    """Presses of each made skin, the same on all."""
+    force: tuple[float, float] = (0.05, 1.15)
+    """N, normal, from and to."""
+    drag: float = 0.6
+    """N, largest."""
+    seed: int = 0
+    """Seed of the presses and of the made skins; skins that judge the table should have others."""
+
+    def __post_init__(self) -> None:
+        counts = (self.presses, self.skins, self.draws, self.presses_a_skin)
+        if min(counts) < 1 or self.pairs < 0:
+            raise ArgumentError(f"counts must be positive; got {counts} and {self.pairs} pairs")
+        if not 0 < self.force[0] < self.force[1] or not self.drag >= 0:
+            raise ArgumentError(f"force must rise from above 0; got {self.force} and {self.drag} N")
+
+
+def make_table(
+    design: SkinDesign,
+    effort: Effort | None = None,
+    *,
+    tolerances: Tolerances | None = None,
+    progress: Progress = lambda task, share: None,
+) -> ResponseTable:
+    """The response table of a design, from presses of its twin; a minute or two.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    effort : Effort, optional
+    tolerances : Tolerances, optional
+        What made skins are drawn from.
+    progress : callable, optional
+
+    Raises
+    ------
+    MissingExtraError
+        If the extra `twin` is not installed.
+    """
+    work = effort or Effort()
+    rng = np.random.default_rng([work.seed, 1])
+    twin, ideal = Twin(design, seed=0), Readout(design)
+    progress("the skin as designed", 0.0)
+    place, force = _draw_presses(design, work, rng, work.presses)
+    table = fit_response_table(design, place, force, ideal.risen(_pressed(twin, place, force)))
+    if work.pairs:
+        progress("pairs of touches", 0.1)
+        places, forces = _draw_pairs(design, work, rng)
+        motion = twin.motions(Touches(position=places, force=forces))
+        kept = motion.valid
+        both = ideal.risen(motion)[kept]
+        table = add_coupling(table, grip_compliance(design), places[kept], forces[kept], both)
+    progress("warm and cold rubber", 0.2)
+    place, force = _draw_presses(design, work, rng, work.presses_a_skin)
+    cold, hot = (
+        ideal.risen(_pressed(twin, place, force, REFERENCE_TEMPERATURE + degrees))
+        for degrees in (-10.0, 10.0)
     )
-    table = make_response_table(design, effort, progress=progress)
-    table.save(out)
-    return WrittenTable(table=table, file=out)
+    table = add_warmth(table, place, force, (hot - cold) / 20)
+    designed = ideal.risen(_pressed(twin, place, force))
+    deviations, grips = [], []
+    for skin in range(work.skins):
+        progress("made skins", 0.3 + 0.7 * skin / work.skins)
+        made = Twin(design, seed=_skin_seed(work, skin), manufactured=True, tolerances=tolerances)
+        motion = _pressed(made, place, force)
+        mechanics = made_mechanics(design, made.deviations, REFERENCE_TEMPERATURE)
+        grip = grip_compliance(*mechanics)
+        for _ in range(work.draws):
+            readout = Readout(design, draw(design, rng, tolerances))
+            deviations.append(readout.risen(motion) - designed)
+            grips.append(grip)
+    if len(deviations) > 1:
+        table = add_modes(table, place, force, np.stack(deviations), np.stack(grips))
+    return replace(table, origin={"smoskin": version("smoskin"), "effort": asdict(work)})
+
+
+def table_facts(table: ResponseTable) -> dict[str, object]:
+    """What there is to say of a table, as plain values for machines."""
+    return {
+        "design_hash": table.design_hash,
+        "chips": list(table.chips),
+        "forces_N": list(table.forces),
+        "modes": len(table.modes),
+        "misfit_uT_per_N": _misfit_microtesla(table).tolist(),
+        "origin": dict(table.origin),
+    }
+
+
+def table_rows(table: ResponseTable, title: str) -> "Table":
+    """What there is to say of a table, for people."""
+    from rich.table import Table
+
+    shown = Table(title=title, show_header=False)
+    low, high = table.forces
+    for name, value in (
+        ("chips", ", ".join(str(chip) for chip in table.chips)),
+        ("normal forces", f"{low:.2f} to {high:.2f} N"),
+        ("modes in which made skins differ", str(len(table.modes))),
+        ("misfit of each signal, uT/N", ", ".join(f"{v:.1f}" for v in _misfit_microtesla(table))),
+    ):
+        shown.add_row(name, value)
+    return shown
+
+
+def _misfit_microtesla(table: ResponseTable) -> Floats:
+    """Root mean square misfit of each signal, (C,), uT/N."""
+    return np.asarray(np.sqrt(np.diag(table.misfit)) * 1e6)
+
+
+def _skin_seed(work: Effort, skin: int) -> int:
+    """Seeds of made skins, far from the small ones that people try."""
+    return 1_000_000 * (work.seed + 1) + skin
+
+
+def _draw_presses(
+    design: SkinDesign, work: Effort, rng: np.random.Generator, count: int
+) -> tuple[Floats, Floats]:
+    """Places (B, 2) and forces (B, 3) all over the skin; two in five are straight."""
+    place = rng.uniform(0, skin_extent(design), (count, 2))
+    force = np.zeros((count, 3))
+    force[:, 2] = -rng.uniform(*work.force, count)
+    drag = work.drag * np.sqrt(rng.uniform(0, 1, count)) * (rng.uniform(0, 1, count) > 0.4)
+    angle = rng.uniform(0, 2 * np.pi, count)
+    force[:, 0], force[:, 1] = drag * np.cos(angle), drag * np.sin(angle)
+    return place, force
+
+
+def _draw_pairs(
+    design: SkinDesign, work: Effort, rng: np.random.Generator
+) -> tuple[Floats, Floats]:
+    """Places (B, 2, 2) and forces (B, 2, 3) of straight pairs, more than a cell apart."""
+    cell = size(design.cell)
+    apart = float(max(cell.length, cell.width))
+    place = far_pairs(skin_extent(design), apart, work.pairs, rng)
+    force = np.zeros((work.pairs, 2, 3))
+    force[..., 2] = -rng.uniform(*work.force, (work.pairs, 2))
+    return place, force
+
+
+def _pressed(
+    twin: Twin, place: Floats, force: Floats, temperature: float = REFERENCE_TEMPERATURE
+) -> Motion:
+    return twin.motions(
+        Touches(position=place[:, None], force=force[:, None]), temperature=temperature
+    )

@@ -27,9 +27,11 @@ class TensorFile(NamedTuple):
     kind: str
     """What people call it, with its article."""
     key: str
-    """Under which the header stands in the file."""
+    """Key of the header in the file."""
     format: int
-    """The version that is written and read."""
+    """The version that is written."""
+    older: tuple[int, ...] = ()
+    """Earlier versions that are read as well."""
 
     def write(
         self, path: Path | str, arrays: Mapping[str, NDArray[Any]], header: Mapping[str, object]
@@ -78,7 +80,7 @@ class TensorFile(NamedTuple):
             raise ModelError(f"{path}: {self.kind} of this package must be given; got another")
         try:
             header = json.loads(text)
-            if header["format"] != self.format:
+            if header["format"] not in (self.format, *self.older):
                 raise ModelError(f"{path}: format must be {self.format}; got {header['format']!r}")
             return build(arrays, header)
         except ModelError:
@@ -88,7 +90,7 @@ class TensorFile(NamedTuple):
 
 
 def tensor_key(path: Path | str) -> str:
-    """Under which the header of a tensor file stands, by which its kind can be told; "" if none.
+    """Key of a tensor file's header, which tells its kind; "" if there is none.
 
     Raises
     ------

@@ -5,9 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from smoskin.commands.response import Effort, cached_response_table
 from smoskin.commands.score.evaluate import Disturbance, Session, judge, readings
-from smoskin.errors import ArgumentError
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.sensing.bayes.estimator import BayesEstimator
@@ -84,26 +82,3 @@ def test_creep_and_drift_spoil_readings(skin, twin):
     rise = np.linalg.norm(calm[22] - calm[19])
     assert 0.02 * rise < np.linalg.norm(crept[22] - calm[22]) < 0.1 * rise
     assert np.abs(drifted[-1] - calm[-1]).max() > 20e-6
-
-
-def test_efforts_that_press_nothing_are_refused():
-    with pytest.raises(ArgumentError, match="counts must be positive"):
-        Effort(presses=0)
-    with pytest.raises(ArgumentError, match="force must rise"):
-        Effort(force=(0.5, 0.1))
-
-
-@pytest.mark.slow
-def test_a_table_is_pressed_once_and_then_read(planar, tmp_path):
-    pytest.importorskip("safetensors")
-    pytest.importorskip("jax")
-    small = Effort(presses=3700, pairs=200, skins=3, draws=2, presses_a_skin=120)
-    told = []
-    first = cached_response_table(
-        planar, tmp_path / "table", small, progress=lambda task, share: told.append(share)
-    )
-    assert told == sorted(told)
-    assert np.sqrt(np.diag(first.misfit)).max() < 100e-6
-    assert len(first.modes) >= 3
-    again = cached_response_table(planar, tmp_path / "table", small)
-    assert np.array_equal(again.mean, first.mean)

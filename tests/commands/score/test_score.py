@@ -337,11 +337,11 @@ def test_the_command_says_what_it_cannot_do(tmp_path):
 def test_a_table_is_scored_on_made_skins(planar, tmp_path):
     for module in ("safetensors", "jax", "matplotlib"):
         pytest.importorskip(module)
-    from smoskin.commands.response import Effort, make_response_table
     from smoskin.commands.score import score_file
+    from smoskin.commands.table import Effort, make_table
 
     small = Effort(presses=3700, pairs=200, skins=6, draws=2, presses_a_skin=200)
-    make_response_table(planar, small).save(tmp_path / "table")
+    make_table(planar, small).save(tmp_path / "table")
     exam = Exam(skins=1, touches=30, count=8, pairs=2, chips=(1, 2))
     written = [score_file(planar, tmp_path / "table", tmp_path / k, exam) for k in "ab"]
     assert written[0].data.read_bytes() == written[1].data.read_bytes()

@@ -1,10 +1,13 @@
 """Response tables: the functions they are made of, their fit and their file."""
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
+from importlib import resources
 
 import numpy as np
 import pytest
 
+from smoskin.commands.table import Effort
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.mlx90393 import noise
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
@@ -144,14 +147,56 @@ def test_the_file_gives_the_table_back(skin, tmp_path):
     assert back.chips == table.chips
     assert back.forces == table.forces
     assert np.array_equal(back.mean, table.mean)
-    assert back.modes == pytest.approx(table.modes, rel=1e-6, abs=1e-12)
-    assert back.signals(AT, PUSH) == pytest.approx(table.signals(AT, PUSH))
+    assert back.origin == table.origin
+    # Half precision: eleven bits of each coefficient.
+    np.testing.assert_allclose(back.modes, table.modes, rtol=2**-11, atol=1e-11)
+    ways = table.mode_signals(AT, PUSH)
+    np.testing.assert_allclose(back.mode_signals(AT, PUSH), ways, atol=1e-3 * np.abs(ways).max())
+    np.testing.assert_array_equal(back.signals(AT, PUSH), table.signals(AT, PUSH))
+
+
+def test_files_of_the_format_before_are_read(skin, tmp_path):
+    tensors = pytest.importorskip("safetensors.numpy")
+    table = table_with_modes(skin)
+    table.save(tmp_path / "new")
+    arrays = tensors.load_file(tmp_path / "new")
+    for name in ("modes", "grip_modes"):
+        arrays[name] = np.ascontiguousarray(getattr(table, name), np.float32)
+    header = {
+        "format": 2, "design": "d", "chips": [0, 1, 2], "forces_N": [0.1, 1.0],
+        "softening_per_K": 0.003, "radius_m": 0.004, "signals": "",
+    }  # fmt: skip
+    for number in (2, 1):
+        text = json.dumps(header | {"format": number})
+        tensors.save_file(arrays, tmp_path / str(number), {"smoskin_response_table": text})
+    back = load_response_table(tmp_path / "2")
+    np.testing.assert_allclose(back.modes, table.modes, rtol=1e-6, atol=1e-15)
+    assert back.origin == {}
+    with pytest.raises(ModelError, match="format must be 3; got 1"):
+        load_response_table(tmp_path / "1")
+
+
+def test_the_table_that_ships_is_that_of_the_shipped_design(planar):
+    table = load_response_table("planar")
+    assert table.design_hash == planar.content_hash, (
+        "the planar design has changed: remake its table with "
+        "`smoskin table planar --out src/smoskin/sensing/response/planar.table`"
+    )
+    assert table.origin["effort"] == json.loads(json.dumps(asdict(Effort()))), (
+        "the table that ships must be made with full effort, by `smoskin table planar`"
+    )
+    assert table.origin["smoskin"]
+    file = resources.files("smoskin.sensing.response") / "planar.table"
+    assert len(file.read_bytes()) < 3e6
 
 
 def test_other_files_are_refused(tmp_path):
     tensors = pytest.importorskip("safetensors.numpy")
-    with pytest.raises(ModelError, match="cannot be read as a response table"):
+    with pytest.raises(ModelError, match=r"table must be that of a shipped design \(planar\) or"):
         load_response_table(tmp_path / "none")
+    (tmp_path / "text").write_text("no tensors")
+    with pytest.raises(ModelError, match="cannot be read as a response table"):
+        load_response_table(tmp_path / "text")
     tensors.save_file({"mean": np.zeros(3)}, str(tmp_path / "other"))
     with pytest.raises(ModelError, match="a response table of this package must be given"):
         load_response_table(tmp_path / "other")

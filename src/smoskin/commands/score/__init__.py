@@ -72,7 +72,7 @@ def score_file(
     ----------
     design : SkinDesign
     file : path
-        A response table (`smoskin.commands.response`) or a network (`smoskin.commands.train`).
+        A response table (`smoskin.commands.table`) or a network (`smoskin.commands.train`).
     out : path
         The folder; made if missing.
     exam : Exam, optional

@@ -7,8 +7,10 @@ at once do beyond adding up. Decides what a table holds and its file; hides the 
 single touches. Files carry no code; they need `safetensors`.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,7 +25,7 @@ from smoskin.sensing.files import RESPONSE_TABLE, TensorFile
 from smoskin.sensing.response.basis import PointLine, TouchBasis
 from smoskin.sensing.response.pairs import mutual_drags
 
-_FILE: Final = TensorFile("a response table", RESPONSE_TABLE, 2)
+_FILE: Final = TensorFile("a response table", RESPONSE_TABLE, 3, older=(2,))
 _TENSORS: Final = (
     "mean",
     "warmth",
@@ -35,6 +37,11 @@ _TENSORS: Final = (
     "pair_misfit",
 )
 _LINES: Final = ("extent", "lines_x", "lines_y")
+_SHORT: Final = ("modes", "grip_modes")
+"""Arrays that files hold in half precision, each in steps of its own: they fill the file, and what
+rounding changes, 0.03 uT of 200, is a hundredth of the misfit."""
+_LARGEST_SHORT: Final = 6e4
+"""Steps of the largest number, near the largest that half precision knows."""
 _CHUNK: Final = 2048
 """Touches whose functions are laid out at once."""
 
@@ -79,6 +86,9 @@ class ResponseTable:
     """(C, C), T^2/N^2: covariance of what the table misses, for a touch of a newton."""
     pair_misfit: Floats
     """(C, C), T^2/N^2: what it misses more with two touches, for a newton of both squared."""
+    origin: Mapping[str, Any] = field(default_factory=dict)
+    """How the table was made, in plain values: version of the package, effort, seed; empty where
+    nobody said."""
 
     def __post_init__(self) -> None:
         p, q, d = self.basis.shape
@@ -215,12 +225,11 @@ class ResponseTable:
         MissingExtraError
             If `safetensors` is not installed.
         """
-        arrays = {
-            name: np.asarray(getattr(self, name), np.float32 if "modes" in name else np.float64)
-            for name in _TENSORS
-        }
-        arrays |= {name: getattr(self.basis, name) for name in _LINES}
-        arrays["exponents"] = self.basis.exponents
+        arrays = {name: np.asarray(getattr(self, name)) for name in _TENSORS}
+        steps = {name: float(np.abs(arrays[name]).max(initial=0.0)) for name in _SHORT}
+        steps = {name: (size or 1.0) / _LARGEST_SHORT for name, size in steps.items()}
+        short = {name: (arrays[name] / step).astype(np.float16) for name, step in steps.items()}
+        lines = {name: getattr(self.basis, name) for name in _LINES}
         header = {
             "design": self.design_hash,
             "chips": list(self.chips),
@@ -228,27 +237,54 @@ class ResponseTable:
             "softening_per_K": self.softening,
             "radius_m": self.basis.radius,
             "signals": "x, y, z of each chip in turn, in the skin's axes, T, less the rest field",
+            "steps": steps,
+            "origin": dict(self.origin),
         }
-        _FILE.write(path, arrays, header)
+        _FILE.write(path, arrays | short | lines | {"exponents": self.basis.exponents}, header)
 
 
-def load_response_table(path: Path | str) -> ResponseTable:
-    """Read a response table's file.
+def load_response_table(name_or_path: str | os.PathLike[str]) -> ResponseTable:
+    """Read a response table.
+
+    Parameters
+    ----------
+    name_or_path : str or path
+        The table of a design shipped with the package, such as ``"planar"``, or a file's path.
 
     Raises
     ------
     ModelError
-        If it cannot be read, is no response table or of a later format, or is damaged.
+        If there is no such table, or it cannot be read, is no response table or of a later format,
+        or is damaged.
     MissingExtraError
         If `safetensors` is not installed.
+
+    Examples
+    --------
+    >>> load_response_table("planar").chips
+    (0, 1, 2)
     """
+    given = os.fspath(name_or_path)
+    folder = resources.files("smoskin.sensing.response")
+    shipped = {f.name[:-6]: f for f in folder.iterdir() if f.name.endswith(".table")}
     names = (*_TENSORS, *_LINES, "exponents")
-    return _FILE.read(path, names, _table)
+    if given in shipped:
+        with resources.as_file(shipped[given]) as file:
+            return _FILE.read(file, names, _table)
+    if not Path(given).exists():
+        known = ", ".join(sorted(shipped))
+        raise ModelError(
+            f"table must be that of a shipped design ({known}) or the path of a response table; "
+            f"got {given!r}"
+        )
+    return _FILE.read(given, names, _table)
 
 
 def _table(arrays: dict[str, Floats], header: dict[str, Any]) -> ResponseTable:
     """The table of a file's arrays and header."""
     low, high = (float(one) for one in header["forces_N"])
+    for name, step in header.get("steps", {}).items():
+        arrays[name] = arrays[name].astype(np.float64) * step
     return ResponseTable(
         design_hash=str(header["design"]),
         basis=TouchBasis(
@@ -259,6 +295,7 @@ def _table(arrays: dict[str, Floats], header: dict[str, Any]) -> ResponseTable:
         chips=tuple(int(chip) for chip in header["chips"]),
         forces=(low, high),
         softening=float(header["softening_per_K"]),
+        origin=header.get("origin", {}),
         **{name: arrays[name] for name in _TENSORS},
     )
 
