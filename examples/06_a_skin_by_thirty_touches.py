@@ -10,7 +10,7 @@ from smoskin.twin.creep import Creep
 from smoskin.twin.rig import VirtualRig
 
 design = smo.load_design("planar")
-# A small table, for speed; `smoskin table planar --out planar.table` makes a good one.
+# A small table, for speed; `smo.load_response_table("planar")` is a good one.
 small = Effort(presses=4000, pairs=400, skins=16, draws=3, presses_a_skin=300)
 table = make_table(design, small)
 
