@@ -3,10 +3,9 @@
 import numpy as np
 
 import smoskin as smo
+from smoskin.commands.calibrate import calibrate
 from smoskin.commands.table import Effort, make_table
-from smoskin.commands.touches import TouchOrder, calibrate_with_rig, virtual_rig
 from smoskin.mechanics.viscoelasticity import elastomer_prony
-from smoskin.twin.creep import Creep
 from smoskin.twin.rig import VirtualRig
 
 design = smo.load_design("planar")
@@ -14,13 +13,12 @@ design = smo.load_design("planar")
 small = Effort(presses=4000, pairs=400, skins=16, draws=3, presses_a_skin=300)
 table = make_table(design, small)
 
-rig = virtual_rig(design, seed=7)
-found = calibrate_with_rig(design, table, rig, TouchOrder(count=30))
+found = calibrate(table, VirtualRig(design, seed=7), count=30)
 print(f"a located touch is expected to be off by {found.errors[-1] * 1e3:.2f} mm")
 
 # The same skin on another rig, without errors of its stage, for an exact truth.
 skin = smo.Twin(design, seed=7, manufactured=True)
-exact = VirtualRig(skin, np.random.default_rng(1), creep=Creep(design), stage=0.0, gauge=0.0)
+exact = VirtualRig(skin, np.random.default_rng(1), stage=0.0, gauge=0.0)
 estimator = smo.BayesEstimator(design, found.table, creep=elastomer_prony(design.columns.material))
 touch = smo.Contact(position=(0.052, 0.097), force=(0.1, -0.05, -0.5))
 held = exact.press(touch)

@@ -72,7 +72,7 @@ def test_a_bench_calibrates_a_skin_and_the_skin_runs_with_it(tmp_path):
     table, file = tmp_path / "touches.csv", tmp_path / "skin.toml"
     made = smoskin("virtual-bench", str(table), "--seed", "2", "--sheet", "reduced")
     assert made.returncode == 0
-    done = smoskin("calibrate", str(table), "--out", str(file), "--date", "2026-01-31", "--json")
+    done = smoskin("fit-paper", str(table), "--out", str(file), "--date", "2026-01-31", "--json")
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
     assert answer["date"] == "2026-01-31"
@@ -87,7 +87,7 @@ def test_a_bench_calibrates_a_skin_and_the_skin_runs_with_it(tmp_path):
     message = refused("run", source, "--calibration", str(file))
     assert "stifness_variation" in message
     table.write_text(table.read_text().splitlines()[0] + "\n")
-    assert "touches.csv" in refused("calibrate", str(table), "--out", str(file))
+    assert "touches.csv" in refused("fit-paper", str(table), "--out", str(file))
 
 
 @pytest.mark.parametrize(

@@ -12,14 +12,9 @@ import pytest
 
 from networks import tiny_network
 from smoskin.commands import run as watching
+from smoskin.commands.calibrate import calibrate, plan_by_hand
 from smoskin.commands.run import watch
 from smoskin.commands.touch_sheet import read_contacts, read_held_touches, write_plan
-from smoskin.commands.touches import (
-    TouchOrder,
-    calibrate_with_rig,
-    calibrate_with_sheet,
-    plan_of,
-)
 from smoskin.errors import ArgumentError, ModelError, RecordingError
 from smoskin.records import Contact, Status
 from smoskin.service.recorder import Recorder
@@ -59,8 +54,8 @@ def missed(skin, twin, table, drag=0.3):
 
 def test_a_rig_finds_the_table_of_its_skin(skin, table, twin):
     steps = []
-    rig = VirtualRig(twin, np.random.default_rng(0), creep=Creep(skin))
-    done = calibrate_with_rig(skin, table, rig, TouchOrder(count=20), progress=steps.append)
+    rig = VirtualRig(twin, np.random.default_rng(0))
+    done = calibrate(table, rig, design=skin, count=20, progress=steps.append)
     assert missed(skin, twin, done.table) < 0.1 * missed(skin, twin, table)
     assert done.used == len(steps) == len(done.labels) == 20
     assert list(done.errors) == sorted(done.errors, reverse=True)
@@ -75,9 +70,9 @@ def test_a_rig_finds_the_table_of_its_skin(skin, table, twin):
 
 def test_a_rig_stops_where_touches_are_located_well_enough(skin, table, twin):
     rig = VirtualRig(twin, np.random.default_rng(0))
-    whole = plan_of(skin, table, TouchOrder(count=10), place_spread=20e-6, force_spread=2e-3)
+    whole = plan_by_hand(skin, table, count=10, drag=0.3, place_spread=20e-6, force_spread=2e-3)
     until = whole[3].error * 1.02
-    done = calibrate_with_rig(skin, table, rig, TouchOrder(count=10, until=until))
+    done = calibrate(table, rig, design=skin, count=10, until=until)
     assert done.used < 7
     assert done.errors[-1] <= until < done.errors[-2]
 
@@ -85,8 +80,8 @@ def test_a_rig_stops_where_touches_are_located_well_enough(skin, table, twin):
 def test_touches_that_no_chip_can_read_are_replaced(skin, table, twin):
     steps = []
     # Presses of 0.8 N in some places end the chip's range.
-    rig = VirtualRig(saturating(twin, 2.9e-3), np.random.default_rng(0), creep=Creep(skin))
-    done = calibrate_with_rig(skin, table, rig, TouchOrder(count=12), progress=steps.append)
+    rig = VirtualRig(saturating(twin, 2.9e-3), np.random.default_rng(0))
+    done = calibrate(table, rig, design=skin, count=12, progress=steps.append)
     lost = [one for one in done.labels if one.status is not None]
     assert lost
     assert done.used == 12
@@ -104,12 +99,12 @@ def test_touches_that_no_chip_can_read_are_replaced(skin, table, twin):
 def test_a_rig_on_which_nothing_can_be_read_is_given_up(skin, table, twin):
     rig = VirtualRig(saturating(twin, 1e-6), np.random.default_rng(0))
     with pytest.raises(ArgumentError, match="at least one that can be used; got"):
-        calibrate_with_rig(skin, table, rig, TouchOrder(count=3))
+        calibrate(table, rig, design=skin, count=3)
 
 
 def test_what_is_told_of_a_calibration(skin, table, twin):
-    rig = VirtualRig(twin, np.random.default_rng(0), creep=Creep(skin))
-    done = calibrate_with_rig(skin, table, rig, TouchOrder(count=3))
+    rig = VirtualRig(twin, np.random.default_rng(0))
+    done = calibrate(table, rig, design=skin, count=3)
     answer = json.loads(json.dumps(done.as_json()))
     assert answer["touches"] == 3
     assert answer["left_out"] == 0
@@ -120,10 +115,28 @@ def test_what_is_told_of_a_calibration(skin, table, twin):
 
 
 def test_wrong_orders_and_tables_are_refused(planar, skin, table, twin):
-    with pytest.raises(ArgumentError, match="count and force must be positive"):
-        TouchOrder(count=0)
+    rig = VirtualRig(twin, np.random.default_rng(0))
+    for wrong in ({"count": 0}, {"force": 0.0}, {"drag": -0.1}, {"until": -1e-3}):
+        with pytest.raises(ArgumentError, match="count and force must be positive"):
+            calibrate(table, rig, design=skin, **wrong)
+    with pytest.raises(ArgumentError, match="recording must come with the path"):
+        calibrate(table, rig, design=skin, recording="touches.mcap")
     with pytest.raises(ModelError, match="table must be of the design"):
-        calibrate_with_rig(planar, table, VirtualRig(twin, np.random.default_rng(0)))
+        calibrate(table, rig, design=planar)
+    with pytest.raises(ModelError, match="table must be of the design"):
+        calibrate(table, rig)
+
+
+def test_touches_that_have_been_made_calibrate_as_the_rig_that_makes_them(skin, table, twin):
+    rig = VirtualRig(twin, np.random.default_rng(0))
+    made = calibrate(table, rig, design=skin, count=8)
+    again = VirtualRig(twin, np.random.default_rng(0))
+    targets = plan_by_hand(skin, table, count=8, drag=0.3, place_spread=20e-6, force_spread=2e-3)
+    held = [again.press(Contact(position=one.position, force=one.force)) for one in targets]
+    later = calibrate(table, held, design=skin, place_spread=20e-6, force_spread=2e-3)
+    assert later.used == 8
+    # The planner of the rig sees reported places, which the stage has moved by 20 um.
+    assert np.allclose(later.table.mean, made.table.mean, atol=0.02 * np.abs(made.table.mean).max())
 
 
 # By a sheet
@@ -151,18 +164,17 @@ def filled(path, skin, twin, tmp_path, rows=None, noise=0.0):
 
 
 def test_a_filled_sheet_calibrates_a_skin(skin, table, twin, tmp_path):
-    order = TouchOrder(count=25, drag=0.0)
-    targets = plan_of(skin, table, order)
+    targets = plan_by_hand(skin, table, count=25)
     assert all((one.force[:2] == 0).all() for one in targets)
     write_plan(tmp_path / "plan.csv", skin, targets)
     sheet = filled(tmp_path / "plan.csv", skin, twin, tmp_path, noise=2e-6)
-    done = calibrate_with_sheet(skin, table, sheet, place_spread=1e-5, force_spread=1e-3)
+    done = calibrate(table, sheet, design=skin, place_spread=1e-5, force_spread=1e-3)
     assert done.used == 25
     assert missed(skin, twin, done.table, drag=0.0) < 0.1 * missed(skin, twin, table, drag=0.0)
 
 
 def test_a_sheet_may_be_filled_in_part_and_the_plan_go_on_from_there(skin, table, twin, tmp_path):
-    targets = plan_of(skin, table, TouchOrder(count=12, drag=0.0))
+    targets = plan_by_hand(skin, table, count=12, drag=0.0)
     write_plan(tmp_path / "plan.csv", skin, targets)
     sheet = filled(tmp_path / "plan.csv", skin, twin, tmp_path, rows=6)
     touches = read_held_touches(sheet, skin)
@@ -171,24 +183,24 @@ def test_a_sheet_may_be_filled_in_part_and_the_plan_go_on_from_there(skin, table
     assert [one.position.tolist() for one in made] == [
         one.contact.position.tolist() for one in touches
     ]
-    more = plan_of(skin, table, TouchOrder(count=3, drag=0.0), made)
+    more = plan_by_hand(skin, table, count=3, drag=0.0, made=made)
     # Places are rounded to a hundredth of a millimetre in a sheet.
     for one, planned in zip(more, targets[5:8], strict=True):
         assert np.allclose(one.position, planned.position)
         assert np.allclose(one.force, planned.force)
-    whole = plan_of(skin, table, TouchOrder(count=12, until=1.001 * more[0].error, drag=0.0))
+    whole = plan_by_hand(skin, table, count=12, until=1.001 * more[0].error, drag=0.0)
     assert len(whole) == 6
 
 
 def test_a_recording_fills_a_sheet_that_says_when_touches_were_held(skin, table, twin, tmp_path):
     pytest.importorskip("mcap")
     pytest.importorskip("rosbags")
-    targets = plan_of(skin, table, TouchOrder(count=12, drag=0.0))
+    targets = plan_by_hand(skin, table, count=12, drag=0.0)
     write_plan(tmp_path / "plan.csv", skin, targets)
     plan = (tmp_path / "plan.csv").read_text(encoding="utf-8")
     lines = list(csv.reader(plan.splitlines()))
     columns = [lines[0].index("from_s"), lines[0].index("until_s")]
-    rig = VirtualRig(twin, np.random.default_rng(0), creep=Creep(skin), stage=0.0, gauge=0.0)
+    rig = VirtualRig(twin, np.random.default_rng(0), stage=0.0, gauge=0.0)
     pending = None
     with Recorder(tmp_path / "touches.mcap", skin) as sink:
         number = 0
@@ -210,8 +222,8 @@ def test_a_recording_fills_a_sheet_that_says_when_touches_were_held(skin, table,
     sheet = tmp_path / "timed.csv"
     with sheet.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file).writerows(lines)
-    done = calibrate_with_sheet(
-        skin, table, sheet, recording=tmp_path / "touches.mcap", place_spread=1e-5,
+    done = calibrate(
+        table, sheet, design=skin, recording=tmp_path / "touches.mcap", place_spread=1e-5,
         force_spread=1e-3,
     )  # fmt: skip
     assert done.used == 12
@@ -231,7 +243,7 @@ def test_a_recording_fills_a_sheet_that_says_when_touches_were_held(skin, table,
     ],
 )  # fmt: skip
 def test_sheets_that_cannot_be_read_name_the_line(change, said, skin, table, twin, tmp_path):
-    write_plan(tmp_path / "plan.csv", skin, plan_of(skin, table, TouchOrder(count=2, drag=0.0)))
+    write_plan(tmp_path / "plan.csv", skin, plan_by_hand(skin, table, count=2, drag=0.0))
     sheet = filled(tmp_path / "plan.csv", skin, twin, tmp_path)
     sheet.write_text(change(sheet.read_text(encoding="utf-8")), encoding="utf-8")
     with pytest.raises(RecordingError, match=said):
@@ -240,7 +252,7 @@ def test_sheets_that_cannot_be_read_name_the_line(change, said, skin, table, twi
 
 def test_sheets_that_do_not_fit_are_refused(skin, table, twin, tmp_path):
     plan = tmp_path / "plan.csv"
-    write_plan(plan, skin, plan_of(skin, table, TouchOrder(count=2, drag=0.0)))
+    write_plan(plan, skin, plan_by_hand(skin, table, count=2, drag=0.0))
     with pytest.raises(RecordingError, match="no row has been filled in"):
         read_held_touches(plan, skin)
     sheet = filled(plan, skin, twin, tmp_path)
@@ -263,9 +275,9 @@ def test_sheets_that_do_not_fit_are_refused(skin, table, twin, tmp_path):
 @pytest.fixture
 def own_table(skin, table, twin, tmp_path):
     pytest.importorskip("safetensors")
-    rig = VirtualRig(twin, np.random.default_rng(0), creep=Creep(skin))
+    rig = VirtualRig(twin, np.random.default_rng(0))
     path = tmp_path / "skin.table"
-    calibrate_with_rig(skin, table, rig, TouchOrder(count=20)).table.save(path)
+    calibrate(table, rig, design=skin, count=20).table.save(path)
     return path
 
 
@@ -347,19 +359,45 @@ def test_sheets_on_the_command_line(skin, table, twin, tmp_path):
     design, response, plan = (tmp_path / name for name in ("own.toml", "own.table", "plan.csv"))
     design.write_text(format_design(skin), encoding="utf-8")
     table.save(response)
-    made = smoskin("touches", "plan", response, plan, "--design", design, "--count", "6")
+    made = smoskin(
+        "touches", "plan", design, "--table", response, "--out", plan, "--count", "6", "--json"
+    )  # fmt: skip
     assert made.returncode == 0, made.stderr
+    assert len(json.loads(made.stdout)["expected_error_mm"]) == 6
     sheet = filled(plan, skin, twin, tmp_path)
     own = tmp_path / "skin.table"
     done = smoskin(
-        "touches", "fit", response, sheet, "--out", own, "--design", design, "--json"
+        "calibrate", design, "--table", response, "--sheet", sheet, "--out", own, "--json"
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["touches"] == 6
     assert own.exists()
-    refused = smoskin("calibrate", response, "--touches", "3", "--out", own, "--separate")
-    assert refused.returncode == 1
-    assert "--touches goes with" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (("--sheet", "touches.csv", "--touches", "3"), "--sheet must come without --rig"),
+        (("--sheet", "touches.csv", "--rig", "virtual?seed=1"), "--sheet must come without --rig"),
+        (("--recording", "touches.mcap"), "--recording must come with --sheet"),
+        (("--rig", "robot"), "rig must be virtual"),
+        (("--rig", "virtual?seed=-1"), "seed of a rig must not be negative"),
+        (("--rig", "virtual?seed=one"), "seed and temperature of a rig must be numbers"),
+        (("--rig", "virtual?speed=1"), "with the options seed and temperature"),
+    ],
+)  # fmt: skip
+def test_options_that_exclude_each_other_say_so(options, sentence, table, tmp_path):
+    pytest.importorskip("typer")
+    pytest.importorskip("safetensors")
+    from typer.testing import CliRunner
+
+    from smoskin.cli import app
+
+    table.save(tmp_path / "own.table")
+    asked = ["calibrate", "planar", "--table", str(tmp_path / "own.table"), *options]
+    done = CliRunner().invoke(app, asked)
+    assert isinstance(done.exception, ArgumentError)
+    assert sentence in str(done.exception)
 
 
 @pytest.mark.slow
@@ -374,7 +412,8 @@ def test_a_virtual_rig_calibrates_the_twin_that_then_runs(planar, tmp_path, monk
     response, own = tmp_path / "planar.table", tmp_path / "skin.table"
     make_table(planar, small).save(response)
     done = smoskin(
-        "calibrate", response, "--touches", "30", "--seed", "4", "--out", own, "--json"
+        "calibrate", "--table", response, "--touches", "30", "--rig", "virtual?seed=4",
+        "--out", own, "--json"
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)

@@ -7,7 +7,6 @@ from smoskin.errors import ArgumentError, SourceError
 from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.records import Contact, HeldTouch, Reading, Status
 from smoskin.sensing.response.labels import Labeller, labelled_touches
-from smoskin.twin.creep import Creep
 from smoskin.twin.readout import Motion
 from smoskin.twin.rig import VirtualRig
 from tables_of_response import motions, plain, signals
@@ -93,7 +92,7 @@ def test_labels_say_what_a_settled_touch_reads(skin):
     size = np.linalg.norm(exact(skin, twin))
     errors = []
     for creep in (rubber, None):
-        rig = VirtualRig(twin, np.random.default_rng(1), creep=Creep(skin))
+        rig = VirtualRig(twin, np.random.default_rng(1))
         off = [one.values - exact(skin, twin) for one in pressed_labels(skin, rig, 5, creep)]
         errors.append(np.linalg.norm(off, axis=(1, 2)).max() / size)
     # Creep undone leaves the signals' curvature; not undone, the creep itself.
@@ -103,14 +102,14 @@ def test_labels_say_what_a_settled_touch_reads(skin):
 
 def test_drift_takes_no_part_in_labels(skin):
     twin = made_twin(skin)
-    rig = VirtualRig(twin, np.random.default_rng(1), drift=20e-6)
+    rig = VirtualRig(twin, np.random.default_rng(1), drift=20e-6, creep=False)
     off = np.array([one.values for one in pressed_labels(skin, rig, 40)]) - exact(skin, twin)
     # 20 uT a second would come to 130 uT in the end; within half a second to a few.
     assert np.sqrt(np.mean(off[20:] ** 2)) < 25e-6
 
 
 def test_a_touch_that_ends_a_chips_range_is_not_labelled(skin):
-    rig = VirtualRig(saturating(made_twin(skin), 1.2e-3), np.random.default_rng(1))
+    rig = VirtualRig(saturating(made_twin(skin), 1.2e-3), np.random.default_rng(1), creep=False)
     labeller = Labeller(skin)
     light = Contact(position=PRESS.position, force=0.3 * PRESS.force)
     labels = [labeller.label(rig.press(one)) for one in (light, PRESS, light)]
@@ -123,7 +122,7 @@ def test_a_touch_that_ends_a_chips_range_is_not_labelled(skin):
 
 def test_an_invalid_state_is_not_labelled(skin):
     twin = made_twin(skin)
-    rig = VirtualRig(twin, np.random.default_rng(1), creep=Creep(skin))
+    rig = VirtualRig(twin, np.random.default_rng(1))
     lost = Motion(
         magnets=np.full((3, 6), np.nan), board=np.full(3, np.nan), valid=np.asarray(False)
     )

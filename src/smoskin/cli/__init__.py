@@ -9,6 +9,6 @@ try:
 except ImportError:
     sys.exit(f"error: {MissingExtraError('the command line', 'cli')}")
 
-from smoskin.cli import learning, live, optimise, score, skins, touches, train
+from smoskin.cli import calibration, live, optimise, score, skins, train
 
-__all__ = ["app", "learning", "live", "main", "optimise", "score", "skins", "touches", "train"]
+__all__ = ["app", "calibration", "live", "main", "optimise", "score", "skins", "train"]

@@ -1,373 +1,348 @@
-"""From a bench's table to a calibration file, and what to tell the person who made it."""
+"""Calibration of a skin by a few touches: a rig makes them one by one, or a person by a sheet.
 
-import hashlib
-import math
+Decides how many touches are made, which are left out and replaced (those under which a chip reaches
+the end of its range), and what is said meanwhile: where to touch next and how far off a located
+touch would still be. What comes out is the response table of the very skin, for `smoskin run`.
+"""
+
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from smoskin.arrays import Floats
-from smoskin.design.skin import Coefficients, SkinDesign
-from smoskin.errors import ArgumentError, MissingExtraError
-from smoskin.measurement import read_touches, write_touches
-from smoskin.sensing.closed_form.calibration import Calibration, Uncertainty, format_calibration
-from smoskin.sensing.closed_form.confidence import Ambiguity, ambiguities
-from smoskin.sensing.closed_form.fitting import Attenuation, Fit, fit_calibration
-from smoskin.sensing.closed_form.table_fit import (
-    drags_every_cell,
-    fit_press_table,
-    presses_every_cell,
-)
+from smoskin.commands.touch_sheet import read_held_touches
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError
+from smoskin.feasibility import load_design
+from smoskin.mechanics.viscoelasticity import elastomer_prony
+from smoskin.records import Contact, HeldTouch, Status
+from smoskin.roles import Rig
+from smoskin.sensing.response.calibrate import Target, TouchPlanner, calibrate_touches
+from smoskin.sensing.response.labels import Label, Labeller, labelled_touches
+from smoskin.sensing.response.table import ResponseTable
+from smoskin.sensing.signals.signals import signal_noise
 from smoskin.service.recorder import open_recording
-from smoskin.twin.bench import (
-    BenchSkin,
-    TwinSkin,
-    calibration_loads,
-    made_skin,
-    measure,
-    table_loads,
-)
-from smoskin.units import SI_PER_SUFFIX
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from rich.table import Table
 
-Method = Literal["auto", "table", "reduced"]
-"""By the skin's own answers, one press a cell; by the SI's reduced model; or by the table where the
-touches hold one."""
-Sheet = Literal["whole", "reduced"]
-"""Of a virtual skin: the whole sheet's twin, or the SI's reduced model."""
+Touches = Rig | str | os.PathLike[str] | Sequence[HeldTouch]
+"""Where touches come from: a rig that makes them, the CSV file of a person who has made them, or
+touches that have been made and held already."""
 
-_LEVEL: Final = 0.9
-"""Confidence of the intervals shown."""
-_FORCE: Final = 0.5
-"""N: of the presses that the cells should be told apart by."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Line:
-    """One number of a calibration, in the unit of its file."""
-
-    name: str
-    value: float
-    nominal: float
-    """As designed."""
-    standard_uncertainty: float
-    """NaN where it was not measured and the value is nominal; infinite for a v_f whose effect was
-    not seen."""
-    half_width: float
-    """Of the interval of 90 % confidence."""
+DEFAULT_COUNT: Final = 15
+"""Touches of a calibration unless another number is asked for."""
+PLACE_SPREAD: Final = 0.5e-3
+"""m: standard deviation of places that a person writes down."""
+FORCE_SPREAD: Final = 0.01
+"""N: standard deviation of forces that a person reads off a gauge."""
+_PATIENCE: Final = 30.0
+"""s that a rig may take for a touch."""
+_TRIES: Final = 2
+"""Ratio of the touches made at most to those that are asked for."""
+_MILESTONES: Final = (0, 1, 2, 5, 10, 15, 30, 60, 120, 240)
+"""Numbers of touches after which people are told the expected error."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ResidualPlot:
-    """What a plot of the residuals shows."""
+class TouchStep(NamedTuple):
+    """One touch that a rig has made."""
 
-    force: Floats
-    """(T,), N: press force of each touch."""
-    force_residual: Floats
-    """(T,), of that force, relative; NaN for the untouched skin."""
-    depth_residual: Floats
-    """(T,), of the depth, relative; NaN likewise."""
-    field_residual: Floats
-    """(T, S, 3), T; NaN where a chip was not read."""
+    number: int
+    """Usable touches so far."""
+    asked: int
+    """Usable touches that are asked for."""
+    contact: Contact
+    """The touch, as the rig reports it."""
+    status: Status | None
+    """Why the touch cannot be used; None where it can."""
+    error: float
+    """m: expected distance of a located touch from its true place now; root mean square over the
+    skin."""
+    following: Target | None
+    """The touch to make next; None after the last."""
+
+    @property
+    def sentence(self) -> str:
+        """What has been done and what comes next."""
+        state = f"touch {self.number} of {self.asked}: located to {1e3 * self.error:.2f} mm"
+        if self.status is not None:
+            state = f"left out ({self.status.name.lower()}); {state}"
+        if self.following is None:
+            return state
+        (x, y), (fx, fy, fz) = 1e3 * self.following.position, self.following.force
+        return f"{state}; next ({x:.0f}, {y:.0f}) mm with ({fx:g}, {fy:g}, {fz:g}) N"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TableLine:
-    """What a measured press table is worth."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TouchCalibration:
+    """A skin's own response table and the touches that it rests on."""
 
-    cells: int
-    drags_measured: bool
-    """Whether each cell was dragged too; else a drag is taken to move the sheet as a whole."""
-    hardest: Ambiguity
-    """The two cells that need the most force to be told apart, 99 times in 100."""
-    confused: int
-    """Pairs that a press of 0.5 N does not tell apart so."""
+    table: ResponseTable
+    """The response table of this very skin; its modes are what the touches left open."""
+    labels: tuple[Label, ...]
+    """All touches that were made, those left out included."""
+    errors: tuple[float, ...]
+    """m: expected distance of a located touch from its true place, before the first touch and after
+    each that was used; root mean square over the skin, of straight touches of 0.5 N."""
 
+    @property
+    def used(self) -> int:
+        """How many touches the table rests on."""
+        return len(self.errors) - 1
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CalibrationReport:
-    """A finished calibration in words and numbers."""
+    def save(self, path: Path | str) -> None:
+        """Write the table to a file, for `smo.load_response_table` and `smoskin run`.
 
-    fit: Fit
-    lines: tuple[Line, ...]
-    table: TableLine | None
-    """None where the reduced model was fitted."""
+        Raises
+        ------
+        MissingExtraError
+            If `safetensors` is not installed.
+        """
+        self.table.save(path)
 
     def as_json(self) -> dict[str, object]:
-        """Plain values for machines; what was not measured is null."""
-        evidence = self.fit.calibration.evidence
-        assert evidence is not None, "a fit rests on something"
-        force, depth, field = self.fit.noise
+        """Plain values for machines."""
         return {
-            "design_hash": self.fit.calibration.design_hash,
-            "date": evidence.date,
-            "data_sha256": evidence.data_sha256,
-            "touches": evidence.touches,
-            "noise_force": _or_none(force),
-            "noise_depth": _or_none(depth),
-            "noise_field_uT": _or_none(_in_unit(field, "uT")),
-            "numbers": [
+            "design_hash": self.table.design_hash,
+            "touches": self.used,
+            "left_out": len(self.labels) - self.used,
+            "expected_error_mm": [round(1e3 * error, 4) for error in self.errors],
+            "misfit_uT_per_N": (np.sqrt(np.diag(self.table.misfit)) * 1e6).round(3).tolist(),
+            "made": [
                 {
-                    "name": line.name,
-                    "value": line.value,
-                    "nominal": line.nominal,
-                    "standard_uncertainty": _or_none(line.standard_uncertainty),
-                    "half_width_90_percent": _or_none(line.half_width),
+                    "x_mm": round(1e3 * float(label.contact.position[0]), 3),
+                    "y_mm": round(1e3 * float(label.contact.position[1]), 3),
+                    "force_N": label.contact.force.round(4).tolist(),
+                    "left_out": None if label.status is None else label.status.name,
                 }
-                for line in self.lines
+                for label in self.labels
             ],
-            "residuals": [
-                {"group": one.group, "values": one.values, f"rms_{one.unit}":
-                 _or_none(_in_unit(one.rms, one.unit))}
-                for one in evidence.residuals
-            ],
-            "press_table": None if self.table is None else {
-                "cells": self.table.cells,
-                "drags_measured": self.table.drags_measured,
-                "hardest_pair": [[n + 1, m + 1] for n, m in self.table.hardest.pair],
-                "hardest_pair_from_N": self.table.hardest.force,
-                "pairs_confused_at_0.5_N": self.table.confused,
-            },
-        }  # fmt: skip
+        }
 
     def tables(self) -> "list[Table]":
-        """The numbers, the residuals and the press table, for people."""
+        """How the expected error fell, for people."""
         from rich.table import Table
 
-        numbers = Table(title="Calibration (+- at 90 % confidence)")
-        for name in ("number", "value", "+-", "as designed"):
-            numbers.add_column(name, justify="left" if name == "number" else "right")
-        for line in self.lines:
-            width = f"{line.half_width:.2g}"
-            if not math.isfinite(line.half_width):
-                width = "not measured" if math.isnan(line.half_width) else "no effect seen"
-            numbers.add_row(line.name, f"{line.value:.5g}", width, f"{line.nominal:.5g}")
-        residuals = Table(title="What the model leaves")
-        for name in ("measured", "values", "rms", "unit"):
-            residuals.add_column(name, justify="left" if name == "measured" else "right")
-        evidence = self.fit.calibration.evidence
-        assert evidence is not None, "a fit rests on something"
-        for one in evidence.residuals:
-            rms = _in_unit(one.rms, one.unit)
-            residuals.add_row(one.group, str(one.values), f"{rms:.3g}", one.unit)
-        if self.table is None:
-            return [numbers, residuals]
-        worth = Table(title="Press table", show_header=False)
-        for name, value in (
-            ("cells measured", str(self.table.cells)),
-            ("drags", "measured on each cell" if self.table.drags_measured
-             else "not measured: taken to move the sheet as a whole"),
-            ("hardest to tell apart", str(self.table.hardest)),
-            (f"pairs confused at {_FORCE:g} N", str(self.table.confused)),
-        ):  # fmt: skip
-            worth.add_row(name, value)
-        return [numbers, residuals, worth]
+        shown = Table(title="Calibration by touches")
+        for name in ("touches", "a located touch is off by"):
+            shown.add_column(name, justify="right")
+        for count in sorted({*(c for c in _MILESTONES if c < self.used), self.used}):
+            shown.add_row(str(count), f"{1e3 * self.errors[count]:.2f} mm")
+        lost = len(self.labels) - self.used
+        if lost:
+            shown.caption = f"{lost} touches were left out: a chip could not read them."
+        return [shown]
 
 
 def calibrate(
-    design: SkinDesign,
-    table: str | os.PathLike[str],
-    output: str | os.PathLike[str],
+    table: ResponseTable,
+    touches: Touches,
     *,
-    date: str,
+    design: SkinDesign | str = "planar",
+    count: int = DEFAULT_COUNT,
+    until: float = 0.0,
+    force: float = 0.8,
+    drag: float = 0.3,
     recording: str | os.PathLike[str] | None = None,
-    attenuation: Attenuation = "equal",
-    method: Method = "auto",
-) -> CalibrationReport:
-    """Find a skin's calibration from a bench's table and write it.
+    place_spread: float | None = None,
+    force_spread: float | None = None,
+    progress: Callable[[TouchStep], None] = lambda step: None,
+) -> TouchCalibration:
+    """The response table of one skin, from a few touches on it.
 
     Parameters
     ----------
-    design : SkinDesign
-    table : path
-        CSV, as `smoskin.measurement.read_touches` describes it.
-    output : path
-        The TOML file to write.
-    date : str
-        ISO date of the measurement.
+    table : ResponseTable
+        Table of the skin's design; or of the skin, to calibrate it further.
+    touches : Rig, path or sequence of HeldTouch
+        A rig with the skin on it, which is told where to touch and is left open; a CSV file of
+        touches made by hand (`smoskin.commands.touch_sheet.read_held_touches`); or touches that
+        have been made already, in the order of time.
+    design : SkinDesign or str, optional
+        Design of the skin, or what `smo.load_design` takes for it.
+    count : int
+        Usable touches that a rig makes; those of a file or a sequence are all used.
+    until : float
+        m: a rig stops earlier if a located touch is expected to be no further off than this.
+    force, drag : float
+        N: largest normal and sideways force of a rig; no drag for one that presses straight.
     recording : path, optional
-        MCAP file with the chips' readings, where the table says only when each touch was held.
-    attenuation : {"equal", "separate"}
-        Whether v_a of the reduced model is one number or one each in X and Y.
-    method : {"auto", "table", "reduced"}
-        Whether the calibration rests on the skin's own answers or on a fit of the reduced
-        model; by default on the answers where the touches hold a straight press on every cell.
+        MCAP file with the chips' readings, where the CSV file says only when each touch was held;
+        creep is undone then. Without it every touch of the file was held until it settled.
+    place_spread, force_spread : float, optional
+        m and N: standard deviations of the places and forces that are reported, along each axis;
+        the rig's own by default, else 0.5 mm and 10 mN.
+    progress : callable, optional
+        Function that is told of each touch of a rig.
 
     Raises
     ------
+    ModelError
+        If the table belongs to another design.
+    SourceError
+        If the rig does not answer in time.
     RecordingError
-        If the table or the recording cannot be read.
-    ArgumentError, ModelError
-        As `fit_press_table` and `fit_calibration`.
+        If the file or the recording cannot be read, or they do not fit each other.
+    ArgumentError
+        If a number is out of its range, a recording comes without a file, or no touch can be used:
+        every one ends a chip's range.
     """
-    touches, digest = read_touches(table)
-    if recording is not None:
-        touches = touches.with_readings(open_recording(recording).readings())
-        both = digest + hashlib.sha256(Path(recording).read_bytes()).hexdigest()
-        digest = hashlib.sha256(both.encode()).hexdigest()
-    if method == "auto":
-        method = "table" if presses_every_cell(design, touches) else "reduced"
-    if method == "table":
-        fit = fit_press_table(design, touches, date=date, data_sha256=digest)
+    _check_order(count, until, force, drag)
+    skin = load_design(design) if isinstance(design, str) else design
+    if recording is not None and not isinstance(touches, str | os.PathLike):
+        raise ArgumentError("recording must come with the path of a CSV file of touches")
+    spreads = _spreads(touches, place_spread, force_spread)
+    planner = _planner(skin, table, force=force, drag=drag, spreads=spreads)
+    rubber = elastomer_prony(skin.columns.material)
+    if isinstance(touches, Rig):
+        labels, errors = _by_rig(touches, planner, Labeller(skin, rubber), count, until, progress)
+    elif isinstance(touches, str | os.PathLike):
+        readings = None if recording is None else open_recording(recording).readings()
+        labeller = Labeller(skin, None if recording is None else rubber)
+        labels, errors = _by_hand(read_held_touches(touches, skin, readings), planner, labeller)
     else:
-        fit = fit_calibration(
-            design, touches, date=date, data_sha256=digest, attenuation=attenuation
-        )
-    Path(output).write_text(format_calibration(fit.calibration), encoding="utf-8")
-    return report(design, fit)
+        labels, errors = _by_hand(touches, planner, Labeller(skin, rubber))
+    given = labelled_touches(labels, table.chips, place_spread=spreads[0], force_spread=spreads[1])
+    return TouchCalibration(
+        table=calibrate_touches(table, given, signal_noise(skin, table.chips)),
+        labels=tuple(labels),
+        errors=tuple(errors),
+    )
 
 
-def write_virtual_bench(
-    design: SkinDesign, output: str | os.PathLike[str], *, seed: int, sheet: Sheet = "whole"
-) -> BenchSkin:
-    """Write the table that a bench would make of a virtual skin that differs from its design.
+def plan_by_hand(
+    design: SkinDesign,
+    table: ResponseTable,
+    *,
+    count: int = DEFAULT_COUNT,
+    until: float = 0.0,
+    force: float = 0.8,
+    drag: float = 0.0,
+    made: Sequence[Contact] = (),
+    place_spread: float = PLACE_SPREAD,
+    force_spread: float = FORCE_SPREAD,
+) -> list[Target]:
+    """The touches that a person shall make after those made already.
 
     Parameters
     ----------
     design : SkinDesign
-    output : path
-        The CSV to write.
-    seed : int
-        Of the skin and of the bench's noise.
-    sheet : {"whole", "reduced"}
-        Whether the skin is the whole sheet's twin, every cell of which is pressed and dragged,
-        or one of the reduced model, whose coefficients the loads of SI Text S5 tell.
+    table : ResponseTable
+        Table of the design.
+    count : int
+        How many touches.
+    until : float
+        m: fewer are planned if a located touch is expected to be no further off than this.
+    force, drag : float
+        N: largest normal and sideways force.
+    made : sequence of Contact, optional
+        Touches that have been made.
+    place_spread, force_spread : float
+        m and N: standard deviations of the places and forces that the person writes down.
 
     Raises
     ------
-    MissingExtraError
-        If the whole sheet is asked for without the extra ``twin``.
+    ModelError
+        If the table belongs to another design.
+    ArgumentError
+        If a number is out of its range.
     """
-    rng = np.random.default_rng(seed)
-    if sheet == "reduced":
-        skin: BenchSkin = made_skin(design, rng)
-        loads = calibration_loads(design)
-    elif sheet == "whole":
-        from smoskin.twin.whole import Twin
-
-        skin = TwinSkin(Twin(design, seed=seed, manufactured=True))
-        loads = table_loads(design)
-    else:
-        raise ArgumentError(f"sheet must be 'whole' or 'reduced'; got {sheet!r}")
-    write_touches(output, measure(skin, loads, rng))
-    return skin
+    _check_order(count, until, force, drag)
+    planner = _planner(design, table, force=force, drag=drag, spreads=(place_spread, force_spread))
+    for contact in made:
+        planner.made(contact.position, contact.force)
+    targets: list[Target] = []
+    while len(targets) < count and planner.error > until:
+        targets.append(planner.next())
+        planner.made(targets[-1].position, targets[-1].force)
+    return targets
 
 
-def report(design: SkinDesign, fit: Fit) -> CalibrationReport:
-    """The numbers of a fit beside the design's, with their intervals."""
-    evidence = fit.calibration.evidence
-    assert evidence is not None, "a fit rests on something"
-    factor = evidence.coverage_factor(_LEVEL)
-    nominal = Calibration.nominal(design)
-    lines = []
-    for (name, suffix, value), (_, _, designed), (_, _, deviation) in zip(
-        _numbers(design, fit.calibration.coefficients, fit.calibration),
-        _numbers(design, nominal.coefficients, nominal),
-        _numbers(design, evidence.uncertainty, evidence.uncertainty),
-        strict=True,
-    ):
-        lines.append(
-            Line(
-                name=f"{name}_{suffix}" if suffix else name,
-                value=_in_unit(value, suffix),
-                nominal=_in_unit(designed, suffix),
-                standard_uncertainty=_in_unit(deviation, suffix),
-                half_width=factor * _in_unit(deviation, suffix),
+def _by_rig(
+    rig: Rig,
+    planner: TouchPlanner,
+    labeller: Labeller,
+    count: int,
+    until: float,
+    progress: Callable[[TouchStep], None],
+) -> tuple[list[Label], list[float]]:
+    """Labels of the touches that a rig makes as planned, and the expected errors between them."""
+    labels: list[Label] = []
+    errors = [planner.error]
+    target: Target | None = planner.next()
+    while target is not None:
+        contact = Contact(position=target.position, force=target.force)
+        label = labeller.label(rig.press(contact, _PATIENCE))
+        labels.append(label)
+        if label.status is None:
+            planner.made(label.contact.position, label.contact.force)
+            errors.append(planner.error)
+        else:
+            planner.bar(target)
+        enough = len(errors) > count or errors[-1] <= until
+        over = enough or len(labels) >= _TRIES * count or planner.exhausted
+        target = None if over else planner.next()
+        progress(
+            TouchStep(
+                number=len(errors) - 1,
+                asked=count,
+                contact=label.contact,
+                status=label.status,
+                error=errors[-1],
+                following=target,
             )
         )
-    return CalibrationReport(fit=fit, lines=tuple(lines), table=_table_line(design, fit))
+    return labels, errors
 
 
-def _table_line(design: SkinDesign, fit: Fit) -> TableLine | None:
-    """What the fit's press table is worth."""
-    if fit.calibration.press_table is None:
-        return None
-    pairs = ambiguities(design, calibration=fit.calibration, force=1e-6)
-    return TableLine(
-        cells=design.cells[0] * design.cells[1],
-        drags_measured=drags_every_cell(design, fit.touches),
-        hardest=pairs[0],
-        confused=sum(pair.force > _FORCE for pair in pairs),
+def _by_hand(
+    touches: Sequence[HeldTouch], planner: TouchPlanner, labeller: Labeller
+) -> tuple[list[Label], list[float]]:
+    """Labels of touches that have been made, and the expected errors between them."""
+    labels = [labeller.label(touch) for touch in touches]
+    errors = [planner.error]
+    for label in labels:
+        if label.status is None:
+            planner.made(label.contact.position, label.contact.force)
+            errors.append(planner.error)
+    return labels, errors
+
+
+def _spreads(touches: Touches, place: float | None, force: float | None) -> tuple[float, float]:
+    """Standard deviations of reported places, m, and forces, N, where they are not given."""
+    usual = (PLACE_SPREAD, FORCE_SPREAD)
+    if isinstance(touches, Rig):
+        usual = touches.place_spread, touches.force_spread
+    return (usual[0] if place is None else place), (usual[1] if force is None else force)
+
+
+def _planner(
+    design: SkinDesign,
+    table: ResponseTable,
+    *,
+    force: float,
+    drag: float,
+    spreads: tuple[float, float],
+) -> TouchPlanner:
+    """The planner of touches on a skin of this design, whose table it must be."""
+    design.check_own("table", table.design_hash)
+    return TouchPlanner(
+        table,
+        signal_noise(design, table.chips),
+        force=force,
+        drag=drag,
+        place_spread=spreads[0],
+        force_spread=spreads[1],
     )
 
 
-def residual_plot(fit: Fit) -> ResidualPlot:
-    """The residuals as a plot needs them."""
-    touches = fit.touches
-    press = np.where(touches.touched, -touches.force[:, 2], np.nan)
-    depth = np.where(touches.touched & (touches.depth > 0), touches.depth, np.nan)
-    return ResidualPlot(
-        force=-touches.force[:, 2],
-        force_residual=-fit.residual[:, 2] / np.where(press > 0, press, np.nan),
-        depth_residual=fit.residual[:, 3] / depth,
-        field_residual=fit.residual[:, 4:].reshape(touches.field.shape),
-    )
-
-
-def residual_figure(fit: Fit) -> "Figure":
-    """Three panels: relative residuals of force and depth over force, fields over time.
-
-    Raises
-    ------
-    MissingExtraError
-        If matplotlib is not installed.
-    """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise MissingExtraError("plotting residuals", "plots") from error
-    shown = residual_plot(fit)
-    figure = Figure(figsize=(9, 8), layout="constrained")
-    force, depth, field = figure.subplots(3, 1)
-    for axes, values, name, level in (
-        (force, shown.force_residual, "force", fit.noise[0]),
-        (depth, shown.depth_residual, "depth", fit.noise[1]),
-    ):
-        axes.plot(shown.force, 100 * values, ".", markersize=4)
-        if math.isfinite(level):
-            axes.axhspan(-100 * level, 100 * level, alpha=0.15)
-        axes.set_xlabel("press force (N)")
-        axes.set_ylabel(f"{name}: measured less model (%)")
-    for s in range(shown.field_residual.shape[1]):
-        size = np.sqrt(np.mean(shown.field_residual[:, s] ** 2, axis=-1))
-        field.plot(size / 1e-6, ".", markersize=4, label=f"chip {s + 1}")
-    field.set_xlabel("touch")
-    field.set_ylabel("field: rms residual (uT)")
-    if shown.field_residual.shape[1]:
-        field.legend()
-    return figure
-
-
-def _numbers(
-    design: SkinDesign, model: Coefficients | Uncertainty, skin: Calibration | Uncertainty
-) -> Iterator[tuple[str, str, float]]:
-    """Name, unit suffix and value of every number of a calibration or of its uncertainty."""
-    for axis, value in zip("xy", model.attenuation, strict=True):
-        yield f"attenuation_{axis}", "", value
-    yield "stiffness_variation", "", model.stiffness_variation
-    for axis, layers in (("x", model.folding_correction_x), ("y", model.folding_correction_y)):
-        for layer, value in enumerate(layers, start=1):
-            yield f"layer {layer} folding_correction_{axis}", "N", value
-    yield "board_stiffness", "N_per_mm", skin.board_stiffness
-    yield "sheet_stiffness", "N_per_mm", skin.sheet_stiffness
-    for s, site in enumerate(design.halls):
-        yield f"{site.name} field_factor", "", skin.field_factor[s]
-        for axis, value in zip("xyz", skin.chip_rotation[s], strict=True):
-            yield f"{site.name} rotation_{axis}", "deg", value
-        for axis, value in zip("xyz", skin.field_offset[s], strict=True):
-            yield f"{site.name} field_offset_{axis}", "uT", value
-
-
-def _in_unit(value: float, suffix: str) -> float:
-    return value / float(SI_PER_SUFFIX[suffix]) if suffix else value
-
-
-def _or_none(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+def _check_order(count: int, until: float, force: float, drag: float) -> None:
+    """Raise unless touches can be planned so."""
+    if count < 1 or not force > 0 or not min(drag, until) >= 0:
+        raise ArgumentError(
+            f"count and force must be positive, drag and until >= 0; got {count}, "
+            f"{force} N, {drag} N and {until} m"
+        )

@@ -5,6 +5,7 @@ stage and gauge are off. Hides the memory that a skin and its chips keep from to
 """
 
 from typing import Final, Protocol, final
+from urllib.parse import parse_qsl
 
 import numpy as np
 
@@ -17,7 +18,10 @@ from smoskin.records import Contact, HeldTouch, Reading
 from smoskin.roles import Rig
 from smoskin.twin.creep import Creep
 from smoskin.twin.readout import Motion
+from smoskin.twin.whole import Twin
 
+_RIG: Final = 7
+"""Tells a rig's randomness from all else that a seed begins."""
 _RATE: Final = 50.0
 """Hz at which chips are read while something happens."""
 _RAMP: Final = 0.02
@@ -51,20 +55,22 @@ class Pressable(Protocol):
 
 @final
 class VirtualRig(Rig):
-    """A rig with a twin on it.
+    """A rig with a virtual skin on it.
 
-    Its time is the twin's: no touch takes longer than it takes to compute.
+    Time is the skin's: no touch takes longer than it takes to compute.
 
     Parameters
     ----------
-    twin : Pressable
-        The skin.
-    rng : numpy.random.Generator
-        Of noise, drift, and the rig's errors.
+    skin : SkinDesign or Pressable
+        A design, of which a skin is made as a workshop would make it; or the twin of a skin.
+    rng : numpy.random.Generator, optional
+        Generator of noise, drift and the rig's errors; by default one that the seed begins.
+    seed : int
+        Seed of the made skin, as `smo.open_source` takes it, and of all that spoils touches.
     temperature : float
-        degC, of skin and chips.
-    creep : Creep, optional
-        How the skin creeps; by default it does not.
+        Temperature of skin and chips, degC.
+    creep : bool
+        Whether the rubber creeps.
     drift : float
         T: how far each axis of the chips walks in a second, at random.
     stage, gauge : float
@@ -74,15 +80,26 @@ class VirtualRig(Rig):
     ------
     ArgumentError
         If a spread is negative or not finite, or no skin stands the temperature.
+    MissingExtraError
+        If a skin is to be made without the extra ``twin``.
+
+    Examples
+    --------
+    >>> from smoskin.feasibility import load_design
+    >>> rig = VirtualRig(load_design("planar"), seed=3)
+    >>> touch = rig.press(Contact(position=(0.05, 0.067), force=(0.0, 0.0, -0.5)))
+    >>> len(touch.readings)
+    26
     """
 
     def __init__(
         self,
-        twin: Pressable,
-        rng: np.random.Generator,
+        skin: SkinDesign | Pressable,
+        rng: np.random.Generator | None = None,
         *,
+        seed: int = 0,
         temperature: float = REFERENCE_TEMPERATURE,
-        creep: Creep | None = None,
+        creep: bool = True,
         drift: float = 0.3e-6,
         stage: float = 20e-6,
         gauge: float = 2e-3,
@@ -91,10 +108,13 @@ class VirtualRig(Rig):
         for name, value in (("drift", drift), ("stage", stage), ("gauge", gauge)):
             if not 0.0 <= value < np.inf:
                 raise ArgumentError(f"{name} must be finite and >= 0; got {value}")
+        twin: Pressable = (
+            Twin(skin, seed=seed, manufactured=True) if isinstance(skin, SkinDesign) else skin
+        )
         self._twin = twin
-        self._rng = rng
+        self._rng = np.random.default_rng([seed, _RIG]) if rng is None else rng
         self._temperature = temperature
-        self._creep = creep
+        self._creep = Creep(twin.design) if creep else None
         self._drift = drift
         self._stage, self._gauge = stage, gauge
         self._walked: Floats = np.zeros((len(twin.design.halls), 3))
@@ -227,3 +247,38 @@ def drifting_readings(
         for t, f, d, g in zip(times, field + walk, degrees, sample.flags, strict=True)
     )
     return readings, walk[-1]
+
+
+def open_rig(name: str, design: SkinDesign) -> VirtualRig:
+    """The rig that a name with options asks for.
+
+    Parameters
+    ----------
+    name : str
+        ``virtual``, with ``seed`` (0) and ``temperature`` in degC (25) as options, such as
+        ``virtual?seed=3&temperature=30``.
+    design : SkinDesign
+        Design of the skin that is made for the rig.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such rig, or an option is unknown or out of its range.
+    MissingExtraError
+        Without the extra ``twin``.
+    """
+    kind, _, query = name.partition("?")
+    options = dict(parse_qsl(query, keep_blank_values=True))
+    if kind != "virtual" or not options.keys() <= {"seed", "temperature"}:
+        raise ArgumentError(
+            f"rig must be virtual, with the options seed and temperature; got {name!r}"
+        )
+    try:
+        seed, degrees = int(options.get("seed", 0)), float(options.get("temperature", 25.0))
+    except ValueError as error:
+        raise ArgumentError(
+            f"seed and temperature of a rig must be numbers; got {name!r}"
+        ) from error
+    if seed < 0:
+        raise ArgumentError(f"seed of a rig must not be negative; got {seed}")
+    return VirtualRig(design, seed=seed, temperature=degrees)

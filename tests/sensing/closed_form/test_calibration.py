@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smoskin.commands.calibrate import calibrate, report, residual_figure, write_virtual_bench
+from smoskin.commands.fit_paper import calibrate, report, residual_figure, write_virtual_bench
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.measurement import TouchTable
 from smoskin.mechanics.reduced.stiffness import board_stiffness, sheet_stiffness

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from smoskin.commands.calibrate import calibrate, write_virtual_bench
+from smoskin.commands.fit_paper import calibrate, write_virtual_bench
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics import mlx90393
 from smoskin.measurement import TouchTable

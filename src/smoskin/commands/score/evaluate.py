@@ -21,7 +21,7 @@ from smoskin.records import Contact, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.response.calibrate import LabelledTouches, Target
 from smoskin.sensing.response.labels import Labeller, labelled_touches
-from smoskin.twin.creep import Creep, creeping
+from smoskin.twin.creep import creeping
 from smoskin.twin.readout import Motion
 from smoskin.twin.rig import VirtualRig, drifting_readings
 from smoskin.twin.whole import Twin
@@ -271,7 +271,7 @@ def label(
         twin,
         rng,
         temperature=temperature,
-        creep=Creep(twin.design) if spoilt.creep else None,
+        creep=spoilt.creep,
         drift=spoilt.drift,
         stage=stage,
         gauge=gauge,

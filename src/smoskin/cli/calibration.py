@@ -1,0 +1,256 @@
+"""Commands by which one skin becomes known: from touches on a rig, by hand, or as in the paper."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from smoskin.cli.frame import Design, Json, app, progress_bar, show
+from smoskin.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from smoskin.sensing.response.table import ResponseTable
+
+touches = typer.Typer(no_args_is_help=True, help="Plan the touches of a calibration by hand.")
+app.add_typer(touches, name="touches")
+
+Table = Annotated[
+    str | None,
+    typer.Option("--table", help="Response table to start from; by default the design's shipped."),
+]
+UntilMm = Annotated[
+    float | None,
+    typer.Option(min=0.0, help="Stop where a touch is expected to be located this well, mm."),
+]
+PlaceMm = Annotated[
+    float | None,
+    typer.Option(min=0.0, help="Standard deviation of the places that are reported, mm."),
+]
+ForceMn = Annotated[
+    float | None,
+    typer.Option("--force-mN", min=0.0, help="Standard deviation of the forces, mN."),
+]
+
+
+@app.command()
+def calibrate(
+    design: Design = "planar",
+    rig: Annotated[
+        str, typer.Option(help="Rig that touches the skin: virtual, virtual?seed=3&temperature=30.")
+    ] = "virtual",
+    sheet: Annotated[
+        Path | None, typer.Option(help="CSV of touches made by hand, instead of a rig.")
+    ] = None,
+    recording: Annotated[
+        Path | None,
+        typer.Option(help="MCAP with the readings, where the sheet says when touches were held."),
+    ] = None,
+    touches: Annotated[
+        int | None, typer.Option(min=1, help="Touches that a rig makes; 15 by default.")
+    ] = None,
+    until_mm: UntilMm = None,
+    force: Annotated[
+        float | None, typer.Option(help="Largest normal force of a rig, N; 0.8 by default.")
+    ] = None,
+    drag: Annotated[
+        float | None, typer.Option(help="Largest sideways force of a rig, N; 0.3 by default.")
+    ] = None,
+    place_mm: PlaceMm = None,
+    force_mn: ForceMn = None,
+    table: Table = None,
+    out: Annotated[
+        Path, typer.Option(help="File of the skin's own response table to write.", dir_okay=False)
+    ] = Path("skin.table"),
+    as_json: Json = False,
+) -> None:
+    """Calibrate a skin from a few touches and write its own response table.
+
+    A rig touches the skin where it tells most. Without one, `smoskin touches plan` writes a sheet
+    of touches to make by hand, and --sheet reads it once it is filled in.
+    """
+    from smoskin.commands.calibrate import calibrate as calibrated
+    from smoskin.feasibility import load_design
+    from smoskin.twin.rig import open_rig
+
+    orders = {
+        "count": touches,
+        "until": None if until_mm is None else 1e-3 * until_mm,
+        "force": force,
+        "drag": drag,
+    }
+    given: dict[str, Any] = {name: value for name, value in orders.items() if value is not None}
+    place = None if place_mm is None else 1e-3 * place_mm
+    press = None if force_mn is None else 1e-3 * force_mn
+    skin = load_design(design)
+    if sheet is not None:
+        if given or rig != "virtual":
+            raise ArgumentError(
+                "--sheet must come without --rig, --touches, --until-mm, --force and --drag: its "
+                "touches have been made"
+            )
+        start = _table(design, table)
+        done = calibrated(
+            start,
+            sheet,
+            design=skin,
+            recording=recording,
+            place_spread=place,
+            force_spread=press,
+        )
+    else:
+        if recording is not None:
+            raise ArgumentError("--recording must come with --sheet: a rig reads the chips itself")
+        start = _table(design, table)
+        with progress_bar() as bar, open_rig(rig, skin) as presser:
+            done = calibrated(
+                start,
+                presser,
+                design=skin,
+                progress=lambda step: bar(step.sentence, step.number / step.asked),
+                place_spread=place,
+                force_spread=press,
+                **given,
+            )
+    done.save(out)
+    if as_json:
+        typer.echo(json.dumps(done.as_json() | {"file": str(out)}))
+        return
+    for rows in done.tables():
+        show(rows)
+    typer.echo(f"Now: smoskin run SOURCE --calibration {out}", err=True)
+
+
+@touches.command("plan")
+def plan_touches(
+    design: Design = "planar",
+    out: Annotated[Path, typer.Option(help="Sheet (CSV) to write.", dir_okay=False)] = Path(
+        "touches.csv"
+    ),
+    count: Annotated[int, typer.Option(min=1, help="Touches to make.")] = 15,
+    until_mm: UntilMm = None,
+    force: Annotated[float, typer.Option(help="Largest normal force, N.")] = 0.8,
+    drag: Annotated[float, typer.Option(help="Largest sideways force, N.")] = 0.0,
+    place_mm: PlaceMm = 0.5,
+    force_mn: ForceMn = 10.0,
+    after: Annotated[
+        Path | None, typer.Option(help="A filled sheet of touches that have been made.")
+    ] = None,
+    table: Table = None,
+    as_json: Json = False,
+) -> None:
+    """Write where and how hard to touch a skin by hand, as a sheet to fill in.
+
+    Each touch is the one that tells most after those before it. Fill in what the chips read once a
+    touch has settled, or from when until when it was held while a recording ran.
+    """
+    from smoskin.commands.calibrate import plan_by_hand
+    from smoskin.commands.touch_sheet import read_contacts, write_plan
+    from smoskin.feasibility import load_design
+
+    skin = load_design(design)
+    targets = plan_by_hand(
+        skin,
+        _table(design, table),
+        count=count,
+        until=1e-3 * (until_mm or 0.0),
+        force=force,
+        drag=drag,
+        made=() if after is None else read_contacts(after, skin),
+        place_spread=1e-3 * (0.5 if place_mm is None else place_mm),
+        force_spread=1e-3 * (10.0 if force_mn is None else force_mn),
+    )
+    write_plan(out, skin, targets)
+    errors = [round(1e3 * target.error, 4) for target in targets]
+    if as_json:
+        typer.echo(json.dumps({"file": str(out), "expected_error_mm": errors}))
+        return
+    if targets:
+        typer.echo(
+            f"{len(targets)} touches; a touch is then expected to be located to {errors[-1]:.2f} mm"
+        )
+    typer.echo(f"Now: smoskin calibrate {design} --sheet {out} --out skin.table", err=True)
+
+
+@app.command("fit-paper")
+def fit_paper(
+    table: Annotated[Path, typer.Argument(help="CSV of touches on the cells' top vertices.")],
+    out: Annotated[Path, typer.Option(help="Calibration (TOML) to write.", dir_okay=False)] = Path(
+        "calibration.toml"
+    ),
+    design: Annotated[str, typer.Option(help="Design of the skin that was touched.")] = "planar",
+    recording: Annotated[
+        Path | None,
+        typer.Option(help="MCAP with the readings, where the table says when touches were held."),
+    ] = None,
+    date: Annotated[
+        str | None, typer.Option(help="ISO date of the measurement; today by default.")
+    ] = None,
+    method: Annotated[
+        Literal["auto", "table", "reduced"],
+        typer.Option(
+            help="table: a press on every cell; reduced: the paper's model; auto: the table, "
+            "where the touches hold one."
+        ),
+    ] = "auto",
+    separate: Annotated[
+        bool, typer.Option("--separate", help="Reduced model: fit v_a in X and Y apart.")
+    ] = False,
+    plot: Annotated[Path | None, typer.Option(help="Draw the residuals to this file.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Fit the paper's own model to touches of a bench, with uncertainties.
+
+    A coefficient that the touches cannot determine is refused by name. The paper's estimator reads
+    the file; `smoskin calibrate` locates touches better.
+    """
+    import datetime as dt
+
+    from smoskin.commands import fit_paper as work
+    from smoskin.feasibility import load_design
+
+    result = work.calibrate(
+        load_design(design),
+        table,
+        out,
+        recording=recording,
+        date=date or dt.date.today().isoformat(),
+        attenuation="separate" if separate else "equal",
+        method=method,
+    )
+    if plot is not None:
+        work.residual_figure(result.fit).savefig(plot)
+    if as_json:
+        typer.echo(json.dumps(result.as_json()))
+        return
+    for rows in result.tables():
+        show(rows)
+
+
+@app.command()
+def virtual_bench(
+    out: Annotated[Path, typer.Argument(help="CSV of touches to write.")] = Path("touches.csv"),
+    design: Annotated[str, typer.Option(help="Design that the virtual skin scatters about.")] = (
+        "planar"
+    ),
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the skin and of the bench's noise.")
+    ] = 0,
+    sheet: Annotated[
+        Literal["whole", "reduced"],
+        typer.Option(help="whole: the folded sheet's twin; reduced: the paper's model."),
+    ] = "whole",
+) -> None:
+    """Measure a virtual skin as a person would measure a real one for calibration."""
+    from smoskin.commands.fit_paper import write_virtual_bench
+    from smoskin.feasibility import load_design
+
+    write_virtual_bench(load_design(design), out, seed=seed, sheet=sheet)
+    typer.echo(f"Now: smoskin fit-paper {out} --out calibration.toml", err=True)
+
+
+def _table(design: str, given: str | None) -> "ResponseTable":
+    """The response table to start from: that given, or the one that ships with the design."""
+    from smoskin.sensing.response.table import load_response_table
+
+    return load_response_table(given or design)

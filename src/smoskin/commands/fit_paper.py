@@ -1,0 +1,373 @@
+"""From a bench's table to a calibration file, and what to tell the person who made it."""
+
+import hashlib
+import math
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Literal
+
+import numpy as np
+
+from smoskin.arrays import Floats
+from smoskin.design.skin import Coefficients, SkinDesign
+from smoskin.errors import ArgumentError, MissingExtraError
+from smoskin.measurement import read_touches, write_touches
+from smoskin.sensing.closed_form.calibration import Calibration, Uncertainty, format_calibration
+from smoskin.sensing.closed_form.confidence import Ambiguity, ambiguities
+from smoskin.sensing.closed_form.fitting import Attenuation, Fit, fit_calibration
+from smoskin.sensing.closed_form.table_fit import (
+    drags_every_cell,
+    fit_press_table,
+    presses_every_cell,
+)
+from smoskin.service.recorder import open_recording
+from smoskin.twin.bench import (
+    BenchSkin,
+    TwinSkin,
+    calibration_loads,
+    made_skin,
+    measure,
+    table_loads,
+)
+from smoskin.units import SI_PER_SUFFIX
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.table import Table
+
+Method = Literal["auto", "table", "reduced"]
+"""By the skin's own answers, one press a cell; by the SI's reduced model; or by the table where the
+touches hold one."""
+Sheet = Literal["whole", "reduced"]
+"""Of a virtual skin: the whole sheet's twin, or the SI's reduced model."""
+
+_LEVEL: Final = 0.9
+"""Confidence of the intervals shown."""
+_FORCE: Final = 0.5
+"""N: of the presses that the cells should be told apart by."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """One number of a calibration, in the unit of its file."""
+
+    name: str
+    value: float
+    nominal: float
+    """As designed."""
+    standard_uncertainty: float
+    """NaN where it was not measured and the value is nominal; infinite for a v_f whose effect was
+    not seen."""
+    half_width: float
+    """Of the interval of 90 % confidence."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ResidualPlot:
+    """What a plot of the residuals shows."""
+
+    force: Floats
+    """(T,), N: press force of each touch."""
+    force_residual: Floats
+    """(T,), of that force, relative; NaN for the untouched skin."""
+    depth_residual: Floats
+    """(T,), of the depth, relative; NaN likewise."""
+    field_residual: Floats
+    """(T, S, 3), T; NaN where a chip was not read."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableLine:
+    """What a measured press table is worth."""
+
+    cells: int
+    drags_measured: bool
+    """Whether each cell was dragged too; else a drag is taken to move the sheet as a whole."""
+    hardest: Ambiguity
+    """The two cells that need the most force to be told apart, 99 times in 100."""
+    confused: int
+    """Pairs that a press of 0.5 N does not tell apart so."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationReport:
+    """A finished calibration in words and numbers."""
+
+    fit: Fit
+    lines: tuple[Line, ...]
+    table: TableLine | None
+    """None where the reduced model was fitted."""
+
+    def as_json(self) -> dict[str, object]:
+        """Plain values for machines; what was not measured is null."""
+        evidence = self.fit.calibration.evidence
+        assert evidence is not None, "a fit rests on something"
+        force, depth, field = self.fit.noise
+        return {
+            "design_hash": self.fit.calibration.design_hash,
+            "date": evidence.date,
+            "data_sha256": evidence.data_sha256,
+            "touches": evidence.touches,
+            "noise_force": _or_none(force),
+            "noise_depth": _or_none(depth),
+            "noise_field_uT": _or_none(_in_unit(field, "uT")),
+            "numbers": [
+                {
+                    "name": line.name,
+                    "value": line.value,
+                    "nominal": line.nominal,
+                    "standard_uncertainty": _or_none(line.standard_uncertainty),
+                    "half_width_90_percent": _or_none(line.half_width),
+                }
+                for line in self.lines
+            ],
+            "residuals": [
+                {"group": one.group, "values": one.values, f"rms_{one.unit}":
+                 _or_none(_in_unit(one.rms, one.unit))}
+                for one in evidence.residuals
+            ],
+            "press_table": None if self.table is None else {
+                "cells": self.table.cells,
+                "drags_measured": self.table.drags_measured,
+                "hardest_pair": [[n + 1, m + 1] for n, m in self.table.hardest.pair],
+                "hardest_pair_from_N": self.table.hardest.force,
+                "pairs_confused_at_0.5_N": self.table.confused,
+            },
+        }  # fmt: skip
+
+    def tables(self) -> "list[Table]":
+        """The numbers, the residuals and the press table, for people."""
+        from rich.table import Table
+
+        numbers = Table(title="Calibration (+- at 90 % confidence)")
+        for name in ("number", "value", "+-", "as designed"):
+            numbers.add_column(name, justify="left" if name == "number" else "right")
+        for line in self.lines:
+            width = f"{line.half_width:.2g}"
+            if not math.isfinite(line.half_width):
+                width = "not measured" if math.isnan(line.half_width) else "no effect seen"
+            numbers.add_row(line.name, f"{line.value:.5g}", width, f"{line.nominal:.5g}")
+        residuals = Table(title="What the model leaves")
+        for name in ("measured", "values", "rms", "unit"):
+            residuals.add_column(name, justify="left" if name == "measured" else "right")
+        evidence = self.fit.calibration.evidence
+        assert evidence is not None, "a fit rests on something"
+        for one in evidence.residuals:
+            rms = _in_unit(one.rms, one.unit)
+            residuals.add_row(one.group, str(one.values), f"{rms:.3g}", one.unit)
+        if self.table is None:
+            return [numbers, residuals]
+        worth = Table(title="Press table", show_header=False)
+        for name, value in (
+            ("cells measured", str(self.table.cells)),
+            ("drags", "measured on each cell" if self.table.drags_measured
+             else "not measured: taken to move the sheet as a whole"),
+            ("hardest to tell apart", str(self.table.hardest)),
+            (f"pairs confused at {_FORCE:g} N", str(self.table.confused)),
+        ):  # fmt: skip
+            worth.add_row(name, value)
+        return [numbers, residuals, worth]
+
+
+def calibrate(
+    design: SkinDesign,
+    table: str | os.PathLike[str],
+    output: str | os.PathLike[str],
+    *,
+    date: str,
+    recording: str | os.PathLike[str] | None = None,
+    attenuation: Attenuation = "equal",
+    method: Method = "auto",
+) -> CalibrationReport:
+    """Find a skin's calibration from a bench's table and write it.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    table : path
+        CSV, as `smoskin.measurement.read_touches` describes it.
+    output : path
+        The TOML file to write.
+    date : str
+        ISO date of the measurement.
+    recording : path, optional
+        MCAP file with the chips' readings, where the table says only when each touch was held.
+    attenuation : {"equal", "separate"}
+        Whether v_a of the reduced model is one number or one each in X and Y.
+    method : {"auto", "table", "reduced"}
+        Whether the calibration rests on the skin's own answers or on a fit of the reduced
+        model; by default on the answers where the touches hold a straight press on every cell.
+
+    Raises
+    ------
+    RecordingError
+        If the table or the recording cannot be read.
+    ArgumentError, ModelError
+        As `fit_press_table` and `fit_calibration`.
+    """
+    touches, digest = read_touches(table)
+    if recording is not None:
+        touches = touches.with_readings(open_recording(recording).readings())
+        both = digest + hashlib.sha256(Path(recording).read_bytes()).hexdigest()
+        digest = hashlib.sha256(both.encode()).hexdigest()
+    if method == "auto":
+        method = "table" if presses_every_cell(design, touches) else "reduced"
+    if method == "table":
+        fit = fit_press_table(design, touches, date=date, data_sha256=digest)
+    else:
+        fit = fit_calibration(
+            design, touches, date=date, data_sha256=digest, attenuation=attenuation
+        )
+    Path(output).write_text(format_calibration(fit.calibration), encoding="utf-8")
+    return report(design, fit)
+
+
+def write_virtual_bench(
+    design: SkinDesign, output: str | os.PathLike[str], *, seed: int, sheet: Sheet = "whole"
+) -> BenchSkin:
+    """Write the table that a bench would make of a virtual skin that differs from its design.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    output : path
+        The CSV to write.
+    seed : int
+        Of the skin and of the bench's noise.
+    sheet : {"whole", "reduced"}
+        Whether the skin is the whole sheet's twin, every cell of which is pressed and dragged,
+        or one of the reduced model, whose coefficients the loads of SI Text S5 tell.
+
+    Raises
+    ------
+    MissingExtraError
+        If the whole sheet is asked for without the extra ``twin``.
+    """
+    rng = np.random.default_rng(seed)
+    if sheet == "reduced":
+        skin: BenchSkin = made_skin(design, rng)
+        loads = calibration_loads(design)
+    elif sheet == "whole":
+        from smoskin.twin.whole import Twin
+
+        skin = TwinSkin(Twin(design, seed=seed, manufactured=True))
+        loads = table_loads(design)
+    else:
+        raise ArgumentError(f"sheet must be 'whole' or 'reduced'; got {sheet!r}")
+    write_touches(output, measure(skin, loads, rng))
+    return skin
+
+
+def report(design: SkinDesign, fit: Fit) -> CalibrationReport:
+    """The numbers of a fit beside the design's, with their intervals."""
+    evidence = fit.calibration.evidence
+    assert evidence is not None, "a fit rests on something"
+    factor = evidence.coverage_factor(_LEVEL)
+    nominal = Calibration.nominal(design)
+    lines = []
+    for (name, suffix, value), (_, _, designed), (_, _, deviation) in zip(
+        _numbers(design, fit.calibration.coefficients, fit.calibration),
+        _numbers(design, nominal.coefficients, nominal),
+        _numbers(design, evidence.uncertainty, evidence.uncertainty),
+        strict=True,
+    ):
+        lines.append(
+            Line(
+                name=f"{name}_{suffix}" if suffix else name,
+                value=_in_unit(value, suffix),
+                nominal=_in_unit(designed, suffix),
+                standard_uncertainty=_in_unit(deviation, suffix),
+                half_width=factor * _in_unit(deviation, suffix),
+            )
+        )
+    return CalibrationReport(fit=fit, lines=tuple(lines), table=_table_line(design, fit))
+
+
+def _table_line(design: SkinDesign, fit: Fit) -> TableLine | None:
+    """What the fit's press table is worth."""
+    if fit.calibration.press_table is None:
+        return None
+    pairs = ambiguities(design, calibration=fit.calibration, force=1e-6)
+    return TableLine(
+        cells=design.cells[0] * design.cells[1],
+        drags_measured=drags_every_cell(design, fit.touches),
+        hardest=pairs[0],
+        confused=sum(pair.force > _FORCE for pair in pairs),
+    )
+
+
+def residual_plot(fit: Fit) -> ResidualPlot:
+    """The residuals as a plot needs them."""
+    touches = fit.touches
+    press = np.where(touches.touched, -touches.force[:, 2], np.nan)
+    depth = np.where(touches.touched & (touches.depth > 0), touches.depth, np.nan)
+    return ResidualPlot(
+        force=-touches.force[:, 2],
+        force_residual=-fit.residual[:, 2] / np.where(press > 0, press, np.nan),
+        depth_residual=fit.residual[:, 3] / depth,
+        field_residual=fit.residual[:, 4:].reshape(touches.field.shape),
+    )
+
+
+def residual_figure(fit: Fit) -> "Figure":
+    """Three panels: relative residuals of force and depth over force, fields over time.
+
+    Raises
+    ------
+    MissingExtraError
+        If matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingExtraError("plotting residuals", "plots") from error
+    shown = residual_plot(fit)
+    figure = Figure(figsize=(9, 8), layout="constrained")
+    force, depth, field = figure.subplots(3, 1)
+    for axes, values, name, level in (
+        (force, shown.force_residual, "force", fit.noise[0]),
+        (depth, shown.depth_residual, "depth", fit.noise[1]),
+    ):
+        axes.plot(shown.force, 100 * values, ".", markersize=4)
+        if math.isfinite(level):
+            axes.axhspan(-100 * level, 100 * level, alpha=0.15)
+        axes.set_xlabel("press force (N)")
+        axes.set_ylabel(f"{name}: measured less model (%)")
+    for s in range(shown.field_residual.shape[1]):
+        size = np.sqrt(np.mean(shown.field_residual[:, s] ** 2, axis=-1))
+        field.plot(size / 1e-6, ".", markersize=4, label=f"chip {s + 1}")
+    field.set_xlabel("touch")
+    field.set_ylabel("field: rms residual (uT)")
+    if shown.field_residual.shape[1]:
+        field.legend()
+    return figure
+
+
+def _numbers(
+    design: SkinDesign, model: Coefficients | Uncertainty, skin: Calibration | Uncertainty
+) -> Iterator[tuple[str, str, float]]:
+    """Name, unit suffix and value of every number of a calibration or of its uncertainty."""
+    for axis, value in zip("xy", model.attenuation, strict=True):
+        yield f"attenuation_{axis}", "", value
+    yield "stiffness_variation", "", model.stiffness_variation
+    for axis, layers in (("x", model.folding_correction_x), ("y", model.folding_correction_y)):
+        for layer, value in enumerate(layers, start=1):
+            yield f"layer {layer} folding_correction_{axis}", "N", value
+    yield "board_stiffness", "N_per_mm", skin.board_stiffness
+    yield "sheet_stiffness", "N_per_mm", skin.sheet_stiffness
+    for s, site in enumerate(design.halls):
+        yield f"{site.name} field_factor", "", skin.field_factor[s]
+        for axis, value in zip("xyz", skin.chip_rotation[s], strict=True):
+            yield f"{site.name} rotation_{axis}", "deg", value
+        for axis, value in zip("xyz", skin.field_offset[s], strict=True):
+            yield f"{site.name} field_offset_{axis}", "uT", value
+
+
+def _in_unit(value: float, suffix: str) -> float:
+    return value / float(SI_PER_SUFFIX[suffix]) if suffix else value
+
+
+def _or_none(value: float) -> float | None:
+    return value if math.isfinite(value) else None
