@@ -17,6 +17,7 @@ from smoskin.roles import Estimator, Sink, Source
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
+from smoskin.sensing.estimators import ZeroFirst, load_estimator
 from smoskin.sensing.learned.gaussian_process import LearnedEstimator, load_model
 from smoskin.sensing.network.estimator import NetworkEstimator
 from smoskin.sensing.network.model import load_network
@@ -49,7 +50,9 @@ __all__ = [
     "Source",
     "Status",
     "Twin",
+    "ZeroFirst",
     "load_design",
+    "load_estimator",
     "load_model",
     "load_network",
     "load_response_table",

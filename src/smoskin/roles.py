@@ -45,6 +45,11 @@ class Source(Resource):
     def chips(self) -> int:
         """Number of chips in every reading."""
 
+    @property
+    def design_hash(self) -> str | None:
+        """Content hash of the design of the skin that is read; None where the source has none."""
+        return None
+
     @abstractmethod
     def read(self, timeout: float = 1.0) -> Reading | None:
         """The next reading; None when the source has ended or is closed.

@@ -10,7 +10,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from networks import tiny_network
 from smoskin.commands import run as watching
 from smoskin.commands.calibrate import calibrate, plan_by_hand
 from smoskin.commands.run import watch
@@ -18,10 +17,7 @@ from smoskin.commands.touch_sheet import read_contacts, read_held_touches, write
 from smoskin.errors import ArgumentError, ModelError, RecordingError
 from smoskin.records import Contact, Status
 from smoskin.service.recorder import Recorder
-from smoskin.service.source import TwinSource
-from smoskin.twin.creep import Creep
 from smoskin.twin.readout import Motion
-from smoskin.twin.reduced import ReducedTwin
 from smoskin.twin.rig import VirtualRig
 from tables_of_response import motions, plain, presses, signals, table_with_modes
 from virtual_skins import made_twin, saturating
@@ -269,78 +265,6 @@ def test_sheets_that_do_not_fit_are_refused(skin, table, twin, tmp_path):
         read_held_touches(tmp_path / "nowhere.csv", skin)
 
 
-# The skin runs with its table
-
-
-@pytest.fixture
-def own_table(skin, table, twin, tmp_path):
-    pytest.importorskip("safetensors")
-    rig = VirtualRig(twin, np.random.default_rng(0))
-    path = tmp_path / "skin.table"
-    calibrate(table, rig, design=skin, count=20).table.save(path)
-    return path
-
-
-def test_a_touched_skin_is_read_by_its_own_table(skin, twin, own_table, monkeypatch):
-    source = TwinSource(twin, speed=np.inf, creep=Creep(skin))
-    monkeypatch.setattr(watching, "open_source", lambda url: source)
-    touch = Contact(position=(0.043, 0.088), force=(0.1, -0.05, -0.6))
-    said = []
-    for estimate in watch(skin, "twin://planar", calibration=own_table, seconds=1.0):
-        said.append(estimate)
-        if len(said) == 40:
-            source.touch([touch])
-    assert [one.status for one in said[:20]] == [Status.NOT_CALIBRATED] * 20
-    assert {one.status for one in said[20:40]} == {Status.NO_CONTACT}
-    assert {one.status for one in said[45:]} == {Status.CONTACT}
-    off = np.array([one.contacts[0].position for one in said[45:]]) - touch.position
-    push = np.array([one.contacts[0].force for one in said[45:]]) - touch.force
-    assert np.hypot(*off.T).mean() < 1.5e-3
-    assert np.abs(push[:, 2]).mean() < 0.03 * 0.6
-
-
-def test_resetting_asks_for_a_new_zero(skin, twin, own_table):
-    estimator = watching._estimator(skin, own_table)
-    reading = twin.sense(twin.motion([], 25.0), time=0.0, temperature=25.0)
-    said = [estimator.step(replace_time(reading, 0.01 * k)).status for k in range(21)]
-    assert said == [Status.NOT_CALIBRATED] * 20 + [Status.NO_CONTACT]
-    estimator.reset()
-    assert estimator.step(replace_time(reading, 1.0)).status is Status.NOT_CALIBRATED
-
-
-def replace_time(reading, time):
-    return type(reading)(
-        time=time, field=reading.field, temperature=reading.temperature, flags=reading.flags
-    )
-
-
-def test_a_skin_is_read_by_a_network(planar, tmp_path, monkeypatch):
-    pytest.importorskip("safetensors")
-    path = tmp_path / "skin.network"
-    tiny_network(planar, drag=0.4).save(path)
-    source = TwinSource(ReducedTwin(planar, seed=None), speed=np.inf)
-    monkeypatch.setattr(watching, "open_source", lambda url: source)
-    touch = Contact(position=(0.05, 0.0667), force=(0.0, 0.0, -0.5))
-    said = []
-    for estimate in watch(planar, "twin://planar", calibration=path, seconds=0.4):
-        said.append(estimate)
-        if len(said) == 30:
-            source.touch([touch])
-    assert [one.status for one in said[:20]] == [Status.NOT_CALIBRATED] * 20
-    assert {one.status for one in said[20:30]} == {Status.NO_CONTACT}
-    assert {one.status for one in said[32:]} == {Status.CONTACT}
-
-
-def test_a_table_of_another_design_does_not_run(planar, own_table):
-    with pytest.raises(ModelError, match="table must be of the design"):
-        next(watch(planar, "twin://planar?mechanics=reduced&speed=max", calibration=own_table))
-
-
-def test_a_calibration_that_is_not_there_is_named(planar, tmp_path):
-    with pytest.raises(ModelError, match=r"nowhere\.toml"):
-        next(watch(planar, "twin://planar", calibration=tmp_path / "nowhere.toml"))
-
-
 def smoskin(*arguments):
     return subprocess.run(
         [sys.executable, "-c", "from smoskin.cli import main; main()", *map(str, arguments)],
@@ -428,7 +352,7 @@ def test_a_virtual_rig_calibrates_the_twin_that_then_runs(planar, tmp_path, monk
     monkeypatch.setattr(watching, "open_source", lambda url: source)
     touch = Contact(position=(0.07, 0.11), force=(0.0, 0.0, -0.6))
     found = []
-    for estimate in watch(planar, url, calibration=own, seconds=0.8):
+    for estimate in watch(url, planar, calibration=own, seconds=0.8):
         if estimate.status is Status.NO_CONTACT:
             source.touch([touch])
         found += estimate.contacts

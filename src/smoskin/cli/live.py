@@ -64,12 +64,19 @@ def demo(
 
 @app.command()
 def run(
-    source: Annotated[str, typer.Argument(help="twin://planar or replay:FILE, with ?options.")],
-    design: Annotated[str, typer.Option(help="Of the skin that the source reads.")] = "planar",
+    source: Annotated[
+        str, typer.Argument(help="twin://DESIGN or replay:FILE, each with ?options.")
+    ] = "twin://planar",
+    design: Annotated[
+        str | None, typer.Option(help="Design of the skin; by default the source's own.")
+    ] = None,
     calibration: Annotated[
         Path | None,
-        typer.Option(help="Of this skin, as `smoskin calibrate`, `touches` or `train` writes it."),
+        typer.Option(help="File of this skin: a calibration, a response table or a network."),
     ] = None,
+    zero: Annotated[
+        bool, typer.Option(help="Take the first 20 readings as those of the untouched skin.")
+    ] = True,
     seconds: Seconds = None,
     record: Record = None,
     as_json: Annotated[
@@ -80,8 +87,10 @@ def run(
     from smoskin.commands.run import estimate_line, watch
     from smoskin.feasibility import load_design
 
-    skin = load_design(design)
-    for estimate in watch(skin, source, calibration=calibration, seconds=seconds, record=record):
+    skin = None if design is None else load_design(design)
+    for estimate in watch(
+        source, skin, calibration=calibration, zero=zero, seconds=seconds, record=record
+    ):
         typer.echo(estimate_line(estimate, as_json=as_json))
 
 

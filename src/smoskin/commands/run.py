@@ -1,45 +1,32 @@
 """Estimates of any source, as lines: what `smoskin run` does.
 
-Decides which estimator reads a skin: the closed forms, or, where the calibration is a response
-table of the very skin, the Bayesian one, or a trained network. The last two are zeroed by the first
-readings.
+Decides with which design a source is read (its own, unless another is given) and that the first
+readings are the zero.
 """
 
 import json
 import os
-from collections.abc import Iterator, Sequence
-from pathlib import Path
-from typing import Final
+from collections.abc import Iterator
+from contextlib import ExitStack
 
-import numpy as np
-
-from smoskin.arrays import Floats
+from smoskin.design.document import shipped_design
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.mechanics.viscoelasticity import elastomer_prony
-from smoskin.records import Estimate, Reading, Status
-from smoskin.roles import Estimator
-from smoskin.sensing.bayes.estimator import BayesEstimator
-from smoskin.sensing.closed_form.calibration import read_calibration
+from smoskin.records import Estimate
+from smoskin.roles import Estimator, Source
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
-from smoskin.sensing.files import NETWORK, tensor_key
-from smoskin.sensing.network.estimator import NetworkEstimator
-from smoskin.sensing.network.model import load_network
-from smoskin.sensing.response.table import load_response_table
-from smoskin.sensing.signals.signals import FOLLOWING
+from smoskin.sensing.estimators import ZeroFirst, load_estimator
 from smoskin.service.loop import Loop
 from smoskin.service.recorder import Recorder
-from smoskin.service.source import open_source
-
-_ZEROS: Final = 20
-"""Good readings whose mean is the zero of an estimator that reads by what was learned."""
+from smoskin.service.source import TwinSource, open_source
 
 
 def watch(
-    design: SkinDesign,
     url: str,
+    design: SkinDesign | None = None,
     *,
     calibration: str | os.PathLike[str] | None = None,
+    zero: bool = True,
     seconds: float | None = None,
     record: str | os.PathLike[str] | None = None,
 ) -> Iterator[Estimate]:
@@ -47,14 +34,16 @@ def watch(
 
     Parameters
     ----------
-    design : SkinDesign
-        Of the skin that the source reads.
     url : str
-        As `smoskin.open_source` takes it.
+        The source, as `smoskin.open_source` takes it.
+    design : SkinDesign, optional
+        Design of the skin that the source reads; by default the source's own.
     calibration : path, optional
-        Of this skin; as designed by default. A calibration (TOML), a response table from a
-        calibration by touches, or a network: with the last two nothing may touch the skin in the
-        first 20 readings, which are answered by `Status.NOT_CALIBRATED`, and creep is undone.
+        File of this skin, as `smoskin.load_estimator` reads it; by default the skin is taken to be
+        as designed.
+    zero : bool
+        Whether the first 20 good readings are the zero: nothing may touch the skin in them, and
+        they are answered by `Status.NOT_CALIBRATED`.
     seconds : float, optional
         Stop this long after the first reading, on the readings' clock.
     record : path, optional
@@ -64,23 +53,27 @@ def watch(
     ------
     ArgumentError
         If the source has another number of chips than the design.
+    DesignError
+        If no design is given and the source's does not come with the package.
     ModelError
-        If the calibration cannot be read or belongs to another design.
+        If the source or the calibration belongs to another design, or the latter cannot be read.
     MissingExtraError
-        If it holds what was learned and `safetensors` is not installed.
+        If the calibration holds arrays and `safetensors` is not installed.
     SourceError
         If the source cannot be opened or falls silent.
     """
-    estimator = _estimator(design, calibration)
-    source = open_source(url)
-    if source.chips != len(design.halls):
-        source.close()
-        raise ArgumentError(
-            f"source must have {len(design.halls)} chips, as design {design.name!r}; "
-            f"got {source.chips} from {url!r}"
-        )
-    sinks = [] if record is None else [Recorder(record, design)]
-    with Loop(source, estimator, sinks=sinks) as loop:
+    with ExitStack() as stack:
+        source = stack.enter_context(open_source(url))
+        skin = _design_of(source, url, design)
+        estimator: Estimator
+        if calibration is None:
+            estimator = ClosedFormEstimator(skin)
+        else:
+            estimator = load_estimator(calibration, skin)
+        if zero:
+            estimator = ZeroFirst(estimator)
+        sinks = [] if record is None else [Recorder(record, skin)]
+        loop = stack.enter_context(Loop(source, estimator, sinks=sinks))
         first: float | None = None
         for estimate in loop:
             yield estimate
@@ -89,59 +82,23 @@ def watch(
                 return
 
 
-def _estimator(design: SkinDesign, calibration: str | os.PathLike[str] | None) -> Estimator:
-    """That which a skin's calibration is made for."""
-    if calibration is None:
-        return ClosedFormEstimator(design)
-    file = Path(calibration)
-    if not _holds_tensors(file):
-        return ClosedFormEstimator(design, read_calibration(file, design))
-    rubber = elastomer_prony(design.columns.material)
-    if tensor_key(file) == NETWORK:
-        network = load_network(file)
-        return _ZeroedFirst(NetworkEstimator(design, network, creep=rubber, tracking=FOLLOWING))
-    table = load_response_table(file)
-    return _ZeroedFirst(BayesEstimator(design, table, creep=rubber, tracking=FOLLOWING))
-
-
-def _holds_tensors(path: Path) -> bool:
-    """Whether a file begins as tensor files do, with a length in binary: text holds no zeros."""
-    try:
-        with path.open("rb") as file:
-            return b"\0" in file.read(8)
-    except OSError:
-        return False  # whoever reads it says why it cannot be read
-
-
-class _ZeroedFirst(Estimator):
-    """An estimator that takes its first good readings for its zero."""
-
-    def __init__(self, inner: BayesEstimator | NetworkEstimator) -> None:
-        self._inner = inner
-        self._untouched: list[Reading] = []
-        self._zeroed = False
-
-    def reset(self) -> None:
-        self._inner.reset()
-        self._untouched.clear()
-        self._zeroed = False
-
-    @property
-    def drift(self) -> Floats:
-        return self._inner.drift
-
-    def zero(self, readings: Sequence[Reading]) -> None:
-        self._inner.zero(readings)
-        self._zeroed = True
-
-    def step(self, reading: Reading) -> Estimate:
-        if self._zeroed:
-            return self._inner.step(reading)
-        if not reading.flags.any() and np.isfinite(reading.field).all():
-            self._untouched.append(reading)
-        if len(self._untouched) == _ZEROS:
-            self.zero(self._untouched)
-        return Estimate(time=reading.time, status=Status.NOT_CALIBRATED)
+def _design_of(source: Source, url: str, design: SkinDesign | None) -> SkinDesign:
+    """The given design, which must be the source's, or the source's own."""
+    known = source.design_hash
+    if design is None and isinstance(source, TwinSource):
+        return source.design
+    if design is None:
+        if known is None:
+            raise ArgumentError(f"design must be given: {url!r} does not name it")
+        return shipped_design(known)
+    if known is not None:
+        design.check_own(f"source {url!r}", known)
+    if source.chips != len(design.halls):
+        raise ArgumentError(
+            f"source must have {len(design.halls)} chips, as design {design.name!r}; "
+            f"got {source.chips} from {url!r}"
+        )
+    return design
 
 
 def estimate_line(estimate: Estimate, *, as_json: bool) -> str:

@@ -75,6 +75,23 @@ def shipped_designs() -> tuple[str, ...]:
     return tuple(sorted(f.name[:-5] for f in folder.iterdir() if f.name.endswith(".toml")))
 
 
+def shipped_design(content_hash: str) -> SkinDesign:
+    """The design with this content hash among those that come with the package.
+
+    Raises
+    ------
+    DesignError
+        If there is none.
+    """
+    for name in shipped_designs():
+        if (design := read_design(name)).content_hash == content_hash:
+            return design
+    raise DesignError(
+        f"design must be given: {content_hash[:12]} is none of those that come with the package "
+        f"({', '.join(shipped_designs())})"
+    )
+
+
 def read_design(name_or_path: str | os.PathLike[str]) -> SkinDesign:
     """A design shipped with the package, by name, or any TOML document, by path.
 

@@ -161,6 +161,11 @@ class ReplaySource(Source):
         """Number of chips in every reading."""
         return self._recording.description.chips
 
+    @property
+    def design_hash(self) -> str:
+        """Content hash of the design of the skin that was recorded."""
+        return self._recording.description.design_hash
+
     def read(self, timeout: float = 1.0) -> Reading | None:
         """The next reading, when its time has come; None at the end or when closed.
 
@@ -262,6 +267,16 @@ class TwinSource(Source):
     def chips(self) -> int:
         """Number of chips in every reading."""
         return len(self._twin.design.halls)
+
+    @property
+    def design(self) -> "SkinDesign":
+        """Design of the skin."""
+        return self._twin.design
+
+    @property
+    def design_hash(self) -> str:
+        """Content hash of the skin's design."""
+        return self.design.content_hash
 
     @property
     def missed(self) -> int:

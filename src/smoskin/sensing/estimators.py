@@ -1,0 +1,178 @@
+"""Estimators from files, and the zero that an estimator takes before it answers.
+
+Decides which estimator reads which file: a calibration (TOML) goes with the closed forms, a
+response table with the Bayesian estimator, a network and a learned model each with its own. Hides
+how kinds of files are told apart.
+"""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from smoskin.arrays import Floats
+from smoskin.design.document import shipped_design
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError, DesignError, ModelError
+from smoskin.mechanics.viscoelasticity import elastomer_prony
+from smoskin.records import Estimate, Reading, Status
+from smoskin.roles import Estimator
+from smoskin.sensing import files
+from smoskin.sensing.bayes.estimator import BayesEstimator
+from smoskin.sensing.closed_form.calibration import parse_calibration
+from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
+from smoskin.sensing.learned.gaussian_process import LearnedEstimator, load_model
+from smoskin.sensing.network.estimator import NetworkEstimator
+from smoskin.sensing.network.model import load_network
+from smoskin.sensing.response.table import load_response_table
+from smoskin.sensing.signals.signals import FOLLOWING
+
+_FAULTS: Final = (Status.CHIP_MISSING, Status.SATURATED, Status.STALE)
+"""Statuses that name what is wrong with a reading, whatever the zero."""
+
+
+def load_estimator(path: str | os.PathLike[str], design: SkinDesign | None = None) -> Estimator:
+    """The estimator that reads a file of this package.
+
+    Parameters
+    ----------
+    path : path
+        A calibration (TOML), a response table, a network or a learned model.
+    design : SkinDesign, optional
+        Design of the skin; by default the shipped one that the file was made for.
+
+    Returns
+    -------
+    Estimator
+        Not zeroed yet, except that a calibration brings the zero of its bench.
+
+    Raises
+    ------
+    ModelError
+        If the file cannot be read, is of no such kind, or was made for another design.
+    MissingExtraError
+        If it holds arrays and `safetensors` is not installed.
+
+    Examples
+    --------
+    ::
+
+        estimator = load_estimator("skin.table")
+        estimator.zero(readings_of_the_untouched_skin)
+        estimate = estimator.step(reading)
+    """
+    file = Path(path)
+    if not _holds_arrays(file):
+        try:
+            calibration = parse_calibration(file.read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError, ModelError) as error:
+            raise ModelError(f"{file}: {error}") from error
+        skin = _design_of(file, calibration.design_hash, design)
+        return ClosedFormEstimator(skin, calibration)
+    match files.tensor_key(file):
+        case files.RESPONSE_TABLE:
+            table = load_response_table(file)
+            skin = _design_of(file, table.design_hash, design)
+            rubber = elastomer_prony(skin.columns.material)
+            return BayesEstimator(skin, table, creep=rubber, tracking=FOLLOWING)
+        case files.NETWORK:
+            network = load_network(file)
+            skin = _design_of(file, network.design_hash, design)
+            rubber = elastomer_prony(skin.columns.material)
+            return NetworkEstimator(skin, network, creep=rubber, tracking=FOLLOWING)
+        case _:
+            return LearnedEstimator(load_model(file))
+
+
+class ZeroFirst(Estimator):
+    """An estimator that takes the first good readings for the zero of another, then is that one.
+
+    Until then good readings are answered by `Status.NOT_CALIBRATED`; nothing may touch the skin.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        The estimator to be zeroed.
+    count : int
+        Number of good readings whose mean is the zero.
+
+    Raises
+    ------
+    ArgumentError
+        If the count is not positive.
+    """
+
+    def __init__(self, estimator: Estimator, *, count: int = 20) -> None:
+        if count < 1:
+            raise ArgumentError(f"count must be at least 1; got {count}")
+        self.estimator = estimator
+        self._count = count
+        self._untouched: list[Reading] = []
+        self._zeroed = False
+
+    @property
+    def drift(self) -> Floats:
+        """How far the zero has followed since it was set, shape (S, 3), T."""
+        return self.estimator.drift
+
+    def reset(self) -> None:
+        """Forget everything; the next good readings are the new zero."""
+        self.estimator.reset()
+        self._untouched.clear()
+        self._zeroed = False
+
+    def zero(self, readings: Sequence[Reading]) -> None:
+        """Take these readings of the untouched skin as the zero, and wait for no others.
+
+        Raises
+        ------
+        ArgumentError
+            If there are none with all chips good.
+        """
+        self.estimator.zero(readings)
+        self._untouched.clear()
+        self._zeroed = True
+
+    def step(self, reading: Reading) -> Estimate:
+        """The other estimator's answer, once it is zeroed.
+
+        Raises
+        ------
+        ArgumentError
+            If the reading has another number of chips than the estimator was made for.
+        """
+        if self._zeroed:
+            return self.estimator.step(reading)
+        if not self._untouched or reading.flags.any() or not np.isfinite(reading.field).all():
+            # The estimator refuses readings of another skin and names what is wrong with a chip.
+            estimate = self.estimator.step(reading)
+            if estimate.status in _FAULTS:
+                return estimate
+        self._untouched.append(reading)
+        if len(self._untouched) == self._count:
+            try:
+                self.zero(self._untouched)
+            except ArgumentError:  # not one of them lies within the chips' range
+                self._untouched.clear()
+        return Estimate(time=reading.time, status=Status.NOT_CALIBRATED)
+
+
+def _holds_arrays(path: Path) -> bool:
+    """Whether a file begins as tensor files do, with a length in binary: text holds no zeros."""
+    try:
+        with path.open("rb") as file:
+            return b"\0" in file.read(8)
+    except OSError:
+        return False  # whoever reads it says why it cannot be read
+
+
+def _design_of(path: Path, content_hash: str, design: SkinDesign | None) -> SkinDesign:
+    """The design that a file was made for: the given one, or a shipped one."""
+    try:
+        skin = shipped_design(content_hash) if design is None else design
+    except DesignError as error:
+        raise ModelError(f"{path}: {error}") from error
+    skin.check_own(str(path), content_hash)
+    return skin
