@@ -1,57 +1,24 @@
 """Skin designs as TOML documents, both ways, every value with its unit and its provenance.
 
 A value is either plain (``radius_mm = 1.5``) or a table that says where it comes from
-(``radius_mm = {value = 1.5, origin = "assumed", reason = "..."}``). Unknown keys are refused
-with what would be valid.
+(``radius_mm = {value = 1.5, origin = "assumed", reason = "..."}``). Decides the units of a design's
+keys; how records become documents is `smoskin.documents`'s.
 """
 
-import difflib
 import os
-import tomllib
-from collections.abc import Mapping
-from dataclasses import fields
+from collections.abc import Iterator
+from dataclasses import asdict, fields, is_dataclass, replace
 from decimal import Decimal
 from importlib import resources
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final
 
-from smoskin.design.skin import (
-    Board,
-    Coefficients,
-    Columns,
-    Creases,
-    Frame,
-    HallSetting,
-    HallSite,
-    Magnet,
-    MiuraCell,
-    Panels,
-    Provenance,
-    ShearLayer,
-    SkinDesign,
-)
-from smoskin.errors import DesignError, MissingExtraError
-from smoskin.units import from_si, to_si
+from smoskin.design.skin import Provenance, SkinDesign
+from smoskin.documents import Form, format_toml
+from smoskin.errors import DesignError
 
-_SECTIONS: Final = MappingProxyType(
-    {
-        "cell": MiuraCell,
-        "creases": Creases,
-        "panels": Panels,
-        "columns": Columns,
-        "frame": Frame,
-        "board": Board,
-        "shear_layer": ShearLayer,
-        "hall_setting": HallSetting,
-        "coefficients": Coefficients,
-    }
-)
-_LISTS: Final = MappingProxyType({"magnets": Magnet, "halls": HallSite})
-
-#: Unit suffix of each field that has one; the document's key is ``field_suffix``.
-_SUFFIXES: Final = MappingProxyType(
-    {
+_FORM: Final = Form(
+    units={
         "panel_a": "mm",
         "panel_b": "mm",
         "sector_angle": "deg",
@@ -65,7 +32,9 @@ _SUFFIXES: Final = MappingProxyType(
         "remanence": "A_per_m",
         "folding_correction_x": "N",
         "folding_correction_y": "N",
-    }
+    },
+    error=DesignError,
+    number=Decimal,
 )
 
 
@@ -107,10 +76,9 @@ def read_design(name_or_path: str | os.PathLike[str]) -> SkinDesign:
     try:
         text = Path(given).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        known = ", ".join(shipped_designs())
         raise DesignError(
-            f"design must be the name of a shipped design ({known}) or the path of a TOML "
-            f"document; got {given!r} ({error})"
+            f"design must be the name of a shipped design ({', '.join(shipped_designs())}) or the "
+            f"path of a TOML document; got {given!r} ({error})"
         ) from error
     try:
         return parse_design(text)
@@ -127,30 +95,10 @@ def parse_design(text: str) -> SkinDesign:
         If the document is not TOML, has unknown or missing keys, or describes what cannot
         be built; the message names the key and what would be valid.
     """
-    try:
-        document = tomllib.loads(text, parse_float=Decimal)
-    except tomllib.TOMLDecodeError as error:
-        raise DesignError(f"not a TOML document: {error}") from error
-    provenance: dict[str, Provenance] = {}
-    _refuse_unknown("", document, ["name", "cells", *_SECTIONS, *_LISTS])
-    values: dict[str, Any] = {
-        key: _part(key, cls, document.pop(key), provenance) for key, cls in _SECTIONS.items()
-    }
-    for key, cls in _LISTS.items():
-        entries = document.pop(key)
-        if not isinstance(entries, list):
-            raise DesignError(f"{key} must be an array of tables, written [[{key}]]")
-        values[key] = tuple(
-            _part(f"{key}.{index}", cls, entry, provenance) for index, entry in enumerate(entries)
-        )
-    for key, value in document.items():
-        values[key] = _value(key, value, provenance)
-    if not isinstance(values["name"], str):
-        raise DesignError(f"name must be a string; got {values['name']!r}")
-    cells = values["cells"]
-    if not (isinstance(cells, tuple) and [type(n) for n in cells] == [int, int]):
-        raise DesignError(f"cells must be two whole numbers such as [6, 6]; got {cells!r}")
-    return SkinDesign(**values, provenance=provenance)
+    origins: dict[str, dict[str, str]] = {}
+    design = _FORM.record(SkinDesign, _FORM.parse_toml(text), origins)
+    provenance = {path: Provenance(**one) for path, one in origins.items()}  # type: ignore[arg-type]
+    return replace(design, provenance=provenance)
 
 
 def format_design(design: SkinDesign) -> str:
@@ -161,22 +109,8 @@ def format_design(design: SkinDesign) -> str:
     MissingExtraError
         If the TOML writer is not installed.
     """
-    try:
-        import tomli_w
-    except ImportError as error:
-        raise MissingExtraError("writing a design", "cli") from error
-    document: dict[str, Any] = {
-        "name": design.name,
-        "cells": _written("cells", "cells", design.cells, design.provenance)[1],
-    }
-    for key in _SECTIONS:
-        document[key] = _table(key, getattr(design, key), design.provenance)
-    for key in _LISTS:
-        document[key] = [
-            _table(f"{key}.{index}", entry, design.provenance)
-            for index, entry in enumerate(getattr(design, key))
-        ]
-    return tomli_w.dumps(document)
+    origins = {path: asdict(one) for path, one in design.provenance.items()}
+    return format_toml(_FORM.table(design, origins), "writing a design")
 
 
 def design_values(design: SkinDesign) -> list[tuple[str, str, str | int | float]]:
@@ -187,95 +121,19 @@ def design_values(design: SkinDesign) -> list[tuple[str, str, str | int | float]
     >>> design_values(read_design("planar"))[2]
     ('cell.panel_a', 'panel_a_mm', 15.5334)
     """
-    rows: list[tuple[str, str, str | int | float]] = [("name", "name", design.name)]
-    rows.append(("cells", "cells", " x ".join(map(str, design.cells))))
-    parts = [(key, getattr(design, key)) for key in _SECTIONS]
-    for key in _LISTS:
-        parts += [(f"{key}.{index}", one) for index, one in enumerate(getattr(design, key))]
-    for path, part in parts:
-        for one in fields(part):
-            where = f"{path}.{one.name}"
-            key, value = _written(where, one.name, getattr(part, one.name), {})
-            if isinstance(value, list):
-                value = ", ".join(map(str, value))
-            rows.append((where, key, float(value) if isinstance(value, Decimal) else value))
-    return rows
+    return list(_values(design, ""))
 
 
-def _part(path: str, cls: type[Any], table: Any, provenance: dict[str, Provenance]) -> Any:
-    """One record from its table."""
-    if not isinstance(table, dict):
-        raise DesignError(f"{path} must be a table; got {table!r}")
-    keys = {_key(one.name): one.name for one in fields(cls)}
-    required = [_key(one.name) for one in fields(cls) if one.name != "polarity"]
-    _refuse_unknown(path, table, list(keys), required)
-    values = {
-        keys[key]: _value(f"{path}.{keys[key]}", value, provenance) for key, value in table.items()
-    }
-    try:
-        return cls(**values)
-    except TypeError as error:
-        raise DesignError(f"{path}: a value is of the wrong kind ({error})") from error
-
-
-def _key(name: str) -> str:
-    return f"{name}_{_SUFFIXES[name]}" if name in _SUFFIXES else name
-
-
-def _value(path: str, value: Any, provenance: dict[str, Provenance]) -> Any:
-    """One value in SI, noting its provenance."""
-    if isinstance(value, dict):
-        _refuse_unknown(path, value, ["value", "origin", "reason"], ["value", "origin"])
-        provenance[path] = Provenance(origin=value["origin"], reason=value.get("reason", ""))
-        value = value["value"]
-    name = path.rpartition(".")[2]
-    suffix = _SUFFIXES.get(name)
-    many = isinstance(value, list)
-    out = []
-    for one in value if many else [value]:
-        number = isinstance(one, Decimal | int) and not isinstance(one, bool)
-        if suffix is not None and not number:
-            raise DesignError(f"{path} must be a number of {suffix}; got {one!r}")
-        out.append(to_si(one, suffix) if suffix else float(one) if type(one) is Decimal else one)
-    return tuple(out) if many else out[0]
-
-
-def _refuse_unknown(
-    path: str, table: Mapping[str, Any], known: list[str], required: list[str] | None = None
-) -> None:
-    where = f"{path}: " if path else ""
-    for key in table:
-        if key not in known:
-            near = difflib.get_close_matches(key, known, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise DesignError(f"{where}unknown key {key!r}{hint} Valid: {', '.join(known)}")
-    for key in known if required is None else required:
-        if key not in table:
-            raise DesignError(f"{where}missing key {key!r}")
-
-
-def _table(path: str, part: Any, provenance: Mapping[str, Provenance]) -> dict[str, Any]:
-    """One record as its table."""
-    return dict(
-        _written(f"{path}.{one.name}", one.name, getattr(part, one.name), provenance)
-        for one in fields(part)
-    )
-
-
-def _written(
-    path: str, name: str, value: Any, provenance: Mapping[str, Provenance]
-) -> tuple[str, Any]:
-    """The document's key and value of one field."""
-    suffix = _SUFFIXES.get(name)
-    if suffix is not None:
-        value = (
-            [from_si(one, suffix) for one in value]
-            if isinstance(value, tuple)
-            else from_si(value, suffix)
-        )
-    elif isinstance(value, tuple):
-        value = list(value)
-    known = provenance.get(path)
-    if known is not None:
-        value = {"value": value, "origin": known.origin, "reason": known.reason}
-    return _key(name), value
+def _values(part: Any, path: str) -> Iterator[tuple[str, str, str | int | float]]:
+    """The values of a part and of the parts in it."""
+    for one, (key, plain) in zip(fields(part), _FORM.table(part).items(), strict=False):
+        where, value = f"{path}{one.name}", getattr(part, one.name)
+        if is_dataclass(value):
+            yield from _values(value, f"{where}.")
+        elif isinstance(plain, list) and isinstance(plain[0], dict):
+            for index, each in enumerate(value):
+                yield from _values(each, f"{where}.{index}.")
+        elif isinstance(plain, list):
+            yield where, key, (" x " if key == "cells" else ", ").join(map(str, plain))
+        else:
+            yield where, key, float(plain) if isinstance(plain, Decimal) else plain

@@ -6,25 +6,20 @@ the sheet answers on each cell, if that was measured.
 The file is TOML with units in its keys, bound to the design by its hash.
 """
 
-import difflib
 import math
 import os
-import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
-from typing import Any, Final, Self, TypeVar
+from typing import Final, Self
 
-from smoskin.arrays import Floats
 from smoskin.design.skin import Coefficients, SkinDesign
-from smoskin.errors import ArgumentError, DesignError, MissingExtraError, ModelError
+from smoskin.documents import Form, format_toml
+from smoskin.errors import ModelError
 from smoskin.mechanics.reduced.stiffness import board_stiffness, sheet_stiffness
 from smoskin.sensing.closed_form.press_table import PressTable
-from smoskin.units import SI_PER_SUFFIX, from_si, to_si
 
 Triple = tuple[float, float, float]
-_Record = TypeVar("_Record")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,21 +173,23 @@ class Calibration:
             self.press_table.check_fits(design)
 
 
-#: Key and unit suffix of each number in the file; () is plain.
-_NUMBERS: Final = (
-    ("attenuation", ""),
-    ("stiffness_variation", ""),
-    ("folding_correction_x", "N"),
-    ("folding_correction_y", "N"),
-    ("board_stiffness", "N_per_mm"),
-    ("sheet_stiffness", "N_per_mm"),
-    ("chip_rotation", "deg"),
-    ("field_factor", ""),
-    ("field_offset", "uT"),
+_FORM: Final = Form(
+    units={
+        "folding_correction_x": "N",
+        "folding_correction_y": "N",
+        "board_stiffness": "N_per_mm",
+        "sheet_stiffness": "N_per_mm",
+        "chip_rotation": "deg",
+        "field_offset": "uT",
+        "press": "um_per_N",
+        "drag": "um_per_N",
+        "rms": "unit",
+    },
+    error=ModelError,
+    inline=("coefficients",),
+    gaps=True,
+    number=Decimal,
 )
-_COEFFICIENTS: Final = tuple(name for name, _ in _NUMBERS[:4])
-_TABLE: Final = (("press", "um_per_N"), ("drag", "um_per_N"))
-_EVIDENCE: Final = ("date", "data_sha256", "touches", "freedom", "uncertainty", "residuals")
 
 
 def format_calibration(calibration: Calibration) -> str:
@@ -203,38 +200,7 @@ def format_calibration(calibration: Calibration) -> str:
     MissingExtraError
         If the TOML writer is not installed.
     """
-    try:
-        import tomli_w
-    except ImportError as error:
-        raise MissingExtraError("writing a calibration", "cli") from error
-    document: dict[str, Any] = {"design_hash": calibration.design_hash}
-    for name, suffix in _NUMBERS:
-        owner = calibration.coefficients if name in _COEFFICIENTS else calibration
-        document[_key(name, suffix)] = _written(getattr(owner, name), suffix)
-    table = calibration.press_table
-    if table is not None:
-        document["press_table"] = {
-            _key(name, suffix): _written(_tuples(getattr(table, name)), suffix)
-            for name, suffix in _TABLE
-        }
-    evidence = calibration.evidence
-    if evidence is not None:
-        document["evidence"] = {
-            "date": evidence.date,
-            "data_sha256": evidence.data_sha256,
-            "touches": evidence.touches,
-            "freedom": evidence.freedom,
-            "uncertainty": {
-                _key(name, suffix): _written(getattr(evidence.uncertainty, name), suffix)
-                for name, suffix in _NUMBERS
-            },
-            "residuals": [
-                {"group": one.group, "values": one.values, "unit": one.unit,
-                 "rms": _written(one.rms, one.unit)}
-                for one in evidence.residuals
-            ],
-        }  # fmt: skip
-    return tomli_w.dumps(document)
+    return format_toml(_FORM.table(calibration), "writing a calibration")
 
 
 def parse_calibration(text: str) -> Calibration:
@@ -245,47 +211,7 @@ def parse_calibration(text: str) -> Calibration:
     ModelError
         If the document is not TOML, has unknown or missing keys, or holds what cannot be.
     """
-    try:
-        document = tomllib.loads(text, parse_float=Decimal)
-    except tomllib.TOMLDecodeError as error:
-        raise ModelError(f"not a TOML document: {error}") from error
-    keys = [_key(name, suffix) for name, suffix in _NUMBERS]
-    _refuse("", document, ["design_hash", *keys], ["press_table", "evidence"])
-    values = _numbers("", document)
-    values["coefficients"] = _made(Coefficients, {name: values.pop(name) for name in _COEFFICIENTS})
-    table = document.get("press_table")
-    if table is not None:
-        _refuse("press_table", table, [_key(name, suffix) for name, suffix in _TABLE], [])
-        table = _made(PressTable, _numbers("press_table.", table, _TABLE))
-    evidence = document.get("evidence")
-    if evidence is not None:
-        _refuse("evidence", evidence, list(_EVIDENCE), [])
-        spread = evidence["uncertainty"]
-        _refuse("evidence.uncertainty", spread, keys, [])
-        residuals = []
-        for one in _tables("evidence.residuals", evidence["residuals"]):
-            _refuse("evidence.residuals", one, ["group", "values", "unit", "rms"], [])
-            if one["unit"] not in SI_PER_SUFFIX:
-                raise ModelError(f"evidence.residuals.unit is unknown: {one['unit']!r}")
-            rms = _read("evidence.residuals.rms", one["rms"], one["unit"])
-            residuals.append(_made(ResidualSummary, {**one, "rms": rms}))
-        evidence = _made(
-            Evidence,
-            {
-                **evidence,
-                "uncertainty": _made(Uncertainty, _numbers("evidence.uncertainty.", spread)),
-                "residuals": tuple(residuals),
-            },
-        )
-    return _made(
-        Calibration,
-        {
-            **values,
-            "design_hash": str(document["design_hash"]),
-            "press_table": table,
-            "evidence": evidence,
-        },
-    )
+    return _FORM.record(Calibration, _FORM.parse_toml(text))
 
 
 def read_calibration(path: str | os.PathLike[str], design: SkinDesign) -> Calibration:
@@ -302,66 +228,3 @@ def read_calibration(path: str | os.PathLike[str], design: SkinDesign) -> Calibr
     except (OSError, UnicodeDecodeError, ModelError) as error:
         raise ModelError(f"{os.fspath(path)}: {error}") from error
     return calibration
-
-
-def _key(name: str, suffix: str) -> str:
-    return f"{name}_{suffix}" if suffix else name
-
-
-def _written(value: Any, suffix: str) -> Any:
-    """A number or nested tuple of numbers in the suffix's unit."""
-    if isinstance(value, tuple):
-        return [_written(one, suffix) for one in value]
-    return from_si(value, suffix) if suffix and math.isfinite(value) else value
-
-
-def _tuples(array: Floats) -> Any:
-    """An array as nested tuples of numbers."""
-    return tuple(map(_tuples, array)) if array.ndim else float(array)
-
-
-def _numbers(
-    path: str, table: Mapping[str, Any], numbers: tuple[tuple[str, str], ...] = _NUMBERS
-) -> dict[str, Any]:
-    return {name: _read(path + name, table[_key(name, suffix)], suffix) for name, suffix in numbers}
-
-
-def _read(path: str, value: Any, suffix: str) -> Any:
-    """A number or nested tuple of numbers in SI."""
-    if isinstance(value, list):
-        return tuple(_read(path, one, suffix) for one in value)
-    if isinstance(value, bool) or not isinstance(value, int | Decimal):
-        raise ModelError(f"{path} must be a number; got {value!r}")
-    if suffix and math.isfinite(value):
-        return to_si(value, suffix)
-    return float(value)
-
-
-def _tables(path: str, value: Any) -> list[Any]:
-    if not isinstance(value, list):
-        raise ModelError(f"{path} must be an array of tables")
-    return value
-
-
-def _refuse(path: str, table: Any, required: list[str], optional: list[str]) -> None:
-    """Raise on a key that is unknown or missing."""
-    where = f"{path}: " if path else ""
-    if not isinstance(table, dict):
-        raise ModelError(f"{where}must be a table; got {table!r}")
-    known = [*required, *optional]
-    for key in table:
-        if key not in known:
-            near = difflib.get_close_matches(key, known, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise ModelError(f"{where}unknown key {key!r}{hint} Valid: {', '.join(known)}")
-    for key in required:
-        if key not in table:
-            raise ModelError(f"{where}missing key {key!r}")
-
-
-def _made(cls: type[_Record], values: dict[str, Any]) -> _Record:
-    """A record of values from a file, whose faults are the file's."""
-    try:
-        return cls(**values)
-    except (TypeError, ArgumentError, DesignError) as error:
-        raise ModelError(f"a value is of the wrong kind ({error})") from error
