@@ -1,83 +1,83 @@
-"""Smooth functions of where and how hard a skin is touched, in which its answers are written.
+r"""Smooth functions of where and how hard a skin is touched, in which its signals are written.
 
-A touch presses the vertices round it in linear shares (`mechanics.contact`), past the outermost by
-a lever over the last two, and a patch of some radius takes the mean over its disc. What chips read
-is then nearly a sum over vertices of shares times force; products of neighbouring shares and of
-forces carry what is left. Decides these functions along each axis and of the force; hides their
-slopes.
+A touch loads the vertices round it in linear shares (`smoskin.mechanics.sheet.touches`), past the
+outermost by a lever over the last two, and a patch of some radius takes the mean over its disc.
+What chips read is then nearly a sum over vertices of shares times force; products of neighbouring
+shares and of forces carry what is left. Decides the functions $\varphi_p(x)$, $\psi_q(y)$ and
+$g_d(\mathbf F)$ of the section "Table" in `docs/derivations.md`; hides their slopes, and how they
+are summed for many touches at once or for one.
 """
 
 import math
 from bisect import bisect_left, bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Floats, Ints, floats, frozen
+from smoskin.arrays import Floats, Ints, assign, floats, freeze
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.mechanics.sheet.touches import FINGERTIP
 from smoskin.origami.layout import skin_extent
 from smoskin.origami.sheet import loaded_positions
 
-_EXPONENTS = (
-    *((1, 0, 0), (0, 1, 0), (0, 0, 1)),
-    *((2, 0, 0), (0, 2, 0), (0, 0, 2), (1, 1, 0), (1, 0, 1), (0, 1, 1)),
-    *((0, 0, 3), (1, 0, 2), (0, 1, 2), (2, 0, 1), (0, 2, 1), (1, 1, 1)),
+_EXPONENTS: Final = np.array(
+    [
+        *((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+        *((2, 0, 0), (0, 2, 0), (0, 0, 2), (1, 1, 0), (1, 0, 1), (0, 1, 1)),
+        *((0, 0, 3), (1, 0, 2), (0, 1, 2), (2, 0, 1), (0, 2, 1), (1, 1, 1)),
+    ]
 )
-"""Of Fx, Fy and Fz in each product of forces: all of first and second order, and those of third
-order that the normal force takes part in."""
+"""Powers of Fx, Fy and Fz in each product of forces: all of first and second order, and those of
+third order that the normal force takes part in."""
+_AT_ONCE: Final = 2048
+"""Touches whose functions are laid out at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TouchBasis:
-    """Functions of place and force for one size of skin and of touch.
+    r"""Functions of place and force for one size of skin and of touch.
+
+    Any signal is a sum $\sum_{pqd} A_{pqd}\,\varphi_p(x)\,\psi_q(y)\,g_d(\mathbf F)$ ("Table" in
+    `docs/derivations.md`).
 
     Raises
     ------
     ArgumentError
-        If lines do not rise within the skin, or radius or extent are not positive.
+        If lines do not rise within the skin, radius or extent are not positive, or exponents are
+        not rows of three whole numbers >= 0 of which one is positive.
     """
 
     extent: Floats
-    """(2,), m: of the skin along x and y, from its origin."""
+    """(2,), m: length and width of the skin along x and y, from its origin."""
     lines_x: Floats
-    """(N,), m: where the loaded vertices lie along x."""
+    """(N,), m: places of the loaded vertices along x."""
     lines_y: Floats
-    """(M,), m: likewise along y."""
-    radius: float
-    """m, of the patch that touches."""
-    exponents: Ints
-    """(D, 3): of Fx, Fy, Fz in each product of forces."""
+    """(M,), m: places of the loaded vertices along y."""
+    radius: float = FINGERTIP
+    """Radius of the patch that touches, m."""
+    exponents: Ints = field(default_factory=_EXPONENTS.copy)
+    """(D, 3): powers of Fx, Fy, Fz in each product of forces."""
 
-    def __init__(
-        self,
-        *,
-        extent: ArrayLike,
-        lines_x: ArrayLike,
-        lines_y: ArrayLike,
-        radius: float = FINGERTIP,
-        exponents: ArrayLike = _EXPONENTS,
-    ) -> None:
-        whole = frozen("extent", extent, (2,))
-        lines = frozen("lines_x", lines_x, (None,)), frozen("lines_y", lines_y, (None,))
-        for name, line, end in zip(("lines_x", "lines_y"), lines, whole, strict=True):
+    def __post_init__(self) -> None:
+        freeze(self, extent=(2,), lines_x=(None,), lines_y=(None,), exponents=(None, 3))
+        for name, end in zip(("lines_x", "lines_y"), self.extent, strict=True):
+            line = getattr(self, name)
             if not (len(line) and line[0] >= 0 and line[-1] <= end and (np.diff(line) > 0).all()):
                 raise ArgumentError(f"{name} must rise within 0..{end} m; got {line}")
-        if not (0 < radius < np.inf and (whole > 0).all()):
-            raise ArgumentError(f"radius and extent must be positive; got {radius} m and {whole} m")
-        powers = np.array(exponents, dtype=np.int64)
-        if powers.ndim != 2 or powers.shape[1] != 3 or (powers.sum(axis=1) < 1).any():
+        if not (0 < self.radius < np.inf and (self.extent > 0).all()):
             raise ArgumentError(
-                f"exponents must be rows of 3, not all zero; got shape {powers.shape}"
+                f"radius and extent must be positive; got {self.radius} m and {self.extent} m"
             )
-        powers.setflags(write=False)
-        object.__setattr__(self, "extent", whole)
-        object.__setattr__(self, "lines_x", lines[0])
-        object.__setattr__(self, "lines_y", lines[1])
-        object.__setattr__(self, "radius", float(radius))
-        object.__setattr__(self, "exponents", powers)
+        powers = np.asarray(self.exponents, dtype=np.int64)
+        if (powers != self.exponents).any() or powers.min() < 0 or (powers.sum(axis=1) < 1).any():
+            raise ArgumentError(
+                f"exponents must be whole, >= 0 and not all zero in a row; got {self.exponents}"
+            )
+        powers.flags.writeable = False
+        assign(self, exponents=powers, radius=float(self.radius))
 
     @classmethod
     def of(cls, design: SkinDesign, radius: float = FINGERTIP) -> "TouchBasis":
@@ -95,26 +95,23 @@ class TouchBasis:
         """How many functions along x, along y and of the force, (P, Q, D)."""
         return 2 * len(self.lines_x) - 1, 2 * len(self.lines_y) - 1, len(self.exponents)
 
+    @property
+    def vertices(self) -> int:
+        """How many vertices a touch may load, H = N M."""
+        return len(self.lines_x) * len(self.lines_y)
+
     def along_x(self, x: Floats) -> tuple[Floats, Floats]:
-        """Functions of x and their slopes, (..., P), and per metre."""
+        """Functions of x and their slopes, (..., P), 1 and 1/m."""
         return _line(x, self.lines_x, self.radius)
 
     def along_y(self, y: Floats) -> tuple[Floats, Floats]:
-        """Functions of y and their slopes, (..., Q), and per metre."""
+        """Functions of y and their slopes, (..., Q), 1 and 1/m."""
         return _line(y, self.lines_y, self.radius)
 
     def products(self, force: Floats) -> tuple[Floats, Floats]:
-        """Products of forces and their slopes by each force.
+        """Products of forces (..., 3), N, and their slopes by each force, (..., D) and (..., 3, D).
 
-        Parameters
-        ----------
-        force : Floats, shape (..., 3)
-            N.
-
-        Returns
-        -------
-        products : Floats, shape (..., D)
-        slopes : Floats, shape (..., 3, D)
+        The slopes' axis before the last is that of Fx, Fy and Fz.
         """
         e = self.exponents
         powers = force[..., None] ** np.arange(e.max() + 1)
@@ -124,12 +121,53 @@ class TouchBasis:
         return fx * fy * fz, np.stack([dx * fy * fz, fx * dy * fz, fx * fy * dz], axis=-2)
 
     def rows(self, position: ArrayLike, force: ArrayLike) -> Floats:
-        """All functions of B touches, flat, (B, P Q D)."""
-        where, push = floats("position", position, (None, 2)), floats("force", force, (None, 3))
-        x, y = self.along_x(where[:, 0])[0], self.along_y(where[:, 1])[0]
-        places = (x[:, :, None] * y[:, None, :]).reshape(len(where), -1)
+        """All functions of B touches, (B, 2) m and (B, 3) N, side by side: (B, P Q D)."""
+        place, push = touch_arrays(position, force)
+        phi, psi = self.along_x(place[:, 0])[0], self.along_y(place[:, 1])[0]
+        places = (phi[:, :, None] * psi[:, None, :]).reshape(len(place), -1)
         g = self.products(push)[0]
-        return np.asarray((places[:, :, None] * g[:, None, :]).reshape(len(where), -1))
+        return np.asarray((places[:, :, None] * g[:, None, :]).reshape(len(place), -1))
+
+    def sums(self, coefficients: Floats, position: ArrayLike, force: ArrayLike) -> Floats:
+        """Sums of the functions with coefficients (P, Q, D, V) for B touches, (B, V)."""
+        place, push = touch_arrays(position, force)
+        flat = coefficients.reshape(math.prod(self.shape), -1)
+        parts = [slice(k, k + _AT_ONCE) for k in range(0, max(len(place), 1), _AT_ONCE)]
+        return np.concatenate([self.rows(place[k], push[k]) @ flat for k in parts])
+
+    def sums_and_slopes(
+        self, coefficients: Floats, position: ArrayLike, force: ArrayLike
+    ) -> tuple[Floats, Floats]:
+        """The sums (B, V) and their slopes by x, y, Fx, Fy and Fz, (B, 5, V)."""
+        place, push = touch_arrays(position, force)
+        p, q, d = self.shape
+        phi = np.stack(self.along_x(place[:, 0]))
+        psi = np.stack(self.along_y(place[:, 1]), axis=1)
+        g, by_force = self.products(push)
+        along_y = (phi @ coefficients.reshape(p, -1)).reshape(2, len(place), q, -1)
+        # Of function and slope along x, each summed along y with functions and slopes there.
+        mixed = (psi @ along_y).reshape(2, len(place), 2, d, -1)
+        by_place = np.stack([mixed[1, :, 0], mixed[0, :, 1]], axis=1)
+        slopes = (g[:, None, None] @ by_place)[:, :, 0]
+        here = mixed[0, :, 0]
+        return (g[:, None] @ here)[:, 0], np.concatenate([slopes, by_force @ here], axis=1)
+
+
+def touch_arrays(position: ArrayLike, force: ArrayLike) -> tuple[Floats, Floats]:
+    """Places (B, 2), m, and forces (B, 3), N, of B touches.
+
+    Raises
+    ------
+    ArgumentError
+        If they have other shapes.
+    """
+    place, push = floats("position", position, (None, 2)), floats("force", force, (None, 3))
+    if place.ndim != 2 or push.shape != (len(place), 3):
+        raise ArgumentError(
+            f"position and force must have shapes (B, 2) and (B, 3); got {place.shape} and "
+            f"{push.shape}"
+        )
+    return place, push
 
 
 class PointLine:
@@ -148,81 +186,80 @@ class PointLine:
         self._pitch: list[float] = np.diff(lines).tolist()
         self._radius = radius
 
-    def near(self, where: float) -> tuple[int, Floats]:
-        """Shares of the few vertices that a touch there loads, and products of neighbours.
+    def near(self, x: float) -> tuple[int, Floats]:
+        """Shares of the few vertices that a touch at `x` loads, and products of neighbours.
 
         Returns
         -------
         first : int
-            Of those vertices.
+            The first of those vertices.
         rows : Floats, shape (2, 2 n - 1)
             Shares and products in turn, and their slopes. Plain numbers start faster than arrays.
         """
         lines, radius = self._lines, self._radius
         if len(lines) == 1:
             return 0, np.array([[1.0], [0.0]])
-        first = min(max(bisect_right(lines, where - radius) - 1, 0), len(lines) - 2)
-        last = max(min(bisect_left(lines, where + radius), len(lines) - 1), first + 1)
+        first = min(max(bisect_right(lines, x - radius) - 1, 0), len(lines) - 2)
+        last = max(min(bisect_left(lines, x + radius), len(lines) - 1), first + 1)
         # Before the first ramps are straight, at the last none has begun; so it is at the end
         # vertices, which carry on as levers.
-        here, steep = where - lines[first], 1.0
+        ramp, slope = x - lines[first], 1.0
         shares, slopes = [1.0], [0.0]
         for k in range(first, last):
-            after, steeper = (
-                _point_ramp(where - lines[k + 1], radius) if k + 1 < last else (0.0, 0.0)
+            next_ramp, next_slope = (
+                _point_ramp(x - lines[k + 1], radius) if k + 1 < last else (0.0, 0.0)
             )
-            rise, tilt = (here - after) / self._pitch[k], (steep - steeper) / self._pitch[k]
+            rise = (ramp - next_ramp) / self._pitch[k]
+            tilt = (slope - next_slope) / self._pitch[k]
             shares[-1] -= rise
             slopes[-1] -= tilt
             shares += (0.0, rise)
             slopes += (0.0, tilt)
-            here, steep = after, steeper
+            ramp, slope = next_ramp, next_slope
         for k in range(1, len(shares), 2):
             shares[k] = shares[k - 1] * shares[k + 1]
             slopes[k] = slopes[k - 1] * shares[k + 1] + shares[k - 1] * slopes[k + 1]
         return first, np.array([shares, slopes])
 
-    def at(self, where: float) -> Floats:
-        """All functions and their slopes, (2, 2 N - 1)."""
-        first, rows = self.near(where)
-        count, vertices = rows.shape[1] // 2, len(self._lines)
-        out = np.zeros((2, 2 * vertices - 1))
-        out[:, first : first + count + 1] = rows[:, ::2]
-        out[:, vertices + first : vertices + first + count] = rows[:, 1::2]
+    def shares(self, x: float) -> Floats:
+        """Shares of all vertices and their slopes, (2, N)."""
+        first, rows = self.near(x)
+        out = np.zeros((2, len(self._lines)))
+        out[:, first : first + rows.shape[1] // 2 + 1] = rows[:, ::2]
         return out
 
 
 def _point_ramp(distance: float, radius: float) -> tuple[float, float]:
-    """One value of `_ramp`, in m."""
+    """One value and slope of `_ramp`, in m."""
     if distance >= radius:
         return distance, 1.0
     if distance <= -radius:
         return 0.0, 0.0
     u = distance / radius
     root = math.sqrt(1 - u * u)
-    turn = math.asin(u)
-    mean = u / 2 + (u * turn + root - root**3 / 3) / math.pi
-    return radius * mean, 0.5 + (u * root + turn) / math.pi
+    angle = math.asin(u)
+    mean = u / 2 + (u * angle + root - root**3 / 3) / math.pi
+    return radius * mean, 0.5 + (u * root + angle) / math.pi
 
 
-def _line(where: Floats, lines: Floats, radius: float) -> tuple[Floats, Floats]:
+def _line(x: Floats, lines: Floats, radius: float) -> tuple[Floats, Floats]:
     """Shares of the vertices on a line and products of neighbours, with their slopes."""
-    ramp, slope = _ramp((where[..., None] - lines) / radius)
+    ramp, slope = _ramp((x[..., None] - lines) / radius)
     # The end vertices carry on as levers: no ramp begins at them.
-    ramp[..., 0], slope[..., 0] = (where - lines[0]) / radius, 1.0
+    ramp[..., 0], slope[..., 0] = (x - lines[0]) / radius, 1.0
     ramp[..., -1] = slope[..., -1] = 0.0
     pitch = np.diff(lines)
     rise = radius * (ramp[..., :-1] - ramp[..., 1:]) / pitch
-    steep = (slope[..., :-1] - slope[..., 1:]) / pitch
-    hats, tilts = (np.zeros((*where.shape, len(lines))) for _ in range(2))
-    hats[..., 0] = 1.0
-    hats[..., 1:] += rise
-    hats[..., :-1] -= rise
-    tilts[..., 1:] += steep
-    tilts[..., :-1] -= steep
-    bubbles = hats[..., 1:] * hats[..., :-1]
-    bends = tilts[..., 1:] * hats[..., :-1] + hats[..., 1:] * tilts[..., :-1]
-    return np.concatenate([hats, bubbles], axis=-1), np.concatenate([tilts, bends], axis=-1)
+    tilt = (slope[..., :-1] - slope[..., 1:]) / pitch
+    shares, slopes = (np.zeros((*x.shape, len(lines))) for _ in range(2))
+    shares[..., 0] = 1.0
+    shares[..., 1:] += rise
+    shares[..., :-1] -= rise
+    slopes[..., 1:] += tilt
+    slopes[..., :-1] -= tilt
+    products = shares[..., 1:] * shares[..., :-1]
+    bends = slopes[..., 1:] * shares[..., :-1] + shares[..., 1:] * slopes[..., :-1]
+    return np.concatenate([shares, products], axis=-1), np.concatenate([slopes, bends], axis=-1)
 
 
 def _ramp(u: Floats) -> tuple[Floats, Floats]:
@@ -232,6 +269,6 @@ def _ramp(u: Floats) -> tuple[Floats, Floats]:
     """
     inside = np.clip(u, -1.0, 1.0)
     root = np.sqrt(1 - inside * inside)
-    turn = np.arcsin(inside)
-    mean = inside / 2 + (inside * turn + root - root**3 / 3) / np.pi
-    return mean + np.maximum(u - 1, 0), 0.5 + (inside * root + turn) / np.pi
+    angle = np.arcsin(inside)
+    mean = inside / 2 + (inside * angle + root - root**3 / 3) / np.pi
+    return mean + np.maximum(u - 1, 0), 0.5 + (inside * root + angle) / np.pi

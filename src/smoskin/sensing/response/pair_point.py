@@ -47,7 +47,6 @@ class PairPoint:
         self._lines = tuple(
             PointLine(line, basis.radius) for line in (basis.lines_x, basis.lines_y)
         )
-        self._counts = len(basis.lines_x), len(basis.lines_y)
         vertices = len(table.grip)
         # (H, 6 H) by the vertex that moves, then (6 rows, 2, 3, H) by the one that is pushed.
         self._grip = np.ascontiguousarray(table.grip.swapaxes(2, 3).reshape(vertices, -1))
@@ -106,7 +105,7 @@ class PairPoint:
 
     def _rates(self, x: float, y: float) -> Floats:
         """Shares of the vertices and their slopes along x and y, (3, H)."""
-        on_x, by_x = self._lines[0].at(x)[:, : self._counts[0]]
-        on_y, by_y = self._lines[1].at(y)[:, : self._counts[1]]
+        on_x, by_x = self._lines[0].shares(x)
+        on_y, by_y = self._lines[1].shares(y)
         pairs = [np.outer(on_x, on_y), np.outer(by_x, on_y), np.outer(on_x, by_y)]
         return np.stack(pairs).reshape(3, -1)

@@ -17,12 +17,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Floats, Ints, floats, frozen
+from smoskin.arrays import Floats, Ints, floats, freeze
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.nonlinearity import cross_signals
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.sensing.files import RESPONSE_TABLE, TensorFile
-from smoskin.sensing.response.basis import PointLine, TouchBasis
+from smoskin.sensing.response.basis import PointLine, TouchBasis, touch_arrays
 from smoskin.sensing.response.pairs import mutual_drags
 
 _FILE: Final = TensorFile("a response table", RESPONSE_TABLE, 3, older=(2,))
@@ -42,13 +42,11 @@ _SHORT: Final = ("modes", "grip_modes")
 rounding changes, 0.03 uT of 200, is a hundredth of the misfit."""
 _LARGEST_SHORT: Final = 6e4
 """Steps of the largest number, near the largest that half precision knows."""
-_CHUNK: Final = 2048
-"""Touches whose functions are laid out at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ResponseTable:
-    """Signals of S chips for touches with D products of forces on P x Q functions of place.
+    r"""Signals of S chips for touches with D products of forces on P x Q functions of place.
 
     A signal is what a chip reads, turned into the skin's axes as designed, at the magnets'
     reference temperature, less what it reads untouched. C = 3 S of them stand in a row.
@@ -57,33 +55,45 @@ class ResponseTable:
     ------
     ModelError
         If arrays do not fit each other or are not finite.
+
+    Notes
+    -----
+    A made skin's signals under a force $\mathbf F$ at $\mathbf p$, with rubber warmer by $\Delta$:
+
+    $$ \mathbf y = \mathbf s(\mathbf p, \mathbf f) + \Delta\, \mathbf u(\mathbf p, \mathbf f)
+    + \sum_k w_k \mathbf m_k(\mathbf p, \mathbf f) + |\mathbf F| \mathbf e + \mathbf n, \qquad
+    \mathbf f = \mathbf F / (1 + \beta \Delta), $$
+
+    with $w_k \sim N(0, 1)$ of the skin, misfit $\mathbf e \sim N(0, E)$ of the touch and noise
+    $\mathbf n \sim N(0, N)$ of the reading; see "Table" and "Modes" in `docs/derivations.md`.
     """
 
     design_hash: str
     """Content hash of the design."""
     basis: TouchBasis
     chips: tuple[int, ...]
-    """(S,): which of the skin's chips, by their place in a reading."""
+    """(S,): chips of the skin that the signals come from, by their place in a reading."""
     forces: tuple[float, float]
     """N: normal forces from and to which it was fitted."""
     mean: Floats
-    """(P, Q, D, C), T/N^k: coefficients of the likeliest answer."""
+    """(P, Q, D, C), T/N^k: coefficients of the likeliest answer s."""
     softening: float
-    """1/K: how much stiffer a degree makes the rubber, which takes that share off every force."""
+    """beta, 1/K: share by which a degree stiffens the rubber, and that it takes off every force."""
     warmth: Floats
-    """(P, Q, D, C): what a degree changes besides."""
+    """(P, Q, D, C), T/N^k/K: coefficients of u, what a degree changes besides."""
     modes: Floats
-    """(K, P, Q, D, C): how skins differ from it, each by one standard deviation."""
+    """(K, P, Q, D, C): coefficients of the modes m, each by one standard deviation of skins."""
     grip: Floats
-    """(H, 2, H, 3), H = N M vertices, m/N: how each moves in the plane by a force on each, along
-    x, y and down (`mechanics.gripping`); zero where touches are taken not to hold the sheet."""
+    """G, (H, 2, H, 3), H = N M vertices, m/N: motion of each in the plane by a force on each, along
+    x, y and down (`mechanics.sheet.compliance`); zero where touches are taken not to hold the
+    sheet."""
     grip_modes: Floats
-    """(K, H, 2, H, 3): how that differs with each of the modes."""
+    """(K, H, 2, H, 3): change of the grip with each of the modes."""
     curvature: Floats
-    """(S, 3, 3, 3), 1/T: what two touches add to the sum of their signals at a chip; by signal of
-    one, signal of the other, and signal that it adds to. See `smoskin.sensing.response.pairs`."""
+    """kappa, (S, 3, 3, 3), 1/T: what two touches add to the sum of their signals at a chip; by
+    signal of one, signal of the other, and signal that it adds to."""
     misfit: Floats
-    """(C, C), T^2/N^2: covariance of what the table misses, for a touch of a newton."""
+    """E, (C, C), T^2/N^2: covariance of what the table misses, for a touch of a newton."""
     pair_misfit: Floats
     """(C, C), T^2/N^2: what it misses more with two touches, for a newton of both squared."""
     origin: Mapping[str, Any] = field(default_factory=dict)
@@ -91,34 +101,31 @@ class ResponseTable:
     nobody said."""
 
     def __post_init__(self) -> None:
-        p, q, d = self.basis.shape
-        count = 3 * len(self.chips)
-        vertices = len(self.basis.lines_x) * len(self.basis.lines_y)
-        shapes: dict[str, tuple[int | None, ...]] = {
-            "mean": (p, q, d, count),
-            "warmth": (p, q, d, count),
-            "modes": (None, p, q, d, count),
-            "grip": (vertices, 2, vertices, 3),
-            "grip_modes": (len(self.modes), vertices, 2, vertices, 3),
-            "curvature": (len(self.chips), 3, 3, 3),
-            "misfit": (count, count),
-            "pair_misfit": (count, count),
-        }
-        for name, shape in shapes.items():
-            try:
-                array = frozen(name, getattr(self, name), shape)
-            except ArgumentError as error:
-                raise ModelError(f"response table: {error}") from error
-            if not np.isfinite(array).all():
+        functions, count, held = self.basis.shape, 3 * len(self.chips), self.basis.vertices
+        try:
+            freeze(
+                self,
+                mean=(*functions, count),
+                warmth=(*functions, count),
+                modes=(None, *functions, count),
+                grip=(held, 2, held, 3),
+                grip_modes=(len(self.modes), held, 2, held, 3),
+                curvature=(len(self.chips), 3, 3, 3),
+                misfit=(count, count),
+                pair_misfit=(count, count),
+            )
+        except ArgumentError as error:
+            raise ModelError(f"response table: {error}") from error
+        for name in _TENSORS:
+            if not np.isfinite(getattr(self, name)).all():
                 raise ModelError(f"response table: {name} must be finite")
-            object.__setattr__(self, name, array)
         if not self.chips or not 0 < self.forces[0] < self.forces[1]:
             raise ModelError("response table: must have chips and rising positive forces")
 
     def signals(
         self, position: ArrayLike, force: ArrayLike, temperature: ArrayLike = REFERENCE_TEMPERATURE
     ) -> Floats:
-        """What the chips read under each of B touches.
+        """What the chips read under each of B touches, s + Delta u.
 
         Parameters
         ----------
@@ -127,54 +134,46 @@ class ResponseTable:
         force : array_like, shape (B, 3)
             N, on the skin; pressing is negative z.
         temperature : array_like, shape (B,) or (), optional
-            Of the rubber, degC.
+            Rubber temperature, degC.
 
         Returns
         -------
         Floats, shape (B, C)
             T.
         """
-        where, push = _touches(position, force)
+        place, push = touch_arrays(position, force)
         warmer = np.broadcast_to(
-            floats("temperature", temperature) - REFERENCE_TEMPERATURE, len(where)
+            floats("temperature", temperature) - REFERENCE_TEMPERATURE, len(place)
         )
         push = push / (1 + self.softening * warmer)[:, None]
-        both = np.concatenate([self.mean, self.warmth], axis=-1).reshape(-1, 2 * self.count)
-        out = np.concatenate(
-            [self.basis.rows(where[k], push[k]) @ both for k in _chunks(len(where))]
-        )
+        both = np.concatenate([self.mean, self.warmth], axis=-1)
+        out = self.basis.sums(both, place, push)
         return np.asarray(out[:, : self.count] + warmer[:, None] * out[:, self.count :])
 
     def mode_signals(self, position: ArrayLike, force: ArrayLike) -> Floats:
-        """What each mode adds to that, shape (B, K, C), T."""
-        where, push = _touches(position, force)
-        functions = int(np.prod(self.basis.shape))
-        flat = self.modes.reshape(-1, functions, self.count).transpose(1, 0, 2)
-        out = [
-            self.basis.rows(where[k], push[k])
-            @ flat.reshape(functions, len(self.modes) * self.count)
-            for k in _chunks(len(where))
-        ]
-        return np.concatenate(out).reshape(len(where), len(self.modes), self.count)
+        """What each mode adds to that, m_k, shape (B, K, C), T."""
+        out = self.basis.sums(np.moveaxis(self.modes, 0, -2), position, force)
+        return out.reshape(len(out), len(self.modes), self.count)
 
     def slopes(self, position: ArrayLike, force: ArrayLike) -> Floats:
-        """Derivatives of the signals by (x, y, Fx, Fy, Fz), shape (B, C, 5), T/m and T/N."""
-        where, push = _touches(position, force)
-        table = self.point_table()
-        places = where.tolist()
-        return np.stack([table.at(x, y, f)[1].T for (x, y), f in zip(places, push, strict=True)])
+        """Derivatives J of the signals by (x, y, Fx, Fy, Fz), shape (B, C, 5), T/m and T/N."""
+        return self.basis.sums_and_slopes(self.mean, position, force)[1].swapaxes(1, 2)
 
     def together(self, position: ArrayLike, force: ArrayLike) -> Floats:
         """What B pairs of touches read at once, (B, 2, 2) m and (B, 2, 3) N; shape (B, C).
 
         Each touch that sticks holds the sheet in the plane under the other, so that they drag each
-        other, and the field is not linear in motion: see `smoskin.sensing.response.pairs`.
+        other, and the field is not linear in motion: "Pairs" in `docs/derivations.md`.
         """
-        where, push = floats("position", position, (2, 2)), floats("force", force, (2, 3))
-        drags = mutual_drags(self.grip, self.vertex_shares(where), -push[..., 2])
-        push = np.concatenate([push[..., :2] + drags, push[..., 2:]], axis=-1)
-        one, other = (self.signals(where[:, k], push[:, k]) for k in (0, 1))
+        one, other = self.dragged(position, force)
         return np.asarray(one + other + cross_signals(self.curvature, one, other))
+
+    def dragged(self, position: ArrayLike, force: ArrayLike) -> Floats:
+        """What each touch of B pairs reads with the drags of the other, shape (2, B, C)."""
+        place, push = floats("position", position, (2, 2)), floats("force", force, (2, 3))
+        drags = mutual_drags(self.grip, self.vertex_shares(place), -push[..., 2])
+        push = np.concatenate([push[..., :2] + drags, push[..., 2:]], axis=-1)
+        return np.stack([self.signals(place[:, k], push[:, k]) for k in (0, 1)])
 
     def vertex_shares(self, position: Floats) -> Floats:
         """Share of each vertex in touches at (..., 2), shape (..., H)."""
@@ -314,9 +313,9 @@ class PointTable:
         self._coefficients = coefficients
         self._lines = PointLine(basis.lines_x, basis.radius), PointLine(basis.lines_y, basis.radius)
         # Vertices and products of neighbours in turn: what a touch needs stands together.
-        turns = [_in_turn(len(line)) for line in (basis.lines_x, basis.lines_y)]
+        orders = [_in_turn(len(line)) for line in (basis.lines_x, basis.lines_y)]
         p, q, *_ = coefficients.shape
-        self._block = np.ascontiguousarray(coefficients[np.ix_(*turns)].reshape(p, q, -1))
+        self._block = np.ascontiguousarray(coefficients[np.ix_(*orders)].reshape(p, q, -1))
         # Which powers make each product and its slopes by each force, and their factors.
         e = basis.exponents
         self._highest = int(e.max())
@@ -331,62 +330,33 @@ class PointTable:
 
     def at(self, x: float, y: float, force: Floats) -> tuple[Floats, Floats]:
         """Signals (C,) and their slopes by x, y, Fx, Fy, Fz, (5, C)."""
-        (i, by_x), (j, by_y) = self._lines[0].near(x), self._lines[1].near(y)
-        a, b, d = by_x.shape[1], by_y.shape[1], len(self.basis.exponents)
+        (i, phi), (j, psi) = self._lines[0].near(x), self._lines[1].near(y)
+        a, b, d = phi.shape[1], psi.shape[1], len(self.basis.exponents)
         part = self._block[2 * i : 2 * i + a, 2 * j : 2 * j + b].reshape(a, -1)
-        value, slope = (by_x @ part).reshape(2, b, -1)
-        held, across = (by_y @ value).reshape(2, d, -1)
-        along = (by_y[0] @ slope).reshape(d, -1)
+        here, steep = (phi @ part).reshape(2, b, -1)
+        value, by_y = (psi @ here).reshape(2, d, -1)
+        by_x = (psi[0] @ steep).reshape(d, -1)
         powers = []
-        for one in force.tolist():
+        for component in force.tolist():
             power = 1.0
             powers.append(power)
             for _ in range(self._highest):
-                power *= one
+                power *= component
                 powers.append(power)
         g = self._factors * np.array(powers)[self._powers].prod(axis=0)
-        both = g @ held
+        both = g @ value
         out = np.empty((5, both.shape[1]))
-        out[0], out[1], out[2:] = g[0] @ along, g[0] @ across, both[1:]
+        out[0], out[1], out[2:] = g[0] @ by_x, g[0] @ by_y, both[1:]
         return both[0], out
 
     def scan(self, x: Floats, y: Floats, force: Floats) -> tuple[Floats, Floats]:
         """Signals (B, C) and slopes (B, 5, C) at many places under one force."""
-        basis = self.basis
-        on_x, by_x = basis.along_x(x)
-        on_y, by_y = basis.along_y(y)
-        g, by_force = basis.products(force)
-        p, q, _, count = self._coefficients.shape
-        mixed = np.concatenate([g[None], by_force]) @ self._coefficients
-        flat = mixed.reshape(p, q, 4 * count)
-        # (P, Q, 4 C): contract along y, then along x.
-        held = np.einsum("bq,pqc->bpc", on_y, flat)
-        across = np.einsum("bq,pqc->bpc", by_y, flat[..., :count])
-        value = np.einsum("bp,bpc->bc", on_x, held).reshape(len(x), 4, count)
-        out = np.empty((len(x), 5, count))
-        out[:, 0] = np.einsum("bp,bpc->bc", by_x, held[..., :count])
-        out[:, 1] = np.einsum("bp,bpc->bc", on_x, across)
-        out[:, 2:] = value[:, 1:]
-        return value[:, 0], out
+        return self.basis.sums_and_slopes(
+            self._coefficients, np.stack([x, y], axis=-1), np.broadcast_to(force, (len(x), 3))
+        )
 
 
 def _in_turn(vertices: int) -> Ints:
     """Order of a line's functions in which each vertex is followed by its product with the next."""
     order = np.arange(2 * vertices - 1)
     return np.where(order % 2 == 0, order // 2, vertices + order // 2)
-
-
-def _touches(position: ArrayLike, force: ArrayLike) -> tuple[Floats, Floats]:
-    """Places and forces of B touches each."""
-    where, push = floats("position", position, (None, 2)), floats("force", force, (None, 3))
-    if where.ndim != 2 or push.shape != (len(where), 3):
-        raise ArgumentError(
-            f"position and force must have shapes (B, 2) and (B, 3); got {where.shape} and "
-            f"{push.shape}"
-        )
-    return where, push
-
-
-def _chunks(rows: int) -> list[slice]:
-    """Parts of a batch that are laid out at once."""
-    return [slice(k, k + _CHUNK) for k in range(0, max(rows, 1), _CHUNK)]
