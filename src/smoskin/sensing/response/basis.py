@@ -1,11 +1,11 @@
-r"""Smooth functions of where and how hard a skin is touched, in which its signals are written.
+"""Smooth functions of where and how hard a skin is touched, in which its signals are written.
 
 A touch loads the vertices round it in linear shares (`smoskin.mechanics.sheet.touches`), past the
 outermost by a lever over the last two, and a patch of some radius takes the mean over its disc.
 What chips read is then nearly a sum over vertices of shares times force; products of neighbouring
-shares and of forces carry what is left. Decides the functions $\varphi_p(x)$, $\psi_q(y)$ and
-$g_d(\mathbf F)$ of the section "Table" in `docs/derivations.md`; hides their slopes, and how they
-are summed for many touches at once or for one.
+shares and of forces carry what is left. Decides the functions phi_p(x), psi_q(y) and g_d(F) of
+the section "The table" in `docs/derivations.md`; hides their slopes, and how they are summed for
+many touches at once or for one.
 """
 
 import math
@@ -38,10 +38,10 @@ _AT_ONCE: Final = 2048
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TouchBasis:
-    r"""Functions of place and force for one size of skin and of touch.
+    """Functions of place and force for one size of skin and of touch.
 
-    Any signal is a sum $\sum_{pqd} A_{pqd}\,\varphi_p(x)\,\psi_q(y)\,g_d(\mathbf F)$ ("Table" in
-    `docs/derivations.md`).
+    Every signal is a sum ``s(x, y, F) = sum_pqd A_pqd phi_p(x) psi_q(y) g_d(F)``: "The table" in
+    `docs/derivations.md`.
 
     Raises
     ------

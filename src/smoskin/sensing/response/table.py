@@ -46,7 +46,7 @@ _LARGEST_SHORT: Final = 6e4
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ResponseTable:
-    r"""Signals of S chips for touches with D products of forces on P x Q functions of place.
+    """Signals of S chips for touches with D products of forces on P x Q functions of place.
 
     A signal is what a chip reads, turned into the skin's axes as designed, at the magnets'
     reference temperature, less what it reads untouched. C = 3 S of them stand in a row.
@@ -58,14 +58,12 @@ class ResponseTable:
 
     Notes
     -----
-    A made skin's signals under a force $\mathbf F$ at $\mathbf p$, with rubber warmer by $\Delta$:
+    What a made skin reads of a touch at p with F, its rubber warmer than the reference by D::
 
-    $$ \mathbf y = \mathbf s(\mathbf p, \mathbf f) + \Delta\, \mathbf u(\mathbf p, \mathbf f)
-    + \sum_k w_k \mathbf m_k(\mathbf p, \mathbf f) + |\mathbf F| \mathbf e + \mathbf n, \qquad
-    \mathbf f = \mathbf F / (1 + \beta \Delta), $$
+        y = s(p, f) + D u(p, f) + sum_k w_k m_k(p, f) + |F| e + n,   f = F / (1 + beta D)
 
-    with $w_k \sim N(0, 1)$ of the skin, misfit $\mathbf e \sim N(0, E)$ of the touch and noise
-    $\mathbf n \sim N(0, N)$ of the reading; see "Table" and "Modes" in `docs/derivations.md`.
+    with weights w_k ~ N(0, 1) of the skin, misfit e ~ N(0, E) of the touch and noise n ~ N(0, N)
+    of the reading: "The table" and "Modes" in `docs/derivations.md`.
     """
 
     design_hash: str
