@@ -277,7 +277,7 @@ def load_response_table(name_or_path: str | os.PathLike[str]) -> ResponseTable:
     return _FILE.read(given, names, _table)
 
 
-def _table(arrays: dict[str, Floats], header: dict[str, Any]) -> ResponseTable:
+def _table(arrays: dict[str, Any], header: dict[str, Any]) -> ResponseTable:
     """The table of a file's arrays and header."""
     low, high = (float(one) for one in header["forces_N"])
     for name, step in header.get("steps", {}).items():
