@@ -10,7 +10,6 @@ from smoskin.sensing.response.calibrate import (
     LabelledTouches,
     TouchPlanner,
     calibrate_touches,
-    next_touch,
     plan_touches,
 )
 from smoskin.sensing.signals.signals import signal_noise
@@ -96,11 +95,11 @@ def test_each_planned_touch_lowers_the_expected_error(skin, noise):
     plan = plan_touches(table, 8, noise)
     errors = [one.error for one in plan]
     assert errors == sorted(errors, reverse=True)
-    assert next_touch(table, noise).error == pytest.approx(errors[0])
+    assert TouchPlanner(table, noise).next().error == pytest.approx(errors[0])
     # After the first touch the tool proposes the second of the plan.
     touches = touch_planned(skin, table, noise, 1)
     after = replace(calibrate_touches(table, touches, noise), misfit=table.misfit)
-    assert next_touch(after, noise).error == pytest.approx(errors[1], rel=0.05)
+    assert TouchPlanner(after, noise).next().error == pytest.approx(errors[1], rel=0.05)
 
 
 def test_the_planner_knows_what_every_touch_leaves_open(skin, noise):

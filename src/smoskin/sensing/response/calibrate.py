@@ -4,15 +4,17 @@ Skins of a design differ in the modes of its response table, each with a weight 
 before anything is known. A labelled touch measures a mix of them, so that the weights' posterior
 is linear regression; the calibrated table is the likeliest one, its modes what is still open. The
 next touch is the one after which straight touches all over the skin are located and weighed best.
+Decides which touches are proposed and what is made of them; the equations are those of
+"Calibration by a few touches" and "The next touch" in `docs/derivations.md`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Floats, floats, frozen
+from smoskin.arrays import Floats, assign, floats, freeze
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.origami.layout import places_to_the_rim
@@ -22,23 +24,23 @@ from smoskin.sensing.response.table import ResponseTable
 DEFAULT_COUNT: Final = 60
 """Touches of a calibration."""
 _ROUNDS: Final = 4
-"""In which weights and misfit are found from each other."""
+"""Rounds in which weights and misfit are found from each other."""
 _LEAST: Final = 0.25
-"""By which the misfit may shrink in one of them."""
+"""Smallest factor on the misfit's variance in a round."""
 _PLACES: Final = (13, 17)
-"""Where a touch may be proposed, from rim to rim."""
+"""Places where a touch may be proposed, from rim to rim."""
 _LIGHT: Final = 0.4
-"""Of the largest force, that of the lighter presses which may be proposed."""
+"""Force of the lighter presses that may be proposed, over the largest."""
 _NEAR: Final = 2e-3
 """m within which a place is not touched again while there are others."""
 _SAME: Final = 1e-6
 """m or N within which two touches are one."""
 _LARGE: Final = 0.6
-"""Of the largest that a signal may become, from which it is suspected to have ended a range."""
+"""Share of a signal's largest value from which it may have ended a chip's range."""
 _FINE: Final = 1e-9
 """T within which two signals are one."""
 _JUDGED: Final = (9, 11)
-"""Places whose touches shall be told well."""
+"""Places whose touches shall be estimated well."""
 _TYPICAL: Final = 0.5
 """N, of those touches."""
 _WEIGHT: Final = 0.05
@@ -61,44 +63,30 @@ class LabelledTouches:
     """(N, 3), N, on the skin."""
     signals: Floats
     """(N, S, 3), T, as `ResponseTable` defines them; of the table's chips."""
-    temperature: Floats
-    """(N,), degC, of the rubber."""
-    place_spread: float
+    temperature: Floats = field(default_factory=lambda: np.array(REFERENCE_TEMPERATURE))
+    """(N,), or one for all, degC, of the rubber."""
+    place_spread: float = 0.0
     """m: standard deviation of the labels' places along each axis."""
-    force_spread: float
+    force_spread: float = 0.0
     """N: standard deviation of the labels' forces along each axis."""
 
-    def __init__(
-        self,
-        *,
-        position: ArrayLike,
-        force: ArrayLike,
-        signals: ArrayLike,
-        temperature: ArrayLike = REFERENCE_TEMPERATURE,
-        place_spread: float = 0.0,
-        force_spread: float = 0.0,
-    ) -> None:
-        where = frozen("position", position, (None, 2))
-        push = frozen("force", force, (len(where), 3))
-        said = floats("signals", signals, (None, 3))
-        said = frozen("signals", said, (len(where), None, 3))
-        degrees = np.broadcast_to(floats("temperature", temperature), len(where))
-        for name, values in (("position", where), ("force", push), ("signals", said)):
-            if not np.isfinite(values).all():
+    def __post_init__(self) -> None:
+        freeze(self, position=(None, 2))
+        count = len(self.position)
+        degrees = floats("temperature", self.temperature)
+        if not degrees.ndim:
+            assign(self, temperature=np.full(count, degrees))
+        freeze(self, force=(count, 3), signals=(count, None, 3), temperature=(count,))
+        for name in ("position", "force", "signals", "temperature"):
+            if not np.isfinite(getattr(self, name)).all():
                 raise ArgumentError(f"{name} must be finite; got NaN or infinity")
-        if not (push[:, 2] < 0).all():
+        if not (self.force[:, 2] < 0).all():
             raise ArgumentError("force must press, with z < 0 N, in every labelled touch")
-        if not (0 <= place_spread < np.inf and 0 <= force_spread < np.inf):
+        if not (0 <= self.place_spread < np.inf and 0 <= self.force_spread < np.inf):
             raise ArgumentError(
-                f"place_spread and force_spread must be finite and >= 0; got {place_spread} m and "
-                f"{force_spread} N"
+                f"place_spread and force_spread must be finite and >= 0; got {self.place_spread} m "
+                f"and {self.force_spread} N"
             )
-        object.__setattr__(self, "place_spread", float(place_spread))
-        object.__setattr__(self, "force_spread", float(force_spread))
-        object.__setattr__(self, "position", where)
-        object.__setattr__(self, "force", push)
-        object.__setattr__(self, "signals", said)
-        object.__setattr__(self, "temperature", frozen("temperature", degrees, (len(where),)))
 
     def __len__(self) -> int:
         return len(self.position)
@@ -124,7 +112,7 @@ def calibrate_touches(
     Parameters
     ----------
     table : ResponseTable
-        Of the design, with modes; or one that has been calibrated and shall be so further.
+        Table of the design, with modes; or one that was calibrated and shall be so further.
     touches : LabelledTouches
     noise : Floats, shape (C, C)
         T^2: covariance of the signals' noise.
@@ -132,66 +120,82 @@ def calibrate_touches(
     Returns
     -------
     ResponseTable
-        Its modes are what the touches left open.
+        The likeliest table; its modes are what the touches left open.
 
     Raises
     ------
     ArgumentError
         If the touches have another number of chips, or there are none.
+
+    Notes
+    -----
+    With weights w ~ N(w*, P) after the touches: ``mean + sum_k w*_k modes_k``, and new modes
+    ``sqrt(P) modes``; the curvature of the field moves as far as that of single touches does.
     """
     if not len(touches) or touches.signals.shape[1] != len(table.chips):
         raise ArgumentError(
             f"touches must be at least one, with {len(table.chips)} chips; got {len(touches)} "
             f"with {touches.signals.shape[1]}"
         )
-    said = touches.signals.reshape(len(touches), -1)
-    left = said - table.signals(touches.position, touches.force, touches.temperature)
-    ways = table.mode_signals(touches.position, touches.force)
-    squared = (touches.force**2).sum(axis=1)
-    # Labels that are off shift the signals along their slopes.
-    off = np.array([touches.place_spread] * 2 + [touches.force_spread] * 3) ** 2
-    noise = noise + _label_noise(table, touches.position, touches.force, off)
-    stretch = np.ones(table.count)
-    for _ in range(_ROUNDS):
-        misfit = stretch[:, None] * table.misfit * stretch
-        sure = np.linalg.inv(noise + squared[:, None, None] * misfit)
-        spread = np.linalg.inv(
-            np.eye(len(table.modes)) + np.einsum("nkc,ncd,nld->kl", ways, sure, ways, optimize=True)
-        )
-        weights = spread @ np.einsum("nkc,ncd,nd->k", ways, sure, left, optimize=True)
-        missed = left - np.einsum("k,nkc->nc", weights, ways)
-        # What the fit leaves, and what it would leave of touches that it has not seen.
-        open_still = np.einsum("nkc,kl,nlc->nc", ways, spread, ways, optimize=True)
-        expected = np.einsum("ncc->nc", noise) + squared[:, None] * np.diag(misfit)
-        short = ((missed**2 + open_still) / expected).mean(axis=0)
-        stretch *= np.sqrt(np.maximum(short, _LEAST))
-        stretch = np.maximum(stretch, 1.0)
+    weights, covariance, misfit = _posterior_weights(table, touches, noise)
     # The root of the covariance mixes the old modes into new ones of one deviation each.
-    power, mixes = np.linalg.eigh(spread)
+    power, mixes = np.linalg.eigh(covariance)
     root = mixes * np.sqrt(np.maximum(power, 0.0))
-    found = replace(
+    moved = replace(
         table,
         mean=table.mean + np.tensordot(weights, table.modes, 1),
         grip=table.grip + np.tensordot(weights, table.grip_modes, 1),
-    )
-    # How a chip's field bends shows in single touches as well.
-    bent = table_curvature(found) - table_curvature(table)
-    return replace(
-        found,
-        curvature=table.curvature + bent,
         modes=np.tensordot(root.T, table.modes, 1),
         grip_modes=np.tensordot(root.T, table.grip_modes, 1),
-        misfit=stretch[:, None] * table.misfit * stretch,
+        misfit=misfit,
     )
+    # How a chip's field bends shows in single touches as well.
+    bent = table_curvature(moved) - table_curvature(table)
+    return replace(moved, curvature=table.curvature + bent)
+
+
+def _posterior_weights(
+    table: ResponseTable, touches: LabelledTouches, noise: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Weights of the modes (K,), their covariance (K, K), and the misfit (C, C) that explains both.
+
+    Notes
+    -----
+    ``P = (1 + sum_n M_n R_n^-1 M_n^T)^-1`` and ``w = P sum_n M_n R_n^-1 (y_n - s_n)``, with
+    ``R_n = N + J_n L J_n^T + |F_n|^2 D E D``. The diagonal D makes the mean square of what each
+    signal misses, and of what is open of it, what R says; it is at least 1.
+    """
+    y = touches.signals.reshape(len(touches), -1)
+    residual = y - table.signals(touches.position, touches.force, touches.temperature)
+    modes = table.mode_signals(touches.position, touches.force)
+    squared = (touches.force**2).sum(axis=1)
+    variances = _label_variances(touches.place_spread, touches.force_spread)
+    noise = noise + _label_noise(table, touches.position, touches.force, variances)
+    stretch = np.ones(table.count)
+    for _ in range(_ROUNDS):
+        misfit = stretch[:, None] * table.misfit * stretch
+        precision = np.linalg.inv(noise + squared[:, None, None] * misfit)
+        covariance = np.linalg.inv(
+            np.eye(len(table.modes))
+            + np.einsum("nkc,ncd,nld->kl", modes, precision, modes, optimize=True)
+        )
+        weights = covariance @ np.einsum("nkc,ncd,nd->k", modes, precision, residual, optimize=True)
+        missed = residual - np.einsum("k,nkc->nc", weights, modes)
+        # What the fit leaves, and what it would leave of touches that it has not seen.
+        still_open = np.einsum("nkc,kl,nlc->nc", modes, covariance, modes, optimize=True)
+        expected = np.einsum("ncc->nc", noise) + squared[:, None] * np.diag(misfit)
+        ratio = ((missed**2 + still_open) / expected).mean(axis=0)
+        stretch = np.maximum(stretch * np.sqrt(np.maximum(ratio, _LEAST)), 1.0)
+    return weights, covariance, stretch[:, None] * table.misfit * stretch
 
 
 class TouchPlanner:
-    """Where a skin is to be touched next so that touches on it are told well.
+    """Where a skin is to be touched next so that touches on it are estimated well.
 
     Parameters
     ----------
     table : ResponseTable
-        Whose modes are what is open: the design's, or one calibrated with earlier touches.
+        A table whose modes are what is open: the design's, or one calibrated with earlier touches.
     noise : Floats, shape (C, C)
         T^2: covariance of the signals' noise.
     force, drag : float
@@ -207,9 +211,11 @@ class TouchPlanner:
 
     Notes
     -----
-    The weights of the modes shift an estimate by a linear map: least squares of the signals on
-    place and force, weighed by noise and misfit. The next touch is the one that takes most off the
-    mean square of those shifts. It does not depend on what touches read.
+    The weights w of the modes shift an estimate by a linear map H w: least squares of the signals
+    on place and force, weighed by noise and misfit. The next touch is the one that takes most off
+    the mean square of those shifts, ``tr(A^T P A)`` with ``A A^T = mean(H^T H)``; with W its
+    modes' signals in standard deviations, ``tr(A^T P W (1 + W^T P W)^-1 W^T P A)``. It does not
+    depend on what touches read.
     """
 
     def __init__(
@@ -231,37 +237,30 @@ class TouchPlanner:
             raise ArgumentError("table must have modes, in which made skins differ; got none")
         self._table = table
         self._noise = noise
-        self._off = np.array([place_spread] * 2 + [force_spread] * 3) ** 2
-        grid = places_to_the_rim(table.basis.extent, _PLACES)
-        pushes = [(0.0, 0.0, -force), (0.0, 0.0, -_LIGHT * force)]
-        if drag:
-            pushes += [(drag, 0.0, -force), (-drag, 0.0, -force),
-                       (0.0, drag, -force), (0.0, -drag, -force)]  # fmt: skip
-        self._places = np.tile(grid, (len(pushes), 1))
-        self._forces = np.repeat(np.array(pushes), len(grid), axis=0)
-        self._allowed = np.ones(len(self._places), dtype=bool)
-        self._harder, self._new = ~self._allowed, self._allowed.copy()
-        said = table.signals(self._places, self._forces)
-        self._moved = np.concatenate([said, -said], axis=1)
+        self._variances = _label_variances(place_spread, force_spread)
+        self._places, self._forces = _candidates(table.basis.extent, force, drag)
+        self._harder = np.zeros(len(self._places), dtype=bool)
+        self._allowed, self._new = ~self._harder, ~self._harder
+        self._signals = self._signed(self._places, self._forces)
         self._failed: list[Floats] = []
         self._reached = np.full(2 * table.count, -np.inf)
-        self._ways = self._whitened(self._places, self._forces)
-        self._spread = np.eye(len(table.modes))
+        self._modes = self._whitened(self._places, self._forces)
+        self._covariance = np.eye(len(table.modes))
         shifts, self._floor = _shifts(table, noise)
         # Only the shifts' squares count: as many columns as modes hold them.
         power, axes = np.linalg.eigh(np.tensordot(shifts, shifts, ([0, 2], [0, 2])))
         self._aim = axes * np.sqrt(np.maximum(power, 0.0))
-        at = np.tensordot(shifts[:, :, :2], shifts[:, :, :2], ([0, 2], [0, 2])) / len(shifts)
-        self._open_place = at
-        # Of each candidate: what is open of its signals, and how that goes with the aim.
-        across = np.swapaxes(self._ways, 1, 2)
-        self._inner = across @ self._ways
+        place = shifts[:, :, :2]
+        self._place_aim = np.tensordot(place, place, ([0, 2], [0, 2])) / len(shifts)
+        # W^T P W and W^T P A of each candidate.
+        across = np.swapaxes(self._modes, 1, 2)
+        self._inner = across @ self._modes
         self._cross = across @ self._aim
 
     @property
     def error(self) -> float:
         """Expected distance of a located touch from its true place, m; as `Target.error`."""
-        return self._error(self._spread)
+        return self._error(self._covariance)
 
     @property
     def exhausted(self) -> bool:
@@ -278,27 +277,25 @@ class TouchPlanner:
         """
         if self.exhausted:
             raise ArgumentError("no touch is left that is not barred")
-        told = np.eye(self._table.count) + self._inner
-        gains = np.einsum("bce,bce->b", self._cross, np.linalg.solve(told, self._cross))
+        seen = np.eye(self._table.count) + self._inner
+        gains = np.einsum("bce,bce->b", self._cross, np.linalg.solve(seen, self._cross))
         # What the table misses at a place it misses there again: a new place tells more.
         new = self._allowed & self._new
         best = int(np.where(new if new.any() else self._allowed, gains, -np.inf).argmax())
-        left = self._spread - self._taken(self._ways[best])
-        return Target(self._places[best], self._forces[best], self._error(left))
+        taken = self._taken(self._modes[best])
+        left = self._error(self._covariance - taken @ taken.T)
+        return Target(self._places[best], self._forces[best], left)
 
     def made(self, position: ArrayLike, force: ArrayLike) -> None:
         """A touch was made, (2,) m and (3,) N, and its signals are known."""
-        where, push = floats("position", position, (2,))[None], floats("force", force, (3,))[None]
-        way = self._whitened(where, push)[0]
-        told = np.linalg.cholesky(np.eye(self._table.count) + way.T @ self._spread @ way)
-        taken = np.linalg.solve(told, way.T @ self._spread).T
-        self._spread = self._spread - taken @ taken.T
-        across = np.swapaxes(self._ways, 1, 2) @ taken
+        place, push = floats("position", position, (2,))[None], floats("force", force, (3,))[None]
+        taken = self._taken(self._whitened(place, push)[0])
+        self._covariance = self._covariance - taken @ taken.T
+        across = np.swapaxes(self._modes, 1, 2) @ taken
         self._inner -= across @ np.swapaxes(across, 1, 2)
         self._cross -= across @ (taken.T @ self._aim)
-        self._new &= np.hypot(*(self._places - where).T) > _NEAR
-        said = self._table.signals(where, push)[0]
-        self._reached = np.maximum(self._reached, np.concatenate([said, -said]))
+        self._new &= np.hypot(*(self._places - place).T) > _NEAR
+        self._reached = np.maximum(self._reached, self._signed(place, push)[0])
         if self._failed:
             self._allow()
 
@@ -311,79 +308,52 @@ class TouchPlanner:
         here = np.hypot(*(self._places - target.position).T) < _SAME
         harder = np.linalg.norm(self._forces, axis=1) >= np.linalg.norm(target.force) - _SAME
         self._harder |= here & harder
-        said = self._table.signals(target.position[None], target.force[None])[0]
-        self._failed.append(np.concatenate([said, -said]))
+        self._failed.append(self._signed(target.position[None], target.force[None])[0])
         self._allow()
 
     def _allow(self) -> None:
         """Find again which touches may be proposed."""
         self._allowed = ~self._harder
         for failed in self._failed:
-            suspect = failed > np.maximum(self._reached, _LARGE * self._moved.max(axis=0))
-            self._allowed &= ~(self._moved[:, suspect] >= failed[suspect] - _FINE).any(axis=1)
+            suspect = failed > np.maximum(self._reached, _LARGE * self._signals.max(axis=0))
+            self._allowed &= ~(self._signals[:, suspect] >= failed[suspect] - _FINE).any(axis=1)
+
+    def _signed(self, places: Floats, forces: Floats) -> Floats:
+        """Signals of touches, and their opposites: how far each goes either way, (B, 2 C), T."""
+        signals = self._table.signals(places, forces)
+        return np.concatenate([signals, -signals], axis=1)
 
     def _whitened(self, places: Floats, forces: Floats) -> Floats:
-        """Modes' signals of touches over what spoils them, (B, K, C)."""
+        """W, modes' signals of touches in standard deviations of what spoils them, (B, K, C)."""
         table = self._table
         squared = (forces**2).sum(axis=1)[:, None, None]
-        spoilt = (
-            self._noise + squared * table.misfit + _label_noise(table, places, forces, self._off)
-        )
-        white = np.linalg.inv(np.linalg.cholesky(spoilt))
+        labels = _label_noise(table, places, forces, self._variances)
+        white = np.linalg.inv(np.linalg.cholesky(self._noise + squared * table.misfit + labels))
         return np.asarray(table.mode_signals(places, forces) @ np.swapaxes(white, 1, 2))
 
-    def _taken(self, way: Floats) -> Floats:
-        """What a touch takes off the weights' covariance."""
-        along = self._spread @ way
-        told = np.eye(self._table.count) + way.T @ along
-        return np.asarray(along @ np.linalg.solve(told, along.T))
+    def _taken(self, modes: Floats) -> Floats:
+        """T, (K, C), by which a touch with W = modes, (K, C), lowers the covariance by T T^T."""
+        along = modes.T @ self._covariance
+        root = np.linalg.cholesky(np.eye(self._table.count) + along @ modes)
+        return np.asarray(np.linalg.solve(root, along).T)
 
-    def _error(self, spread: Floats) -> float:
-        return float(np.sqrt(self._floor + np.sum(self._open_place * spread)))
-
-
-def next_touch(
-    table: ResponseTable, noise: Floats, *, force: float = 0.8, drag: float = 0.3
-) -> Target:
-    """The touch that tells most about what a table leaves open; see `TouchPlanner`.
-
-    Raises
-    ------
-    ArgumentError
-        As `TouchPlanner`.
-    """
-    return TouchPlanner(table, noise, force=force, drag=drag).next()
+    def _error(self, covariance: Floats) -> float:
+        return float(np.sqrt(self._floor + np.sum(self._place_aim * covariance)))
 
 
-def plan_touches(
-    table: ResponseTable,
-    count: int,
-    noise: Floats,
-    *,
-    force: float = 0.8,
-    drag: float = 0.3,
-    place_spread: float = 20e-6,
-    force_spread: float = 2e-3,
-) -> list[Target]:
-    """As many touches, each the one that tells most after those before it.
+def plan_touches(table: ResponseTable, count: int, noise: Floats) -> list[Target]:
+    """As many touches as asked for, each the one that tells most after those before it.
 
     What a touch tells does not depend on what it reads, so that all can be planned beforehand.
 
     Raises
     ------
     ArgumentError
-        If the count is not positive, and as `TouchPlanner`.
+        If the count is not positive, and as `TouchPlanner`, whose defaults hold.
     """
     if count < 1:
         raise ArgumentError(f"count must be positive; got {count}")
-    planner = TouchPlanner(
-        table,
-        noise,
-        force=force,
-        drag=drag,
-        place_spread=place_spread,
-        force_spread=force_spread,
-    )
+    planner = TouchPlanner(table, noise)
     targets = []
     for _ in range(count):
         targets.append(planner.next())
@@ -391,12 +361,25 @@ def plan_touches(
     return targets
 
 
-def _label_noise(table: ResponseTable, places: Floats, forces: Floats, off: Floats) -> Floats:
-    """Covariance of signals from labels that are off by these variances (5,), (B, C, C)."""
-    if not off.any():
-        return np.zeros((len(places), table.count, table.count))
+def _candidates(extent: Floats, force: float, drag: float) -> tuple[Floats, Floats]:
+    """Places (B, 2) and forces (B, 3) of the touches that may be proposed."""
+    pushes = [(0.0, 0.0, -force), (0.0, 0.0, -_LIGHT * force)]
+    if drag:
+        sideways = ((drag, 0.0), (-drag, 0.0), (0.0, drag), (0.0, -drag))
+        pushes += [(x, y, -force) for x, y in sideways]
+    grid = places_to_the_rim(extent, _PLACES)
+    return np.tile(grid, (len(pushes), 1)), np.repeat(np.array(pushes), len(grid), axis=0)
+
+
+def _label_variances(place_spread: float, force_spread: float) -> Floats:
+    """L, variances of a label's x, y, Fx, Fy and Fz, (5,), m^2 and N^2."""
+    return np.array([place_spread] * 2 + [force_spread] * 3) ** 2
+
+
+def _label_noise(table: ResponseTable, places: Floats, forces: Floats, variances: Floats) -> Floats:
+    """Covariance J L J^T of signals whose labels are off by these variances, (B, C, C)."""
     slopes = table.slopes(places, forces)
-    return np.asarray(np.einsum("nck,k,ndk->ncd", slopes, off, slopes))
+    return np.asarray((slopes * variances) @ np.swapaxes(slopes, 1, 2))
 
 
 def _shifts(table: ResponseTable, noise: Floats) -> tuple[Floats, float]:
@@ -405,18 +388,17 @@ def _shifts(table: ResponseTable, noise: Floats) -> tuple[Floats, float]:
     Returns
     -------
     shifts : Floats, shape (E, K, 3)
-        m, of x, of y, and of the normal force as `_WEIGHT` weighs it.
+        m: H^T at each place, of x, of y, and of the normal force as `_WEIGHT` weighs it.
     floor : float
         m^2, mean square of the place's error.
     """
     places = places_to_the_rim(table.basis.extent, _JUDGED)
-    force = np.array([0.0, 0.0, -_TYPICAL])
-    unknown = [0, 1, 4]
-    slopes = table.point_table().scan(places[:, 0], places[:, 1], force)[1][:, unknown]
-    sure = np.linalg.inv(noise + _TYPICAL**2 * table.misfit)
-    known = np.diag([*12 / table.basis.extent**2, 0.0])
-    spread = np.linalg.inv(slopes @ sure @ np.swapaxes(slopes, 1, 2) + known)
-    solves = spread @ slopes @ sure
-    solves[:, 2] *= _WEIGHT / _TYPICAL
-    ways = table.mode_signals(places, np.tile(force, (len(places), 1)))
-    return ways @ np.swapaxes(solves, 1, 2), float(np.einsum("eii->e", spread[:, :2, :2]).mean())
+    forces = np.tile([0.0, 0.0, -_TYPICAL], (len(places), 1))
+    slopes = table.slopes(places, forces)[..., [0, 1, 4]]
+    weighed = np.swapaxes(slopes, 1, 2) @ np.linalg.inv(noise + _TYPICAL**2 * table.misfit)
+    level = np.diag([*12 / table.basis.extent**2, 0.0])
+    covariance = np.linalg.inv(weighed @ slopes + level)
+    estimates = covariance @ weighed
+    estimates[:, 2] *= _WEIGHT / _TYPICAL
+    shifts = table.mode_signals(places, forces) @ np.swapaxes(estimates, 1, 2)
+    return shifts, float(np.einsum("eii->e", covariance[:, :2, :2]).mean())

@@ -99,14 +99,14 @@ def labelled_touches(
     ArgumentError
         If none can be used.
     """
-    good = [one for one in labels if one.status is None]
+    good = [label for label in labels if label.status is None]
     if not good:
         raise ArgumentError(f"labels must hold at least one that can be used; got {len(labels)}")
     return LabelledTouches(
-        position=[one.contact.position for one in good],
-        force=[one.contact.force for one in good],
-        signals=np.stack([one.values for one in good])[:, list(chips)],
-        temperature=[one.temperature for one in good],
+        position=np.stack([label.contact.position for label in good]),
+        force=np.stack([label.contact.force for label in good]),
+        signals=np.stack([label.values for label in good])[:, list(chips)],
+        temperature=np.array([label.temperature for label in good]),
         place_spread=place_spread,
         force_spread=force_spread,
     )
