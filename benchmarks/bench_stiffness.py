@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from paper.finite_press import column_response, crease_response
-from paper.stiffness_terms import stiffness_terms
+from paper.models.finite_press import column_response, crease_response
+from paper.models.stiffness_terms import stiffness_terms
 from smoskin import load_design
 from smoskin.mechanics.reduced.stiffness import relative_stiffness_map
 

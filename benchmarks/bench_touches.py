@@ -8,7 +8,7 @@ import argparse
 import json
 import sys
 
-from paper.touch_curve import CurveEffort, touch_curve
+from paper.models.touch_curve import CurveEffort, touch_curve
 from smoskin import load_design
 from smoskin.sensing.response.table import load_response_table
 

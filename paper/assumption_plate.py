@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from paper.assumptions import Assumptions, Variant
-from paper.reduction import LEAST_ATTENUATION
+from paper.models.reduction import LEAST_ATTENUATION
 from paper.style import BLUE, GREY, INK, ORANGE, RED, Plate, lay_out, styled
 
 _MAP: Final = "cividis"

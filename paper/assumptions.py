@@ -1,13 +1,13 @@
 """The reduced model against the whole sheet: with which v_a it fits, and what it would need.
 
 Decides which of the SI's assumptions are granted to the whole sheet, one after the other, and
-how columns are varied. Fits are `paper.reduction`'s.
+how columns are varied. Fits are `paper.models.reduction`'s.
 """
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
-from paper.reduction import (
+from paper.models.reduction import (
     Reduction,
     UnitPresses,
     fit_columns,

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 from paper.errata import errata_rows
 from paper.experiments import Experiments, Progress, experiment, experiment_rows
 from paper.golden import golden_rows
-from paper.magnetisation import MagnetisationLoop
 from paper.maps import poisson_map, sheet_magnets, stiffness_maps
+from paper.models.magnetisation import MagnetisationLoop
 from paper.page import html_page, summary
 from paper.printed import (
     calibration_rows,

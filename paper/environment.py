@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from paper.recovery import recovery_time
+from paper.models.recovery import recovery_time
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics import mlx90393, sector

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from paper.dividing import PRINTED, RATIO, attempts, attenuation_needed
+from paper.models.stiffness_terms import stiffness_terms
 from paper.rows import Row
-from paper.stiffness_terms import stiffness_terms
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.centripetal import amplitude
 from smoskin.magnetics.sector import VACUUM_PERMEABILITY

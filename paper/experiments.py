@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 from paper.assumptions import Assumptions, assumptions
 from paper.environment import Recovery, Warmth, recovery, warmth
+from paper.models.soft_magnet import watched_everywhere
+from paper.models.touch_curve import CurveEffort, TouchCurve, touch_curve
 from paper.rows import Row, stated
 from paper.shear_learning import (
     Jointly,
@@ -14,9 +16,7 @@ from paper.shear_learning import (
 )
 from paper.shear_learning_rows import shear_learning_rows
 from paper.sheet_presses import Covers, PressField, covers, press_field
-from paper.soft_magnet import watched_everywhere
 from paper.soft_magnet_figure import Comparison, compare, comparison_rows
-from paper.touch_curve import CurveEffort, TouchCurve, touch_curve
 from paper.touch_errors import (
     PairErrors,
     TouchErrors,

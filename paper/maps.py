@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from paper.stiffness_terms import FIGURE_S7_ATTENUATIONS, normalised_stiffness_maps
+from paper.models.stiffness_terms import FIGURE_S7_ATTENUATIONS, normalised_stiffness_maps
 from smoskin.arrays import Floats
 from smoskin.design.skin import Magnet, MiuraCell, SkinDesign
 from smoskin.errors import ArgumentError

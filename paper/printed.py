@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 from scipy.optimize import brentq
 
-from paper.magnetisation import OERSTED, MagnetisationLoop
 from paper.maps import PoissonMap, StiffnessMap, signs_text
+from paper.models.magnetisation import OERSTED, MagnetisationLoop
 from paper.rows import Row, compared, stated
 from smoskin.arrays import Floats
 from smoskin.design.skin import Coefficients, SkinDesign

@@ -3,7 +3,7 @@
 As in the paper one skin is pressed at 25 x 33 places without shear, a model learns place and
 normal force from the six signals of its upper chips, and then every cell is pressed and dragged.
 Decides the loads and the three readings of each: the model's on signals as they come, the same on
-the SI's preprocessed ones (`paper.preprocessing`), and the joint estimator's, which
+the SI's preprocessed ones (`paper.models.preprocessing`), and the joint estimator's, which
 takes drags for unknowns. Done on a made skin of the whole sheet and on theory's own sheet.
 """
 
@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from paper.preprocessing import (
+from paper.models.preprocessing import (
     Preprocessed,
     corrected_force,
     folding_corrections,

@@ -2,7 +2,7 @@
 
 Decides what is pressed and where it is watched: the soft magnet in its middle, at the SI's two
 points and along their line; the folded sheet on its corner cell, from which chips lie 100 mm away
-each way. What the rubber, the magnets and the sheet do is `paper.soft_magnet`'s.
+each way. What the rubber, the magnets and the sheet do is `paper.models.soft_magnet`'s.
 """
 
 from dataclasses import dataclass, replace
@@ -10,8 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from paper.rows import Row, stated
-from paper.soft_magnet import (
+from paper.models.soft_magnet import (
     PressedSkin,
     PressResponse,
     SoftMagnet,
@@ -20,7 +19,8 @@ from paper.soft_magnet import (
     soft_magnet_like,
     soft_response,
 )
-from paper.solid import PressedBlock, press_block
+from paper.models.solid import PressedBlock, press_block
+from paper.rows import Row, stated
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.mlx90393 import noise
@@ -93,7 +93,7 @@ def compare(design: SkinDesign, skin: PressedSkin, *, fineness: int = 6) -> Comp
         The skin whose dimensions the soft magnet takes.
     skin : PressedSkin
         A twin, without noise, of that skin with chips all over it
-        (`paper.soft_magnet.watched_everywhere`).
+        (`paper.models.soft_magnet.watched_everywhere`).
     fineness : int, optional
         Of the soft magnet's mesh.
 

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Circle, Rectangle
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from paper.magnetisation import OERSTED, MagnetisationLoop
-from paper.soft_magnet import STANDOFF, magnetisation
+from paper.models.magnetisation import OERSTED, MagnetisationLoop
+from paper.models.soft_magnet import STANDOFF, magnetisation
 from paper.soft_magnet_figure import AWAY, DEPTHS, PATCH, POINTS, Comparison
 from paper.style import (
     BLUE,

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from paper.models.touch_curve import TouchCurve
 from paper.style import BLUE, GREY, INK, ORANGE, Plate, lay_out, styled
-from paper.touch_curve import TouchCurve
 from smoskin.arrays import Floats
 
 _TICKS: Final = (0.05, 0.1, 0.2, 0.3, 0.5, 1, 2, 3, 5, 10, 20)

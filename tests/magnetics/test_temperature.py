@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import quad
 from scipy.special import jv
 
-from paper.magnetisation import (
+from paper.models.magnetisation import (
     OERSTED,
     MagnetisationLoop,
     disc_factor,

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from paper.block_mesh import BlockMesh, mesh_block
-from paper.magnetisation import MagnetisationLoop
-from paper.soft_magnet import (
+from paper.models.block_mesh import BlockMesh, mesh_block
+from paper.models.magnetisation import MagnetisationLoop
+from paper.models.soft_magnet import (
     STANDOFF,
     SoftMagnet,
     magnet_field,
@@ -20,9 +20,9 @@ from paper.soft_magnet import (
     soft_response,
     watched_everywhere,
 )
+from paper.models.solid import Block, PressedBlock, press_block
 from paper.soft_magnet_figure import compare, comparison_rows
 from paper.soft_magnet_plate import soft_magnet_plate
-from paper.solid import Block, PressedBlock, press_block
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from paper.touch_curve import CurveEffort, TouchCurve
+from paper.models.touch_curve import CurveEffort, TouchCurve
 from smoskin.errors import ArgumentError
 
 
@@ -60,7 +60,7 @@ def test_the_curve_is_drawn_with_its_numbers(curve, tmp_path):
 @pytest.mark.timeout(900)
 def test_more_touches_make_better_estimates(planar):
     pytest.importorskip("jax")
-    from paper.touch_curve import touch_curve
+    from paper.models.touch_curve import touch_curve
     from smoskin.commands.table import Effort, make_table
 
     small = Effort(presses=4000, pairs=0, skins=10, draws=3, presses_a_skin=200)

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paper.finite_press import crease_response
-from paper.stiffness_terms import stiffness_terms
+from paper.models.finite_press import crease_response
+from paper.models.stiffness_terms import stiffness_terms
 from smoskin.design.skin import Creases
 from smoskin.errors import DesignError
 from smoskin.mechanics.reduced.attenuation import cell_change

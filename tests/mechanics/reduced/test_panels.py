@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from barhinge_oracle import Springs, panel_triangles, press_stiffness
-from paper.stiffness_terms import stiffness_terms
+from paper.models.stiffness_terms import stiffness_terms
 from smoskin.design.materials import FILMS
 from smoskin.design.skin import MiuraCell, Panels
 from smoskin.errors import DesignError

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from barhinge_oracle import Springs, hinge_gradient, press_stiffness
-from paper.finite_press import column_response
-from paper.stiffness_terms import (
+from paper.models.finite_press import column_response
+from paper.models.stiffness_terms import (
     FIGURE_S7_ATTENUATIONS,
     normalised_stiffness_maps,
     stiffness_terms,

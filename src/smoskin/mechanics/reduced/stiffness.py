@@ -2,7 +2,7 @@
 
 The columns carry the skin: the energy of their in-plane motion under a press is what resists it
 (S21-S24). The force law follows the SI in leaving the creases' and the panels' energies out;
-`paper.stiffness_terms` sets all three side by side (S25). A drag moves the board on its
+`paper.models.stiffness_terms` sets all three side by side (S25). A drag moves the board on its
 pillars (S26) and the sheet on its columns, and stiffens the response to a press (S27).
 """
 

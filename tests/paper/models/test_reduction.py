@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from paper.reduction import (
+from paper.models.reduction import (
     LEAST_ATTENUATION,
     UnitPresses,
     fit_columns,

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from paper.preprocessing import (
+from paper.models.preprocessing import (
     corrected_force,
     folding_corrections,
     shear_displacement,

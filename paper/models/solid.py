@@ -14,7 +14,7 @@ from typing import Any, Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from paper.block_mesh import BlockMesh, Quarter, mesh_block, quarter
+from paper.models.block_mesh import BlockMesh, Quarter, mesh_block, quarter
 from smoskin.arrays import Bools, Floats, Ints, floats
 from smoskin.errors import ArgumentError, MissingExtraError
 

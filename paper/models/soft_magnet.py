@@ -15,9 +15,9 @@ from typing import Final, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from paper.block_mesh import BlockMesh
-from paper.magnetic_rubber import MagneticRubber
-from paper.solid import Block, PressedBlock
+from paper.models.block_mesh import BlockMesh
+from paper.models.magnetic_rubber import MagneticRubber
+from paper.models.solid import Block, PressedBlock
 from smoskin.arrays import Floats, floats, frozen
 from smoskin.design.materials import ELASTOMERS
 from smoskin.design.skin import HallSetting, SkinDesign

@@ -8,8 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
-from paper.block_mesh import BlockMesh, mesh_block
-from paper.solid import Block, PressedBlock, hold_block, press_block
+from paper.models.block_mesh import BlockMesh, mesh_block
+from paper.models.solid import Block, PressedBlock, hold_block, press_block
 from smoskin.arrays import Floats
 from smoskin.errors import ArgumentError, MissingExtraError
 

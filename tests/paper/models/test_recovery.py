@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from paper.recovery import fit_prony, recovery_time
+from paper.models.recovery import fit_prony, recovery_time
 from smoskin.errors import ArgumentError
 from smoskin.mechanics.viscoelasticity import Prony, creep
 
