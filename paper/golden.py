@@ -3,9 +3,9 @@
 import math
 from typing import Final
 
+from paper.models.fold_energies import relative_crease_stiffness_map
 from paper.rows import Row, compared
 from smoskin.design.skin import MiuraCell, SkinDesign
-from smoskin.mechanics.reduced.creases import relative_crease_stiffness_map
 from smoskin.mechanics.reduced.stiffness import relative_stiffness_map
 
 PLACE: Final = "not printed; two programs"

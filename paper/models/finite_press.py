@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from paper.models.fold_energies import CreaseCount, DihedralChanges, Split, crease_product
 from smoskin.arrays import Floats
 from smoskin.design.skin import MiuraCell, SkinDesign
 from smoskin.mechanics.reduced.attenuation import (
@@ -18,16 +19,11 @@ from smoskin.mechanics.reduced.attenuation import (
     cell_change,
     fold_shares,
     line_means,
+    motion_product,
     profiles,
 )
-from smoskin.mechanics.reduced.creases import (
-    CreaseCount,
-    DihedralChanges,
-    crease_product,
-    crease_stiffness,
-)
-from smoskin.mechanics.reduced.separable import Split, motion_product
 from smoskin.mechanics.reduced.stiffness import column_stiffness
+from smoskin.mechanics.sheet.lattice import crease_stiffness
 from smoskin.origami.cell import dihedral_angles, fold_angle, size
 
 

@@ -9,16 +9,16 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
+from paper.models.fold_energies import (
+    CreaseCount,
+    panel_stiffness_map,
+    relative_crease_stiffness_map,
+)
 from smoskin.arrays import Floats
 from smoskin.design.skin import MiuraCell, SkinDesign
 from smoskin.mechanics.reduced.attenuation import FoldFrom
-from smoskin.mechanics.reduced.creases import (
-    CreaseCount,
-    crease_stiffness,
-    relative_crease_stiffness_map,
-)
-from smoskin.mechanics.reduced.panels import panel_stiffness_map
 from smoskin.mechanics.reduced.stiffness import column_stiffness, relative_stiffness_map
+from smoskin.mechanics.sheet.lattice import crease_stiffness
 
 PanelEnergy = Literal["neglected", "bending", "bending_and_stretching"]
 """What of the panels' energy is counted."""

@@ -10,8 +10,6 @@ from smoskin.design.skin import HallSetting, HallSite
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.mlx90393 import (
     HallNoise,
-    burst_period,
-    choose_setting,
     conversion_time,
     degrees,
     full_scale,
@@ -150,24 +148,6 @@ def test_temperature_word_is_the_data_sheets_at_room_temperature() -> None:
     assert_allclose(degrees(sample.temperature_counts), [25.0, 35.0], atol=0.02)
 
 
-def test_setting_is_the_finest_that_holds_the_field() -> None:
-    chosen = choose_setting([3e-3, 3e-3, 5e-3])
-    assert (chosen.gain_selection, chosen.resolution) == (7, 0)
-    chosen = choose_setting([10e-3, 10e-3, 45e-3])
-    assert (np.array([10e-3, 10e-3, 45e-3]) * 1.2 <= full_scale(chosen)).all()
-    finer = [
-        setting(gain, resolution)
-        for gain in range(8)
-        for resolution in range(4)
-        if sensitivity(setting(gain, resolution))[0] < 0.999 * sensitivity(chosen)[0]
-    ]
-    assert all(full_scale(one)[2] < 1.2 * 45e-3 for one in finer)
-    with pytest.raises(ArgumentError, match="field_extent must lie within"):
-        choose_setting([1.0, 0.0, 0.0])
-    with pytest.raises(ArgumentError, match="margin must be at least 1"):
-        choose_setting([1e-3, 1e-3, 1e-3], margin=0.5)
-
-
 @pytest.mark.parametrize("axes", [("+x", "+y", "+z"), ("+x", "-y", "-z"), ("-y", "+x", "+z")])
 def test_rotation_leads_from_chip_to_skin(axes: tuple[str, str, str]) -> None:
     site = HallSite(name="S", magnet="M", gap=5e-3, axes=axes, address=0x0C)
@@ -218,18 +198,11 @@ def test_the_temperature_reading_has_its_own_noise() -> None:
 def test_three_pairs_of_oversampling_and_filter_are_not_allowed() -> None:
     short = [(o, f) for o in range(4) for f in range(8) if not settles(setting(7, 0, o, f))]
     assert short == [(0, 0), (0, 1), (1, 0)]
-    assert settles(choose_setting([1e-3, 1e-3, 1e-3]))
 
 
-def test_temperature_takes_its_time_and_bursts_theirs() -> None:
+def test_temperature_takes_its_time() -> None:
     one = setting(oversampling=1, digital_filter=3)
     extra = [conversion_time(one, osr2) - conversion_time(one) for osr2 in range(4)]
     assert_allclose(extra, [259e-6, 451e-6, 835e-6, 1603e-6])
-    assert_allclose(burst_period(one), conversion_time(one))
-    assert_allclose(burst_period(one, 1, 0), 20e-3)
-    slow = setting(oversampling=3, digital_filter=7)
-    assert_allclose(burst_period(slow, 1, 0), conversion_time(slow, 0))
-    with pytest.raises(ArgumentError, match=r"rate must lie in 0\.\.63"):
-        burst_period(one, 64)
     with pytest.raises(ArgumentError, match=r"temperature_oversampling must lie in 0\.\.3"):
         conversion_time(one, 4)

@@ -13,7 +13,6 @@ from smoskin.origami.cell import (
     dihedral_angles,
     dihedral_rates,
     fold_angle,
-    fold_angle_of_dihedral,
     poisson_ratios,
     size,
 )
@@ -65,9 +64,6 @@ def test_every_inverse_undoes_its_function(cell):
     assert fold_angle(cell, length=extent.length) == pytest.approx(phi, rel=1e-9)
     assert fold_angle(cell, width=extent.width) == pytest.approx(phi, rel=1e-6)
     assert fold_angle(cell, height=extent.height) == pytest.approx(phi, rel=1e-6)
-    at_a, at_b = dihedral_angles(cell)
-    assert fold_angle_of_dihedral(cell, at_a=at_a) == pytest.approx(phi, rel=1e-6)
-    assert fold_angle_of_dihedral(cell, at_b=at_b) == pytest.approx(phi, rel=1e-6)
 
 
 @given(cell=CELLS)
@@ -112,5 +108,3 @@ def test_wrong_use_is_named(planar):
         fold_angle(planar.cell, length=0.02, width=0.02)
     with pytest.raises(ArgumentError, match=r"height must lie in \[0, 12.29\] mm"):
         fold_angle(planar.cell, height=0.02)
-    with pytest.raises(ArgumentError, match="exactly one of at_a and at_b"):
-        fold_angle_of_dihedral(planar.cell)

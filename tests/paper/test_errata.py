@@ -10,8 +10,8 @@ from smoskin.design.skin import Creases, Magnet, MiuraCell
 from smoskin.magnetics.centripetal import amplitude, ideal_field
 from smoskin.magnetics.sector import field
 from smoskin.mechanics.reduced.attenuation import cell_change
-from smoskin.mechanics.reduced.creases import crease_stiffness
 from smoskin.mechanics.reduced.stiffness import cell_layers, relative_stiffness_map, shear_gain
+from smoskin.mechanics.sheet.lattice import crease_stiffness
 from smoskin.origami.cell import fold_angle, poisson_ratios, size
 from smoskin.origami.sheet import build_sheet
 

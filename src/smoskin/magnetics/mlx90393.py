@@ -342,98 +342,9 @@ def conversion_time(setting: HallSetting, temperature_oversampling: int | None =
     return axes + 67e-6 + 192e-6 * float(2**temperature_oversampling)
 
 
-def burst_period(
-    setting: HallSetting, rate: int = 0, temperature_oversampling: int | None = None
-) -> float:
-    """Time from one measurement to the next in burst mode, s.
-
-    Parameters
-    ----------
-    setting : HallSetting
-        Oversampling and filter matter.
-    rate : int, optional
-        BURST_DATA_RATE, 0..63: 20 ms a step; at 0 the chip does not pause.
-    temperature_oversampling : int, optional
-        As for `conversion_time`.
-
-    Raises
-    ------
-    ArgumentError
-        If the rate is not in 0..63, or OSR2 not in 0..3.
-
-    Notes
-    -----
-    Source: Melexis MLX90393 data sheet. A conversion longer than the interval stretches it.
-    Without pauses the chip need not wake anew; this is still counted, so that the true period is
-    up to 0.4 ms shorter.
-
-    Examples
-    --------
-    >>> setting = HallSetting(gain_selection=7, resolution=0, oversampling=0, digital_filter=3)
-    >>> burst_period(setting, rate=5)
-    0.1
-    """
-    if not 0 <= rate <= 63:
-        raise ArgumentError(f"rate must lie in 0..63; got {rate}")
-    return max(20e-3 * rate, conversion_time(setting, temperature_oversampling))
-
-
 def _samples(setting: HallSetting) -> float:
     """Integration periods of 64 us an axis."""
     return float(2**setting.oversampling * (2 + 2**setting.digital_filter))
-
-
-def choose_setting(
-    field_extent: ArrayLike,
-    *,
-    margin: float = 1.2,
-    oversampling: int = 0,
-    digital_filter: int = 2,
-) -> HallSetting:
-    """Finest gain and resolution whose range holds a field.
-
-    Parameters
-    ----------
-    field_extent : array_like, shape (3,)
-        Largest magnitude of x, y and z over the whole stroke, in the chip's axes, T.
-    margin : float, optional
-        Factor on the extent that must still fit; at least 1.
-    oversampling, digital_filter : int, optional
-        Passed on; the default is the fastest pair that is safe at every gain.
-
-    Returns
-    -------
-    HallSetting
-        Of equal ranges, the one with more analogue gain.
-
-    Raises
-    ------
-    ArgumentError
-        If no setting's range holds the field, or an argument is out of bounds.
-    """
-    extent = floats("field_extent", field_extent, (3,))
-    if extent.shape != (3,) or not (np.isfinite(extent).all() and (extent >= 0.0).all()):
-        raise ArgumentError(f"field_extent must be three finite numbers >= 0; got {extent}")
-    if not margin >= 1.0:
-        raise ArgumentError(f"margin must be at least 1; got {margin}")
-    settings = [
-        HallSetting(
-            gain_selection=gain,
-            resolution=resolution,
-            oversampling=oversampling,
-            digital_filter=digital_filter,
-        )
-        for gain in range(7, -1, -1)
-        for resolution in range(4)
-    ]
-    holding = [one for one in settings if (margin * extent <= full_scale(one)).all()]
-    if not holding:
-        widest = full_scale(settings[-1]) / margin
-        raise ArgumentError(
-            f"field_extent must lie within {np.round(widest * 1e3, 1)} mT; "
-            f"got {np.round(extent * 1e3, 1)} mT"
-        )
-    return min(holding, key=lambda one: float(sensitivity(one)[0]))
 
 
 def rotations(sites: Sequence[HallSite]) -> Floats:

@@ -1,7 +1,7 @@
 """Geometry of one rigid-foldable Miura-ori cell: size, fold angle, dihedrals, Poisson's ratios.
 
 One degree of freedom, the fold angle phi, decides everything here. Covers SI Eqs. (S1), (S2),
-(S13)-(S15) and (S18), each with its exact inverse; the dihedral angles are interior ones (pi is
+(S13), (S14) and (S18), and the exact inverse of (S1); the dihedral angles are interior ones (pi is
 flat), phi_1 at the a-creases and phi_2 at the b-creases.
 """
 
@@ -163,27 +163,6 @@ def dihedral_angles(cell: MiuraCell, fold_angle: ArrayLike | None = None) -> Dih
         at_a=2 * np.arcsin(np.minimum(np.sin(phi) / np.sin(alpha), 1)),
         at_b=2 * np.arccos(np.minimum(height / (cell.panel_a * np.sin(alpha)), 1)),
     )
-
-
-def fold_angle_of_dihedral(
-    cell: MiuraCell, *, at_a: ArrayLike | None = None, at_b: ArrayLike | None = None
-) -> Floats:
-    """Fold angle at which the dihedral at the a- or at the b-creases has this value, rad.
-
-    Composed with `dihedral_angles` it gives phi_2 of phi_1 and the reverse.
-
-    Notes
-    -----
-    Source: SI Eqs. (S13)-(S15), solved for phi.
-    """
-    alpha = cell.sector_angle
-    if at_a is not None and at_b is None:
-        return np.asarray(np.arcsin(np.sin(alpha) * np.sin(floats("at_a", at_a) / 2)))
-    if at_b is not None and at_a is None:
-        half = np.sin(floats("at_b", at_b) / 2)
-        sine_1 = half / np.sqrt(np.cos(alpha) ** 2 + np.sin(alpha) ** 2 * half**2)
-        return np.asarray(np.arcsin(np.sin(alpha) * sine_1))
-    raise ArgumentError("exactly one of at_a and at_b must be given")
 
 
 def dihedral_rates(cell: MiuraCell, fold_angle: ArrayLike | None = None) -> DihedralAngles:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from barhinge_oracle import Springs, hinge_gradient, press_stiffness
 from paper.models.finite_press import column_response
+from paper.models.fold_energies import relative_crease_stiffness_map
 from paper.models.stiffness_terms import (
     FIGURE_S7_ATTENUATIONS,
     normalised_stiffness_maps,
@@ -18,9 +19,7 @@ from paper.models.stiffness_terms import (
 )
 from smoskin.design.skin import MiuraCell
 from smoskin.errors import ArgumentError
-from smoskin.mechanics.reduced.attenuation import column_displacements, profiles
-from smoskin.mechanics.reduced.creases import relative_crease_stiffness_map
-from smoskin.mechanics.reduced.separable import motion_product
+from smoskin.mechanics.reduced.attenuation import column_displacements, motion_product, profiles
 from smoskin.mechanics.reduced.stiffness import (
     board_stiffness,
     cell_layers,

@@ -10,7 +10,6 @@ from barhinge_oracle import hinge_gradient
 from skins import with_magnets
 from smoskin.design.materials import FILMS
 from smoskin.errors import DesignError
-from smoskin.mechanics.reduced.panels import shear_stiffness, twist_stiffness
 from smoskin.mechanics.reduced.stiffness import column_stiffness, sheet_stiffness
 from smoskin.mechanics.sheet.lattice import (
     BOND_STRENGTH,
@@ -18,7 +17,9 @@ from smoskin.mechanics.sheet.lattice import (
     axial_stiffness,
     bending_stiffness,
     build_lattice,
+    shear_stiffness,
     springs_of,
+    twist_stiffness,
 )
 
 

@@ -195,6 +195,20 @@ def magnet_displacements(parts: Profiles, corner: tuple[int, int]) -> Floats:
     return np.stack(np.broadcast_arrays(parts.x[:, 2 * p, None], parts.y[None, :, q]), axis=-1)
 
 
+def motion_product(one: Profiles, other: Profiles) -> Floats:
+    """Sum over all columns of u . u' for each loaded cell, in O(N M), shape (N, M), m^2."""
+    wide, tall = one.x.shape[1], one.y.shape[1]
+    even = (wide + 1) // 2
+    of_column = tall * ((one.x * other.x) + (one.zigzag_x * other.zigzag_x)).sum(axis=1)
+    of_row = wide * (one.y * other.y).sum(axis=1)
+    # The rows' zigzag acts at even i alone and meets both other parts of y there.
+    both_rows = one.zigzag_y * other.zigzag_y + one.y * other.zigzag_y + one.zigzag_y * other.y
+    of_row += even * both_rows.sum(axis=1)
+    mixed = np.outer(one.zigzag_x.sum(axis=1), (other.y + other.zigzag_y).sum(axis=1))
+    mixed += np.outer(other.zigzag_x.sum(axis=1), (one.y + one.zigzag_y).sum(axis=1))
+    return np.asarray(of_column[:, None] + of_row[None, :] + mixed)
+
+
 def fold_shares(fold_from: FoldFrom) -> tuple[float, float]:
     """Weights of the folds that a cell's length and its width would give it."""
     return {"length": (1.0, 0.0), "width": (0.0, 1.0), "mean": (0.5, 0.5)}[fold_from]

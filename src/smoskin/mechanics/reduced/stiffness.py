@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 from smoskin.arrays import Floats, Ints
 from smoskin.design.materials import ELASTOMERS
 from smoskin.design.skin import Coefficients, MiuraCell, SkinDesign
-from smoskin.mechanics.reduced.attenuation import FoldFrom, Profiles, profiles
-from smoskin.mechanics.reduced.separable import motion_product
+from smoskin.mechanics.reduced.attenuation import FoldFrom, Profiles, motion_product, profiles
 
 Grip = Literal["sticks", "slips"]
 """Whether what presses holds the loaded vertex in the plane (as the SI assumes), or lets the

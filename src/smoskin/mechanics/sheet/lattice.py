@@ -13,10 +13,8 @@ import numpy as np
 
 from smoskin.arrays import Floats, Ints
 from smoskin.design.materials import ELASTOMERS, FILMS
-from smoskin.design.skin import Columns, MiuraCell, Panels, SkinDesign
+from smoskin.design.skin import Columns, Creases, MiuraCell, Panels, SkinDesign
 from smoskin.errors import DesignError
-from smoskin.mechanics.reduced.creases import crease_stiffness
-from smoskin.mechanics.reduced.panels import shear_stiffness, twist_stiffness
 from smoskin.mechanics.reduced.stiffness import column_stiffness, pillar_stiffness
 from smoskin.origami.sheet import Sheet, build_sheet
 
@@ -83,8 +81,8 @@ def springs_of(design: SkinDesign) -> Springs:
     Notes
     -----
     Source: SI Eqs. (S16) and (S21) for creases and columns in shear; the axial stiffness of a
-    bonded rubber cylinder, E A (1 + 2 S^2) / h with E = 3 G and S = r / (2 h); panels as in
-    `smoskin.mechanics.reduced.panels`.
+    bonded rubber cylinder, E A (1 + 2 S^2) / h with E = 3 G and S = r / (2 h); panels as
+    `bending_stiffness` and `shear_stiffness` say.
 
     Examples
     --------
@@ -124,10 +122,60 @@ def bending_stiffness(cell: MiuraCell, panels: Panels) -> float:
 
     Notes
     -----
-    Source: SI Eq. (S25), K_p; the energy of `smoskin.mechanics.reduced.panels.twist_stiffness`.
+    Source: SI Eq. (S25), K_p; the energy of `twist_stiffness`.
     Valid for deflections below the panel's thickness.
     """
     return twist_stiffness(cell, panels) * (_area(cell) / _diagonal(cell)) ** 2
+
+
+def crease_stiffness(creases: Creases) -> float:
+    """Moment per length and angle that a crease holds, k, N (that is N m per m and rad).
+
+    Notes
+    -----
+    Source: SI Eq. (S16), the text under it: k = E I / g with I = t^3 / 12 per length, the film
+    bent evenly across its gap g. Valid for a gap much narrower than a panel.
+
+    Examples
+    --------
+    >>> film = Creases(thickness=50e-6, gap=1e-3, material="polyimide")
+    >>> round(crease_stiffness(film), 5)
+    0.02604
+    """
+    modulus = FILMS[creases.material].young_modulus
+    return modulus * creases.thickness**3 / (12 * creases.gap)
+
+
+def twist_stiffness(cell: MiuraCell, panels: Panels) -> float:
+    """Force per corner deflection of a panel warped into a hyperbolic paraboloid, N/m.
+
+    Its straight edges stay straight, as the neighbours across the creases want them:
+    ``4 D (cot^2 alpha + (1 - nu)/2) / A`` with ``D = E t^3 / (12 (1 - nu^2))``.
+
+    Notes
+    -----
+    Source: SI Eq. (S25), which only names it; Kirchhoff's plate with a uniform twist.
+    Valid for deflections below the panel's thickness.
+    """
+    material = FILMS[panels.material]
+    nu = material.poisson_ratio
+    bending = material.young_modulus * panels.thickness**3 / (12 * (1 - nu**2))
+    return 4 * bending * _shape(cell, nu) / _area(cell)
+
+
+def shear_stiffness(cell: MiuraCell, panels: Panels) -> float:
+    """Moment per change of a panel's corner angle with its edges' lengths kept, N m/rad.
+
+    ``A E t (cot^2 alpha + (1 - nu)/2) / (1 - nu^2)``.
+
+    Notes
+    -----
+    Source: SI Eq. (S25), which only names it; plane stress with a uniform strain.
+    """
+    material = FILMS[panels.material]
+    nu = material.poisson_ratio
+    membrane = material.young_modulus * panels.thickness / (1 - nu**2)
+    return membrane * _shape(cell, nu) * _area(cell)
 
 
 def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice:
@@ -148,7 +196,7 @@ def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice
     -----
     Source: SI Eq. (S25), K_p, for the panels. An edge takes half of the plate on either side, so
     that a panel pulled along an edge is as stiff as its plate; the diagonal takes what shearing
-    the panel costs, `smoskin.mechanics.reduced.panels.shear_stiffness`.
+    the panel costs, `shear_stiffness`.
 
     Examples
     --------
@@ -240,6 +288,11 @@ def _lengths(sheet: Sheet, pairs: Ints) -> Floats:
     """Distance between the nodes of each pair."""
     ends = sheet.vertices[pairs]
     return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=-1))
+
+
+def _shape(cell: MiuraCell, poisson_ratio: float) -> float:
+    """Shape factor of a parallelogram under a uniform twist or shear along its edges."""
+    return float(1 / np.tan(cell.sector_angle) ** 2 + (1 - poisson_ratio) / 2)
 
 
 def _area(cell: MiuraCell) -> float:

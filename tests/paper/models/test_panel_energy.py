@@ -9,19 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from barhinge_oracle import Springs, panel_triangles, press_stiffness
+from paper.models.fold_energies import border_misfit, fading_folds, panel_stiffness_map
 from paper.models.stiffness_terms import stiffness_terms
 from smoskin.design.materials import FILMS
 from smoskin.design.skin import MiuraCell, Panels
 from smoskin.errors import DesignError
-from smoskin.mechanics.reduced.creases import crease_stiffness
-from smoskin.mechanics.reduced.panels import (
-    border_misfit,
-    panel_stiffness_map,
-    shear_stiffness,
-    twist_stiffness,
-)
-from smoskin.mechanics.reduced.separable import fading_folds
 from smoskin.mechanics.reduced.stiffness import column_stiffness
+from smoskin.mechanics.sheet.lattice import crease_stiffness, shear_stiffness, twist_stiffness
 from smoskin.origami.cell import fold_angle, size
 from smoskin.origami.sheet import build_sheet, vertex_positions
 

@@ -9,18 +9,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paper.models.finite_press import crease_response
+from paper.models.fold_energies import (
+    DihedralChanges,
+    Split,
+    crease_product,
+    fading_folds,
+    inner_product,
+    relative_crease_stiffness_map,
+)
 from paper.models.stiffness_terms import stiffness_terms
 from smoskin.design.skin import Creases
 from smoskin.errors import DesignError
 from smoskin.mechanics.reduced.attenuation import cell_change
-from smoskin.mechanics.reduced.creases import (
-    DihedralChanges,
-    crease_product,
-    crease_stiffness,
-    relative_crease_stiffness_map,
-)
-from smoskin.mechanics.reduced.separable import Split, fading_folds, inner_product
 from smoskin.mechanics.reduced.stiffness import column_stiffness
+from smoskin.mechanics.sheet.lattice import crease_stiffness
 from smoskin.origami.cell import fold_angle, size
 from smoskin.origami.sheet import build_sheet, vertex_positions
 
