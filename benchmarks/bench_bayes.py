@@ -10,8 +10,7 @@ import numpy as np
 from rich.console import Console
 
 from smoskin import load_design
-from smoskin.commands.score import Exam, examine
-from smoskin.commands.score.files import table_subject
+from smoskin.commands.score import Exam, candidate, examine
 from smoskin.commands.score.plan import parse_places
 from smoskin.commands.train import parse_chips
 from smoskin.sensing.response.bound import bound_map
@@ -33,7 +32,7 @@ def main() -> None:
     asked = parser.parse_args()
     design = load_design(asked.design)
     exam = Exam(
-        skins=asked.skins,
+        skins=tuple(range(1, asked.skins + 1)),
         touches=asked.touches,
         places=parse_places(asked.places),
         count=asked.count,
@@ -41,11 +40,14 @@ def main() -> None:
         pairs=asked.pairs,
         chips=parse_chips(asked.chips),
     )
-    subject = table_subject(load_response_table(asked.table), design, exam)
+    table = load_response_table(asked.table)
+    subject = candidate(table, design, exam)
     console = Console(width=110)
-    for table in examine(design, subject, exam).tables():
-        console.print(table)
-    best = bound_map(subject.table, signal_noise(design, subject.chips), drags=False)
+    for shown in examine(design, subject, exam).tables():
+        console.print(shown)
+    best = bound_map(
+        table.of_chips(subject.chips), signal_noise(design, subject.chips), drags=False
+    )
     area, spacing = best.super_resolution
     console.print(
         f"bound of a skin as designed at 0.5 N: median {np.median(best.location) * 1e3:.3f} mm, "

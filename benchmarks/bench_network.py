@@ -27,7 +27,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.mlx90393 import conversion_time
 from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.sensing.network.estimator import NetworkEstimator, PointNetwork
-from smoskin.sensing.network.lessons import NetworkEffort
+from smoskin.sensing.network.lessons import TrainingEffort
 from smoskin.sensing.network.model import NetworkModel, load_network
 from smoskin.sensing.network.samples import TouchSpread
 from smoskin.sensing.network.training import train_network
@@ -116,7 +116,7 @@ def main() -> None:
             calibrate_touches(table, touches, noise),
             spread=TouchSpread(drag=asked.drag),
             creep=rubber,
-            effort=NetworkEffort(epochs=asked.epochs),
+            effort=TrainingEffort(epochs=asked.epochs),
             start=start,
         )
         print(f"skin {seed}: trained {trained.curve[-1].seconds:.0f} s; {trained.ended}")

@@ -6,12 +6,12 @@ from functools import cache
 import numpy as np
 
 from smoskin.sensing.learned.gaussian_process import Metric
-from smoskin.sensing.network.lessons import NetworkEffort
+from smoskin.sensing.network.lessons import TrainingEffort
 from smoskin.sensing.network.model import Layer, NetworkModel
 from smoskin.sensing.network.samples import TouchSpread
 from tables_of_response import reduced_table
 
-TINY = NetworkEffort(
+TINY = TrainingEffort(
     members=2, width=24, depth=2, epochs=10, steps=25, batch=256, touches=32, rate=3e-2
 )
 

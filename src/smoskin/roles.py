@@ -6,12 +6,19 @@ each of them to the sentences written here.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
-from typing import Self
+from typing import Self, TypeAlias
 
 from smoskin.arrays import Floats
 from smoskin.records import Contact, Estimate, HeldTouch, Reading
+
+Progress: TypeAlias = Callable[[str, float], None]
+"""A listener to long work: told what is being done, and the share of the whole that is done."""
+
+
+def unheard(what: str, share: float) -> None:
+    """Listen to no progress; the default of all that takes long."""
 
 
 class Resource(ABC):

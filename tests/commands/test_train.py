@@ -2,16 +2,21 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from networks import TINY
 from smoskin.cli import app
 from smoskin.cli import train as commands
-from smoskin.commands.train import effort_of, parse_chips, train_on_table
+from smoskin.commands.train import checkpoint_of, parse_chips, train, write_network
 from smoskin.design.document import format_design
-from smoskin.errors import ArgumentError, ModelError
+from smoskin.errors import ArgumentError, DesignError, ModelError
+from smoskin.mechanics.viscoelasticity import elastomer_prony
+from smoskin.sensing.network.lessons import TrainingEffort
 from smoskin.sensing.network.model import load_network
 from tables_of_response import plain, reduced_table
 
@@ -28,25 +33,42 @@ def run(*arguments):
     return CliRunner().invoke(app, [str(one) for one in arguments])
 
 
-def test_a_training_leaves_a_model_its_curve_and_no_checkpoint(skin, tmp_path):
-    out = tmp_path / "planar.safetensors"
-    done = train_on_table(
-        skin, reduced_table(skin), out, chips=(1, 2), effort=SHORT, onnx=tmp_path / "planar.onnx"
-    )
-    names = {file.name for file in tmp_path.iterdir()}
-    assert names == {"planar.safetensors", "planar.safetensors.curve.jsonl", "planar.onnx"}
-    assert {file.name for file in done.files} == names
-    assert load_network(out).chips == (1, 2)
-    said = json.loads(json.dumps(done.as_json()))
-    assert said["epochs"] == 2
-    assert said["ended"] == "all 2 epochs are done"
-    assert said["metrics"][0]["unit"] == "m"
-    assert done.table().row_count == 3
-    further = train_on_table(
-        skin, reduced_table(skin), tmp_path / "own.safetensors", chips=(1, 2), effort=SHORT,
-        start=out,
-    )  # fmt: skip
-    assert further.curve[-1].held_out < done.curve[-1].held_out
+def test_a_training_gives_a_network_that_can_be_saved_and_gone_on_from(skin, tmp_path):
+    pressed, out = tmp_path / "plain.table", tmp_path / "net.safetensors"
+    reduced_table(skin).save(pressed)
+    first = train(pressed, design=skin, chips=(1, 2), effort=SHORT, seed=4)
+    assert (first.ended, len(first.curve)) == ("all 2 epochs are done", 2)
+    told = json.loads(json.dumps(first.as_json()))
+    assert (told["epochs"], told["chips"], told["drag_N"]) == (2, [1, 2], 0.0)
+    assert told["held_out_nats"] == min(point.held_out for point in first.curve)
+    assert told["metrics"][0]["unit"] == "m"
+    assert first.table().row_count == 3
+    assert write_network(first, out, tmp_path / "net.onnx") == [out, tmp_path / "net.onnx"]
+    again = load_network(out)
+    assert again.chips == (1, 2)
+    assert again.data_sha256 == first.model.data_sha256
+    further = train(reduced_table(skin), design=skin, chips=(1, 2), effort=SHORT, start=out)
+    assert further.curve[-1].held_out < first.curve[-1].held_out
+
+
+def test_minutes_members_and_seed_take_the_place_of_an_efforts(planar, skin, monkeypatch):
+    asked = {}
+
+    def stand_in(design, table, **given):
+        asked.update(given, design=design)
+        return SimpleNamespace(model=None, curve=(), ended="")
+
+    monkeypatch.setattr("smoskin.sensing.network.training.train_network", stand_in)
+    train(reduced_table(skin), design=skin, minutes=2.0, seed=4, members=3, effort=SHORT, drag=0.2)
+    assert asked["effort"] == replace(SHORT, seconds=120.0, seed=4, members=3)
+    assert asked["spread"].drag == 0.2
+    rubber = elastomer_prony(skin.columns.material)
+    assert np.array_equal(asked["creep"].moduli, rubber.moduli)
+    train(reduced_table(planar))
+    assert asked["effort"] == TrainingEffort()
+    assert asked["design"] == planar
+    with pytest.raises(DesignError, match="design must be given"):
+        train(reduced_table(skin))
 
 
 def test_a_stopped_training_is_neither_lost_nor_taken_for_another(skin, tmp_path):
@@ -59,47 +81,46 @@ def test_a_stopped_training_is_neither_lost_nor_taken_for_another(skin, tmp_path
 
     out = tmp_path / "planar.safetensors"
     with pytest.raises(ArgumentError, match="got no"):
-        train_on_table(skin, reduced_table(skin), out, effort=SHORT, resume=True)
+        checkpoint_of(out, resume=True)
+    asked = {"design": skin, "effort": SHORT, "checkpoint": checkpoint_of(out, resume=False)}
     with pytest.raises(Killed):
-        train_on_table(skin, reduced_table(skin), out, effort=SHORT, progress=progress)
-    assert (tmp_path / "planar.safetensors.checkpoint").exists()
-    assert not out.exists()
+        train(reduced_table(skin), **asked, progress=progress)
+    assert checkpoint_of(out, resume=True).name == "planar.safetensors.checkpoint"
     with pytest.raises(ArgumentError, match="resume must be asked for"):
-        train_on_table(skin, reduced_table(skin), out, effort=SHORT)
-    other = replace(SHORT, seed=5)
+        checkpoint_of(out, resume=False)
     with pytest.raises(ModelError, match="must be of this training"):
-        train_on_table(skin, reduced_table(skin), out, effort=other, resume=True)
-    done = train_on_table(skin, reduced_table(skin), out, effort=SHORT, resume=True)
-    assert done.curve[-1].epoch == 2
-    assert not (tmp_path / "planar.safetensors.checkpoint").exists()
+        train(reduced_table(skin), **asked, seed=5)
+    resumed = train(reduced_table(skin), **asked)
+    assert resumed.curve[-1].epoch == 2
 
 
 def test_the_command_trains_and_says_what_it_reached(skin, tmp_path, monkeypatch):
     design, table = tmp_path / "plain.toml", tmp_path / "plain.table"
     design.write_text(format_design(skin), encoding="utf-8")
     reduced_table(skin).save(table)
-    monkeypatch.setattr(
-        "smoskin.commands.train.NetworkEffort", lambda seed: replace(SHORT, seed=seed)
-    )
+    monkeypatch.setattr("smoskin.commands.train.TrainingEffort", lambda: SHORT)
     out = tmp_path / "net.safetensors"
     result = run("train", table, "--out", out, "--design", design, "--chips", "1,2",
                  "--drag", "0.3", "--members", "3", "--minutes", "5", "--json")  # fmt: skip
     assert result.exit_code == 0, result.output
-    said = json.loads(result.stdout)
-    assert said["chips"] == [1, 2]
-    assert said["drag_N"] == 0.3
+    told = json.loads(result.stdout)
+    assert told["chips"] == [1, 2]
+    assert told["drag_N"] == 0.3
     model = load_network(out)
     assert model.members == 3
-    assert model.data_sha256 == said["data_sha256"]
+    assert model.data_sha256 == told["data_sha256"]
+    names = {"net.safetensors", "net.safetensors.curve.jsonl"}
+    assert {path.name for path in tmp_path.iterdir()} == names | {"plain.toml", "plain.table"}
+    assert {Path(file).name for file in told["files"]} == names
+    resumed = run("train", table, "--out", out, "--resume", "--design", design)
+    assert isinstance(resumed.exception, ArgumentError)
     shown = run("train", table, "--out", tmp_path / "b", "--design", design, "--seed", "3")
     assert shown.exit_code == 0, shown.output
     assert "mean distance of the place" in shown.stdout
     assert "Training ended: all 2 epochs are done." in shown.stdout
 
 
-def test_what_cannot_be_is_refused():
+def test_chips_are_numbers():
     assert parse_chips("0,2") == (0, 2)
     with pytest.raises(ArgumentError, match="chips must be numbers"):
         parse_chips("one")
-    effort = effort_of(members=3, minutes=2.0, seed=4)
-    assert (effort.members, effort.seconds, effort.seed) == (3, 120.0, 4)

@@ -11,12 +11,16 @@ from smoskin.cli.frame import Json, app, progress_bar, show
 
 @app.command()
 def score(
-    file: Annotated[Path, typer.Argument(help="A response table, or a network.")],
-    out: Annotated[Path, typer.Option(help="The folder to write to.", file_okay=False)],
-    design: Annotated[str, typer.Option(help="Of the skins that are pressed.")] = "planar",
-    skins: Annotated[int, typer.Option(min=1, help="Made skins.")] = 2,
+    file: Annotated[
+        Path, typer.Argument(help="A response table, a network, or another estimator's file.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for score.json and the figures.", file_okay=False)
+    ] = None,
+    design: Annotated[str, typer.Option(help="Design of the skins that are pressed.")] = "planar",
+    skins: Annotated[int, typer.Option(min=1, help="Number of made skins.")] = 2,
     touches: Annotated[
-        int, typer.Option(min=0, help="Labelled touches that calibrate each skin; 0: none.")
+        int, typer.Option(min=0, help="Labelled touches that calibrate a table to each skin.")
     ] = 60,
     places: Annotated[
         str | None,
@@ -32,35 +36,45 @@ def score(
     chips: Annotated[
         str | None, typer.Option(help="Read only these chips, such as 1,2; from 0.")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the first made skin.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the first made skin.")] = 1,
     as_json: Json = False,
 ) -> None:
     """Judge an estimator on made skins that it has never seen, pressed all over.
 
-    Skins are at 15 to 35 degC, creep, drift and are read by noisy chips; each is calibrated first.
-    The folder gets score.json and the figures: errors over the skin, their distributions, stated
-    against observed confidence. A missed touch counts as one in the middle of the skin.
+    Skins are at 15 to 35 degC, creep, drift and are read by noisy chips; a response table is
+    calibrated to each first. The folder gets score.json and the figures: errors over the skin,
+    their distributions, stated against observed confidence. A missed touch counts as one in the
+    middle of the skin. The exit code is 1 if a target is missed.
     """
-    from smoskin.commands.score import Exam, score_file
+    from smoskin.commands.score import DATA
+    from smoskin.commands.score import score as judge
     from smoskin.commands.score.plan import parse_places
     from smoskin.commands.train import parse_chips
     from smoskin.feasibility import load_design
 
-    exam = Exam(
-        skins=skins,
-        touches=touches,
-        places=parse_places(places or "25x33"),
-        count=count if count or places else 200,
-        drag=drag,
-        pairs=pairs,
-        chips=None if chips is None else parse_chips(chips),
-        seed=seed,
-    )
+    skin = load_design(design)
+    grid = None if places is None else parse_places(places)
+    read = None if chips is None else parse_chips(chips)
     with progress_bar() as progress:
-        written = score_file(load_design(design), file, out, exam, progress=progress)
+        sheet = judge(
+            file,
+            skin,
+            skins=range(seed, seed + skins),
+            touches=touches,
+            count=count,
+            places=grid,
+            chips=read,
+            drag=drag,
+            pairs=pairs,
+            out=out,
+            progress=progress,
+        )
     if as_json:
-        typer.echo(json.dumps(written.sheet.as_json()))
-        return
-    for table in written.sheet.tables():
-        show(table)
-    typer.echo(str(written.data))
+        typer.echo(json.dumps(sheet.as_json()))
+    else:
+        for table in sheet.tables():
+            show(table)
+        if out is not None:
+            typer.echo(str(out / DATA))
+    if not sheet.met:
+        raise typer.Exit(1)

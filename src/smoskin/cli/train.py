@@ -59,51 +59,64 @@ def train(
     response: Annotated[
         Path, typer.Argument(help="A response table, of a design or of a skin.", dir_okay=False)
     ],
-    out: Annotated[Path, typer.Option(help="The model file to write.", dir_okay=False)],
-    design: Annotated[str, typer.Option(help="That the response table is of.")] = "planar",
+    out: Annotated[Path, typer.Option(help="The model file to write.", dir_okay=False)] = Path(
+        "network.safetensors"
+    ),
+    design: Annotated[
+        str | None, typer.Option(help="The table's design; by default the shipped one.")
+    ] = None,
     chips: Annotated[
-        str | None, typer.Option(help="That the network reads, such as 1,2; all by default.")
+        str | None,
+        typer.Option(help="Chips that the network reads, such as 1,2; all by default."),
     ] = None,
     drag: Annotated[
         float, typer.Option(min=0.0, help="Largest drag that it shall tell, N; 0: none.")
     ] = 0.0,
     members: Annotated[int | None, typer.Option(min=1, help="Networks of the ensemble.")] = None,
-    minutes: Annotated[float | None, typer.Option(min=0.01, help="To train at most.")] = None,
+    minutes: Annotated[
+        float | None, typer.Option(min=0.01, help="Longest time of the training.")
+    ] = None,
     start: Annotated[Path | None, typer.Option(help="A model to go on from.")] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on where training was stopped.")
     ] = False,
     onnx: Annotated[Path | None, typer.Option(help="Write an ONNX file too.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of weights and of what is drawn.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of weights and of touches.")] = 0,
     as_json: Json = False,
 ) -> None:
     """Train a network that tells place and force, each with its uncertainty, from a reading.
 
     Touches are drawn anew from the table at every step, with noise, drift, warmth and creep, on
-    skins as they differ. Of a design's table the network serves any skin made of it; of the table
-    of one skin, calibrated by a few touches, that skin alone, and better.
+    skins as they differ. Trained on a design's table the network serves any skin made of it; on the
+    table of one skin, calibrated by a few touches, that skin alone, and better. The learning curve
+    stands beside the model, in a file that ends on .curve.jsonl.
     """
-    from smoskin.commands.train import effort_of, parse_chips, train_on_table
+    from smoskin.commands import train as training
     from smoskin.feasibility import load_design
-    from smoskin.sensing.response.table import load_response_table
 
+    checkpoint = training.checkpoint_of(out, resume=resume)
+    curve = out.with_name(out.name + ".curve.jsonl")
     with progress_bar() as progress:
-        trained = train_on_table(
-            load_design(design),
-            load_response_table(response),
-            out,
-            chips=None if chips is None else parse_chips(chips),
+        trained = training.train(
+            response,
+            design=None if design is None else load_design(design),
+            chips=None if chips is None else training.parse_chips(chips),
             drag=drag,
-            effort=effort_of(members=members, minutes=minutes, seed=seed),
+            members=members,
+            minutes=minutes,
+            seed=seed,
             start=start,
-            resume=resume,
-            onnx=onnx,
+            checkpoint=checkpoint,
+            curve=curve,
             progress=progress,
         )
+    model, *others = training.write_network(trained, out, onnx)
+    files = [model, curve, *others]
+    checkpoint.unlink()
     if as_json:
-        typer.echo(json.dumps(trained.as_json()))
+        typer.echo(json.dumps(trained.as_json() | {"files": [str(file) for file in files]}))
         return
     show(trained.table())
     typer.echo(f"Training ended: {trained.ended}.")
-    for file in trained.files:
+    for file in files:
         typer.echo(str(file))

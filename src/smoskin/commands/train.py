@@ -1,41 +1,51 @@
-"""Trains a network on a response table, and writes it with its learning curve.
+"""Trains a network on a response table: `smo.train`, and the files of `smoskin train`.
 
 Decides which files stand beside a model while and after it is trained: the curve (JSON lines), and
 a checkpoint that is removed once training has ended of itself.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from smoskin.design.document import shipped_design
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
+from smoskin.feasibility import load_design
 from smoskin.mechanics.viscoelasticity import elastomer_prony
-from smoskin.sensing.network.lessons import NetworkEffort
+from smoskin.roles import Progress, unheard
+from smoskin.sensing.network.lessons import TrainingEffort
 from smoskin.sensing.network.model import NetworkModel, load_network
 from smoskin.sensing.network.samples import TouchSpread
-from smoskin.sensing.response.table import ResponseTable
+from smoskin.sensing.response.table import ResponseTable, load_response_table
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from smoskin.sensing.network.training import Epoch
 
-Progress = Callable[[str, float], None]
-"""Is told what is being done, and the share of the whole work that is done."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainedNetwork:
-    """A training that has ended, and its files."""
+    """A training that has ended."""
 
     model: NetworkModel
+    """The network."""
     curve: "tuple[Epoch, ...]"
+    """Learning curve, a point an epoch."""
     ended: str
-    """Why, in words."""
-    files: tuple[Path, ...]
-    """The model, its curve, and the ONNX file where one was asked for."""
+    """Why training ended, in words."""
+
+    def save(self, path: Path | str) -> None:
+        """Write the network's file, which `smoskin.load_estimator` reads.
+
+        Raises
+        ------
+        MissingExtraError
+            If `safetensors` is not installed.
+        """
+        self.model.save(path)
 
     def as_json(self) -> dict[str, object]:
         """Plain values for machines."""
@@ -50,7 +60,6 @@ class TrainedNetwork:
             "ended": self.ended,
             "held_out_nats": min(point.held_out for point in self.curve),
             "metrics": [metric._asdict() for metric in self.model.metrics],
-            "files": [str(file) for file in self.files],
         }
 
     def table(self) -> "Table":
@@ -66,49 +75,93 @@ class TrainedNetwork:
         return table
 
 
-def train_on_table(
-    design: SkinDesign,
-    table: ResponseTable,
-    out: Path,
+def train(
+    table: ResponseTable | Path | str,
     *,
+    minutes: float | None = None,
+    seed: int = 0,
+    design: SkinDesign | str | None = None,
     chips: Sequence[int] | None = None,
     drag: float = 0.0,
-    effort: NetworkEffort | None = None,
-    start: Path | None = None,
-    resume: bool = False,
-    onnx: Path | None = None,
-    progress: Progress | None = None,
+    members: int | None = None,
+    effort: TrainingEffort | None = None,
+    start: NetworkModel | Path | str | None = None,
+    checkpoint: Path | None = None,
+    curve: Path | None = None,
+    progress: Progress = unheard,
 ) -> TrainedNetwork:
-    """Train a network and write it to `out`, its curve to `out` with `.curve.jsonl` for an ending.
+    """A network that tells place and force, each with its uncertainty, from a reading.
 
     Parameters
     ----------
-    design : SkinDesign
-    table : ResponseTable
-        Of the design, for any skin; or of one skin that was calibrated.
-    out : Path
+    table : ResponseTable or path
+        Table of a design, for any skin made of it; or of one skin that was calibrated.
+    minutes : float, optional
+        Longest time of the training; all epochs of the effort by default.
+    seed : int
+        Seed of the first weights and of all touches that are drawn.
+    design : SkinDesign or str, optional
+        Design of the table, or its name; by default the shipped one that it was made of.
     chips : sequence of int, optional
-        That the network reads; all of the table by default.
+        Chips that the network reads; all of the table by default.
     drag : float
-        N: largest drag that it shall tell; 0: touches are straight.
-    effort : NetworkEffort, optional
-    start : Path, optional
+        Largest drag that it shall tell, N; 0: touches are straight.
+    members : int, optional
+        Networks of the ensemble; those of the effort by default.
+    effort : TrainingEffort, optional
+        Sizes and lengths of which `minutes`, `seed` and `members` replace the like.
+    start : NetworkModel or path, optional
         A network to go on from.
-    resume : bool
-        Go on where a training of the same kind was stopped.
-    onnx : Path, optional
-        Write the network there as an ONNX file too.
-    progress : callable, optional
+    checkpoint : Path, optional
+        File that is written after every epoch; where it exists, training goes on from there.
+    curve : Path, optional
+        File of the learning curve, a line of JSON for each epoch.
+    progress : Progress, optional
+        Listener.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is out of its range.
+    DesignError
+        If no design is given and the table is of none that is shipped.
+    ModelError
+        If table, start or checkpoint belong to another design or training.
+    MissingExtraError
+        If the extra `train` is not installed.
+    """
+    from smoskin.sensing.network.training import train_network
+
+    whole = table if isinstance(table, ResponseTable) else load_response_table(table)
+    skin = load_design(design) if isinstance(design, str) else design
+    skin = skin or shipped_design(whole.design_hash)
+    work = replace(effort or TrainingEffort(), seed=seed)
+    if members is not None:
+        work = replace(work, members=members)
+    if minutes is not None:
+        work = replace(work, seconds=60 * minutes)
+    trained = train_network(
+        skin,
+        whole if chips is None else whole.of_chips(chips),
+        spread=TouchSpread(drag=drag),
+        creep=elastomer_prony(skin.columns.material),
+        effort=work,
+        start=load_network(start) if isinstance(start, (str, Path)) else start,
+        checkpoint=checkpoint,
+        curve=curve,
+        progress=progress,
+    )
+    return TrainedNetwork(model=trained.model, curve=trained.curve, ended=trained.ended)
+
+
+def checkpoint_of(out: Path, *, resume: bool) -> Path:
+    """The checkpoint's file beside a model's, asked for whether training shall go on from it.
 
     Raises
     ------
     ArgumentError
         If a training was stopped here and it is not to be resumed, or the other way round.
-    MissingExtraError
-        If the extra `train`, or `onnx` where it is needed, is not installed.
     """
-    from smoskin.sensing.network.training import train_network
-
     checkpoint = out.with_name(out.name + ".checkpoint")
     if checkpoint.exists() is not resume:
         raise ArgumentError(
@@ -116,29 +169,24 @@ def train_on_table(
             if checkpoint.exists()
             else f"resume must be asked for where a training was stopped; got no {checkpoint}"
         )
-    curve = out.with_name(out.name + ".curve.jsonl")
-    trained = train_network(
-        design,
-        table if chips is None else table.of_chips(chips),
-        spread=TouchSpread(drag=drag),
-        creep=elastomer_prony(design.columns.material),
-        effort=effort,
-        start=None if start is None else load_network(start),
-        checkpoint=checkpoint,
-        curve=curve,
-        progress=progress,
-    )
-    trained.model.save(out)
-    files = [out, curve]
-    if onnx is not None:
-        from smoskin.sensing.network.export import export_onnx
+    return checkpoint
 
-        export_onnx(trained.model, onnx)
-        files.append(onnx)
-    checkpoint.unlink()
-    return TrainedNetwork(
-        model=trained.model, curve=trained.curve, ended=trained.ended, files=tuple(files)
-    )
+
+def write_network(trained: TrainedNetwork, out: Path, onnx: Path | None = None) -> list[Path]:
+    """Write a network to `out`, and to `onnx` as an ONNX file; the files written.
+
+    Raises
+    ------
+    MissingExtraError
+        If `safetensors`, or `onnx` where it is needed, is not installed.
+    """
+    trained.save(out)
+    if onnx is None:
+        return [out]
+    from smoskin.sensing.network.export import export_onnx
+
+    export_onnx(trained.model, onnx)
+    return [out, onnx]
 
 
 def parse_chips(text: str) -> tuple[int, ...]:
@@ -155,16 +203,6 @@ def parse_chips(text: str) -> tuple[int, ...]:
     (1, 2)
     """
     try:
-        return tuple(int(one) for one in text.split(","))
+        return tuple(int(chip) for chip in text.split(","))
     except ValueError as error:
         raise ArgumentError(f"chips must be numbers such as 1,2; got {text!r}") from error
-
-
-def effort_of(
-    *, members: int | None = None, minutes: float | None = None, seed: int = 0
-) -> NetworkEffort:
-    """An effort with these numbers, where they are given."""
-    effort = NetworkEffort(seed=seed)
-    if members is not None:
-        effort = replace(effort, members=members)
-    return effort if minutes is None else replace(effort, seconds=60 * minutes)

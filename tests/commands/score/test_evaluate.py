@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from smoskin.commands.score.evaluate import Disturbance, Session, judge, readings
+from smoskin.commands.score.evaluate import Disturbance, Judged, Session, _matched, judge, readings
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.sensing.bayes.estimator import BayesEstimator
@@ -53,7 +53,27 @@ def test_every_touch_of_a_session_is_judged(skin, twin):
     assert (np.abs(found.error[:, 0, 4] / found.truth[:, 0, 4]) < 0.05).all()
     both = found + found
     assert len(both.count) == 24
-    assert both.inside.shape == (24, 1)
+    assert np.array_equal(both.error, np.concatenate([found.error, found.error]))
+
+
+def test_regions_of_errors_as_large_as_stated_hold_nine_tenths():
+    rng = np.random.default_rng(0)
+    root = rng.normal(size=(4000, 1, 5, 5))
+    spread = root @ np.swapaxes(root, -1, -2)
+    error = (root @ rng.normal(size=(4000, 1, 5, 1)))[..., 0]
+    found = Judged(
+        truth=np.zeros((4000, 1, 5)), error=error, spread=spread,
+        count=np.ones(4000, dtype=int), idle=np.zeros(4000, dtype=int),
+    )  # fmt: skip
+    assert abs(found.inside.mean() - 0.9) < 0.02
+    assert found.distance == pytest.approx(np.linalg.norm(error[..., :2], axis=-1))
+
+
+def test_pairs_are_matched_by_place_whatever_their_order():
+    truth = np.array([[0.02, 0.02, 0, 0, -0.3], [0.09, 0.12, 0, 0, -0.6]])
+    for order in ([0, 1], [1, 0]):
+        values = truth[order] + 1e-3
+        assert np.array_equal(values[_matched(values, truth)], truth + 1e-3)
 
 
 def test_another_number_of_touches_is_an_error_of_count_and_no_place(skin, twin):

@@ -9,14 +9,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from smoskin.commands.score import Exam, examine
+from smoskin.commands.score import Exam, candidate, examine, score
 from smoskin.commands.score.errors import grid_places, marks_of, tally, together
 from smoskin.commands.score.evaluate import Judged
-from smoskin.commands.score.files import NetworkSubject, TableSubject, load_subject
 from smoskin.commands.score.plan import parse_places
-from smoskin.commands.score.report import PlaceMap, regions
+from smoskin.commands.score.report import Count, PlaceMap, ScoreSheet, Target, regions
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.records import Contact
+from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.files import TensorFile
 from smoskin.sensing.network.model import Layer, NetworkModel
 from smoskin.twin.readout import Motion, Readout
@@ -72,7 +72,7 @@ def reduced_skin(design):
 @pytest.fixture(scope="module")
 def sheet(skin):
     told = []
-    exam = Exam(skins=1, touches=0, places=(4, 5), count=6, drag=0.2, pairs=1)
+    exam = Exam(skins=(1,), touches=0, places=(4, 5), count=6, drag=0.2, pairs=1)
     found = sheet_of(skin, exam, lambda what, share: told.append(share))
     assert told == sorted(told)
     assert told[-1] < 1
@@ -82,7 +82,7 @@ def sheet(skin):
 def sheet_of(skin, exam, progress=lambda what, share: None):
     return examine(
         skin,
-        TableSubject(table=reduced_table(skin), plan=()),
+        candidate(reduced_table(skin), skin, exam),
         exam,
         make=lambda seed: reduced_skin(skin),
         progress=progress,
@@ -90,7 +90,7 @@ def sheet_of(skin, exam, progress=lambda what, share: None):
 
 
 def test_errors_of_the_stated_size_are_held_as_often_as_stated():
-    marks = marks_of(judged(4000), EXTENT, skin=1)
+    marks = marks_of(judged(4000), EXTENT)
     for axes in ((0, 1), (2, 3), (4,)):
         sure = np.sort(marks.confidence(axes))
         # Kolmogorov's distance from even, at one chance in a thousand.
@@ -105,7 +105,7 @@ def test_errors_of_the_stated_size_are_held_as_often_as_stated():
 
 
 def test_a_missed_touch_counts_as_one_in_the_middle_without_force():
-    whole = marks_of(judged(50, missed=(3, 7)), EXTENT, skin=1)
+    whole = marks_of(judged(50, missed=(3, 7)), EXTENT)
     missed = whole.where(~whole.found)
     assert len(missed.truth) == 2
     assert missed.distance == pytest.approx(np.hypot(*(missed.truth[:, :2] - [0.06, 0.08]).T))
@@ -131,7 +131,6 @@ def test_straight_touches_state_nothing_of_drags_and_have_none():
             idle=found.idle,
         ),
         EXTENT,
-        skin=1,
     )
     assert (marks.confidence((2, 3)) == 1.0).all()
     one = tally("straight", marks)
@@ -143,11 +142,11 @@ def test_the_ratio_to_the_bound_is_taken_where_it_is_below_5_mm():
     found = judged(1000)
     bound = np.full((1000, 2), [np.hypot(1e-3, 2e-3), 5e-3])
     bound[::2] = 10e-3
-    one = tally("half", marks_of(found, EXTENT, 1, bound))
+    one = tally("half", marks_of(found, EXTENT, bound))
     assert one.near.share == 0.5
     assert one.near.noise == pytest.approx(1.0, rel=0.1)
     assert one.near.known is None
-    assert tally("none", marks_of(found, EXTENT, 1)).near is None
+    assert tally("none", marks_of(found, EXTENT)).near is None
 
 
 def test_regions_part_the_skin(planar):
@@ -176,8 +175,8 @@ def test_every_place_of_a_grid_is_found_again():
     lines = np.linspace(0, 0.12, 25), np.linspace(0, 0.16, 33)
     grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
     assert (grid_places(grid, EXTENT, (25, 33)) == np.arange(25 * 33)).all()
-    one = marks_of(judged(2), EXTENT, skin=1)
-    assert together([one, one]).skin.tolist() == [1, 1, 1, 1]
+    one = marks_of(judged(2), EXTENT)
+    assert np.array_equal(together([one, one]).truth, np.concatenate([one.truth, one.truth]))
 
 
 def test_an_exam_finds_what_its_skins_answer(sheet):
@@ -201,7 +200,7 @@ def test_an_exam_finds_what_its_skins_answer(sheet):
 
 
 def test_the_same_exam_gives_the_same_json(skin):
-    exam = Exam(skins=2, touches=0, places=(4, 5), count=2, pairs=0)
+    exam = Exam(skins=(1, 2), touches=0, places=(4, 5), count=2, pairs=0)
     first, again = (json.dumps(sheet_of(skin, exam).as_json(), allow_nan=False) for _ in range(2))
     assert first == again
     told = json.loads(first)
@@ -240,11 +239,12 @@ def test_people_see_every_force_region_and_target(sheet):
 
 def test_exams_that_cannot_be_held_are_refused():
     for options, said in (
-        ({"skins": 0}, "skins must be at least 1"),
+        ({"skins": ()}, "skins must be at least 1"),
         ({"places": (1, 5)}, "places must be at least 2"),
         ({"count": 0}, "count at least 1"),
         ({"drag": -0.1}, "drag must be finite"),
-        ({"seed": 999_999}, "seeds must lie in"),
+        ({"skins": (999_999, 1_000_000)}, "seeds must lie in"),
+        ({"skins": (-1,)}, "seeds must lie in"),
     ):
         with pytest.raises(ArgumentError, match=said):
             Exam(**options)
@@ -292,25 +292,25 @@ def test_a_file_says_itself_what_it_is(skin, long_planar, tmp_path):
     network(skin).save(model)
     other.write_bytes(b"no tensors")
     exam = Exam(touches=0)
-    assert load_subject(table, skin, exam).chips == (0, 1, 2)
-    assert load_subject(table, skin, replace(exam, chips=(1, 2))).chips == (1, 2)
-    assert load_subject(model, skin, exam).kind == "network"
+    assert candidate(table, skin, exam).chips == (0, 1, 2)
+    assert candidate(table, skin, replace(exam, chips=(1, 2))).chips == (1, 2)
+    assert candidate(model, skin, exam).kind == "network"
     for file in (table, model):
         with pytest.raises(ModelError, match="must be of the design '4x5'"):
-            load_subject(file, long_planar, exam)
-    with pytest.raises(ModelError, match="other: cannot be read"):
-        load_subject(other, skin, exam)
+            candidate(file, long_planar, exam)
+    with pytest.raises(ModelError, match="other: not a TOML document"):
+        candidate(other, skin, exam)
     with pytest.raises(ArgumentError, match=r"chips must be those of the network, \(1, 2\)"):
-        load_subject(model, skin, replace(exam, chips=(0, 1)))
+        candidate(model, skin, replace(exam, chips=(0, 1)))
     TensorFile("another file", "another", 1).write(other, {}, {})
-    with pytest.raises(ModelError, match="must be given; got another"):
-        load_subject(other, skin, exam)
+    with pytest.raises(ModelError, match="a model file of this package"):
+        candidate(other, skin, exam)
 
 
 def test_an_untrained_network_is_examined_as_any_other(skin):
-    exam = Exam(skins=1, places=(4, 5), count=2, pairs=0)
+    exam = Exam(skins=(1,), places=(4, 5), count=2, pairs=0)
     found = examine(
-        skin, NetworkSubject(model=network(skin)), exam, make=lambda _: reduced_skin(skin)
+        skin, candidate(network(skin), skin, exam), exam, make=lambda _: reduced_skin(skin)
     )
     one = found.case("straight").headline
     assert one.near is None
@@ -327,23 +327,99 @@ def test_the_command_says_what_it_cannot_do(tmp_path):
         arguments = ["score", str(tmp_path / "none"), "--out", str(tmp_path / "out"), *options]
         return str(testing.CliRunner().invoke(command.app, arguments).exception)
 
-    assert "none: cannot be read" in failed()
+    assert "No such file" in failed()
     assert "places must be two whole numbers" in failed("--places", "25")
     assert "chips must be numbers" in failed("--chips", "1;2")
     assert not (tmp_path / "out").exists()
+
+
+def test_the_exit_code_is_1_where_a_target_is_missed(skin, sheet, tmp_path, monkeypatch):
+    testing = pytest.importorskip("typer.testing")
+    from smoskin.cli import app
+
+    straight = sheet.case("straight")
+    good = replace(sheet, cases=(replace(straight, idle=Count.of(0, np.zeros(5))),))
+    bad = replace(sheet, cases=(replace(straight, idle=Count.of(0, np.ones(5))),))
+    assert [target.name for target in bad.targets() if not target.met] == [
+        *(target.name for target in good.targets() if not target.met), "told as none"
+    ]  # fmt: skip
+    assert good.met is all(target.met for target in good.targets())
+    assert bad.met is False
+    asked = {}
+
+    def run(met, *options):
+        def stand_in(file, design, **given):
+            asked.update(given)
+            return sheet
+
+        monkeypatch.setattr("smoskin.commands.score.score", stand_in)
+        monkeypatch.setattr(ScoreSheet, "met", property(lambda self: met))
+        return testing.CliRunner().invoke(app, ["score", "some.table", *options])
+
+    assert run(True).exit_code == 0
+    assert asked["out"] is None
+    assert asked["skins"] == range(1, 3)
+    assert run(False).exit_code == 1
+    told = run(False, "--json", "--skins", "3", "--seed", "7", "--out", str(tmp_path))
+    assert told.exit_code == 1
+    assert json.loads(told.stdout)["design"]["name"] == skin.name
+    assert (asked["out"], asked["skins"]) == (tmp_path, range(7, 10))
+    spoken = testing.CliRunner().invoke(app, ["score", "--help"]).stdout
+    assert "exit code is 1" in " ".join(spoken.split())
+
+
+def test_targets_are_met_up_to_their_ends():
+    assert [Target("a", "", x, 85, 95).met for x in (84.99, 85, 95, 95.01)] == [
+        False, True, True, False
+    ]  # fmt: skip
+    assert [Target("b", "", x, None, 1.2).met for x in (-5.0, 1.2, 1.21)] == [True, True, False]
+
+
+def test_what_is_scored_may_be_a_model_or_any_estimator(skin, planar, monkeypatch):
+    exams = []
+    monkeypatch.setattr(
+        "smoskin.commands.score.examine",
+        lambda design, subject, exam, progress: exams.append((design, subject, exam)),
+    )
+    score(network(skin), skin)
+    score(ClosedFormEstimator(skin), skin, skins=[4, 9], places=(5, 7), drag=0.3, pairs=2)
+    score(reduced_table(planar), touches=0, chips=[1, 2], count=7)
+    (_, first, usual), (_, second, other), (design, third, last) = exams
+    assert (first.kind, first.chips) == ("network", (1, 2))
+    assert usual == Exam(skins=(1, 2, 3, 4, 5), pairs=0)
+    assert (usual.touches, usual.count, usual.places, usual.drag) == (60, 200, (25, 33), 0.0)
+    assert (second.kind, second.chips) == ("calibration", (0, 1, 2))
+    assert (other.skins, other.places, other.count, other.pairs) == ((4, 9), (5, 7), None, 2)
+    assert (design.name, third.chips, third.plan) == ("planar", (1, 2), ())
+    assert (last.count, last.chips) == (7, (1, 2))
+
+
+def test_a_force_that_is_not_told_counts_as_none():
+    whole = judged(50)
+    whole.error[..., 2:] = np.nan
+    marks = marks_of(whole, EXTENT)
+    one = tally("place alone", marks)
+    assert one.found == 1.0
+    assert one.location.mean < 3e-3
+    assert (one.force, one.drag) == (pytest.approx(1.0), pytest.approx(1.0))
+    assert (one.held.force, one.held.drag) == (0.0, 0.0)
+    assert one.held.place > 0.8
 
 
 @pytest.mark.slow
 def test_a_table_is_scored_on_made_skins(planar, tmp_path):
     for module in ("safetensors", "jax", "matplotlib"):
         pytest.importorskip(module)
-    from smoskin.commands.score import score_file
     from smoskin.commands.table import Effort, make_table
 
     small = Effort(presses=3700, pairs=200, skins=6, draws=2, presses_a_skin=200)
     make_table(planar, small).save(tmp_path / "table")
-    exam = Exam(skins=1, touches=30, count=8, pairs=2, chips=(1, 2))
-    written = [score_file(planar, tmp_path / "table", tmp_path / k, exam) for k in "ab"]
-    assert written[0].data.read_bytes() == written[1].data.read_bytes()
-    assert written[0].sheet.case("straight").headline.location.mean < 5e-3
-    assert all(figure.exists() for figure in written[0].figures)
+    asked = {"skins": (1,), "touches": 30, "count": 8, "pairs": 2, "chips": (1, 2)}
+    sheets = [score(tmp_path / "table", planar, **asked, out=tmp_path / k) for k in "ab"]
+    texts = [(tmp_path / k / "score.json").read_bytes() for k in "ab"]
+    assert texts[0] == texts[1]
+    assert sheets[0].case("straight").headline.location.mean < 5e-3
+    names = {path.name for path in (tmp_path / "a").iterdir()}
+    assert names == {
+        "score.json", "score_maps.svg", "score_confidence.svg", "score_histograms_straight.svg"
+    }  # fmt: skip

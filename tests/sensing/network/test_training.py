@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 
 from networks import TINY, random_network, tiny_network
 from smoskin.errors import ArgumentError, ModelError
-from smoskin.sensing.network.lessons import Lessons, NetworkEffort
+from smoskin.sensing.network.lessons import Lessons, TrainingEffort
 from smoskin.sensing.network.model import spread_factors
 from smoskin.sensing.network.samples import TouchSource, TouchSpread
 from smoskin.sensing.network.training import likelihood_loss, train_network
@@ -210,4 +210,4 @@ def test_wrong_use_is_refused(skin, planar):
         ({"touches": 77}, "whole skins"),
     ):
         with pytest.raises(ArgumentError, match=said):
-            NetworkEffort(**change)
+            TrainingEffort(**change)

@@ -1,9 +1,8 @@
-"""How good an estimator is on made skins that it has not seen: sessions of touches, and figures.
+"""How good an estimator is on made skins that it has not seen: sessions of touches, and answers.
 
 A session is one skin at one temperature: touches one after the other, each held for a moment, on
-rubber that creeps, under chips that drift and make noise. Decides how such a session goes and
-which figures are taken from it; every touch counts. Nothing here knows what is inside an
-estimator.
+rubber that creeps, under chips that drift and make noise. Decides how such a session goes and at
+which moment a touch is judged. Nothing here knows what is inside an estimator.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,14 +26,14 @@ from smoskin.twin.rig import VirtualRig, drifting_readings
 from smoskin.twin.whole import Twin
 
 _RAMP: Final = 0.02
-"""s, in which a touch comes and goes."""
+"""Duration in which a touch comes, and in which it goes, s."""
 _HOLD: Final = 0.3
-"""s after which it is judged and goes."""
+"""Time after which a touch is judged and goes, s."""
 _PERIOD: Final = 1.0
-"""s from touch to touch."""
+"""Time from touch to touch, s."""
 _MOMENTS: Final = (0.0, _RAMP, _HOLD, _HOLD + _RAMP)
 _JUDGED: Final = 2
-"""Of the moments at which a touch is read, the one at which it counts."""
+"""Place among the moments at which a touch is read of the one at which it counts."""
 _ZEROS: Final = 20
 """Readings of the untouched skin before the first touch."""
 FORCES: Final = tuple(k / 10 for k in range(1, 11))
@@ -50,7 +49,7 @@ class Disturbance:
     creep: bool = True
     """Whether the rubber creeps."""
     drift: float = 0.3e-6
-    """T: how far each axis walks in a second, at random; in four seconds twice as far."""
+    """Random walk of each axis in a second, T; in four seconds twice as far."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,50 +57,49 @@ class Session:
     """Touches of one skin at one temperature, and where they hold its magnets once settled."""
 
     touches: Touches
-    """(B, K)."""
+    """(B, K) touches."""
     motion: Motion
-    """(B,), elastic."""
+    """(B,) motions, elastic."""
     temperature: float
-    """degC."""
+    """Temperature of skin and chips, degC."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Judged:
-    """What an estimator has said of B touches with K places each."""
+    """An estimator's answers to B touches with K places each."""
 
     truth: Floats
     """(B, K, 5): x, y, Fx, Fy, Fz."""
     error: Floats
-    """(B, K, 5): said less true; NaN where it did not say as many touches."""
+    """(B, K, 5): answer less truth; NaN where another number of touches was told."""
     spread: Floats
-    """(B, K, 5, 5): covariance that it stated."""
+    """(B, K, 5, 5): covariance that was stated."""
     count: Ints
-    """(B,): touches that it said; -1 where it said that it could not tell."""
+    """(B,): touches that were told; -1 where the estimator could not tell."""
     idle: Ints
-    """(B,): likewise just before each touch, where there is none."""
+    """(B,): touches that were told just before each touch, where there is none."""
 
     @property
     def distance(self) -> Floats:
-        """Of the place from the true one, (B, K), m."""
+        """Distance of the place told from the true one, (B, K), m."""
         return np.asarray(np.hypot(self.error[..., 0], self.error[..., 1]))
 
     @property
     def inside(self) -> Bools:
         """Whether the truth lies in the stated 90 % region of place, (B, K)."""
-        place = self.error[..., :2]
-        said = np.isfinite(place).all(axis=-1)
-        inside = np.zeros(said.shape, dtype=bool)
-        sure = np.linalg.solve(self.spread[said][:, :2, :2], place[said][..., None])[..., 0]
-        inside[said] = np.einsum("ti,ti->t", place[said], sure) <= _INSIDE
+        off = self.error[..., :2]
+        told = np.isfinite(off).all(axis=-1)
+        inverse = np.linalg.inv(self.spread[told][:, :2, :2])
+        inside = np.zeros(told.shape, dtype=bool)
+        inside[told] = np.einsum("ti,tij,tj->t", off[told], inverse, off[told]) <= _INSIDE
         return inside
 
     def __add__(self, other: "Judged") -> "Judged":
         """Both together."""
-        joined = (
-            np.concatenate([getattr(part, one.name) for part in (self, other)])
-            for one in fields(Judged)
+        names = [field.name for field in fields(Judged)]
+        return Judged(
+            **{name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names}
         )
-        return Judged(**dict(zip((one.name for one in fields(Judged)), joined, strict=True)))
 
 
 def press(twin: Twin, touches: Touches, temperature: float) -> Session:
@@ -129,17 +127,17 @@ def grid_sessions(
     ----------
     twin : Twin
     rng : numpy.random.Generator
-        Of order, temperatures and drags.
+        Draws order, temperatures and drags.
     places : tuple of int
-        Along x and y.
+        Numbers of places along x and y.
     forces : sequence of float
-        N, normal.
+        Normal forces, N.
     temperatures : tuple of float
-        degC, from and to.
+        Range of temperatures, degC.
     drag : float
-        N: largest drag, of any direction; evenly spread.
+        Largest drag, N, of any direction; evenly spread.
     count : int, optional
-        How many of the places, drawn anew for each force; all by default.
+        Number of places, drawn anew for each force; all by default.
     """
     grid = places_to_the_rim(skin_extent(twin.design), places)[:, None]
     for force in forces:
@@ -188,11 +186,8 @@ def readings(
     motion = Motion(magnets=magnets, board=board, valid=valid)
     if disturbance.creep:
         motion = creeping(twin.design, steps, motion)
-    said, _ = drifting_readings(
-        twin, motion, times, steps, rng,
-        temperature=session.temperature, drift=disturbance.drift,
-    )  # fmt: skip
-    return list(said)
+    walk = {"temperature": session.temperature, "drift": disturbance.drift}
+    return list(drifting_readings(twin, motion, times, steps, rng, **walk)[0])
 
 
 def judge(
@@ -202,30 +197,27 @@ def judge(
     rng: np.random.Generator,
     disturbance: Disturbance | None = None,
 ) -> Judged:
-    """What an estimator says in a session, against the truth."""
-    said = readings(twin, session, rng, disturbance or Disturbance())
+    """Answers of an estimator in a session, against the truth; it is zeroed first."""
+    stream = readings(twin, session, rng, disturbance or Disturbance())
     estimator.reset()
-    estimator.zero(said[:_ZEROS])
+    estimator.zero(stream[:_ZEROS])
     touches = session.touches
     count, places = touches.force.shape[:2]
     truth = np.concatenate([touches.position, touches.force], axis=-1)
     error = np.full((count, places, 5), np.nan)
     spread = np.full((count, places, 5, 5), np.nan)
     counts, idle = np.full(count, -1), np.full(count, -1)
-    moments = len(_MOMENTS)
-    for k, reading in enumerate(said):
+    for k, reading in enumerate(stream):
         estimate = estimator.step(reading)
-        row, moment = divmod(k - _ZEROS, moments)
-        known = estimate.status in (Status.CONTACT, Status.NO_CONTACT)
-        number = len(estimate.contacts) if known else -1
-        if row < 0:
-            continue
-        if moment == 0:
+        row, moment = divmod(k - _ZEROS, len(_MOMENTS))
+        answered = estimate.status in (Status.CONTACT, Status.NO_CONTACT)
+        number = len(estimate.contacts) if answered else -1
+        if row >= 0 and moment == 0:
             idle[row] = number
-        elif moment == _JUDGED:
+        elif row >= 0 and moment == _JUDGED:
             counts[row] = number
             if number == places:
-                values = np.stack([_vector(one) for one in estimate.contacts])
+                values = np.array([[*one.position, *one.force] for one in estimate.contacts])
                 order = _matched(values, truth[row])
                 error[row] = values[order] - truth[row]
                 spread[row] = estimate.covariance[order]
@@ -252,15 +244,17 @@ def label(
     twin : Twin
         The skin.
     plan : sequence of Target
+        Touches to make.
     rng : numpy.random.Generator
-        Of noise, drift, and the rig's errors.
+        Draws noise, drift, and the rig's errors.
     temperature : float
-        degC.
+        Temperature of skin and chips, degC.
     chips : sequence of int, optional
-        Which chips' signals are kept; all by default.
+        Chips whose signals are kept; all by default.
     disturbance : Disturbance, optional
+        Creep and drift meanwhile.
     stage, gauge : float
-        m and N: standard deviations of where the rig's stage stands and its gauge reads.
+        Standard deviations of where the rig's stage stands, m, and of its gauge, N.
     """
     position = np.stack([one.position for one in plan])
     force = np.stack([one.force for one in plan])
@@ -292,15 +286,8 @@ def label(
 
 
 def _matched(values: Floats, truth: Floats) -> Ints:
-    """Order of the touches said in which they lie nearest to the true ones; at most two."""
-    order = np.arange(len(values))
-    if len(values) == 2:
-        straight, crossed = (
-            np.hypot(*(values[turn, :2] - truth[:, :2]).T).sum() for turn in ([0, 1], [1, 0])
-        )
-        order = order if straight <= crossed else order[::-1]
-    return np.asarray(order)
-
-
-def _vector(contact: Contact) -> Floats:
-    return np.concatenate([contact.position, contact.force])
+    """Order of at most two touches in which they lie nearest to the true ones."""
+    orders = [np.arange(len(values)), np.arange(len(values))[::-1]]
+    return min(
+        orders, key=lambda order: float(np.hypot(*(values[order, :2] - truth[:, :2]).T).sum())
+    )

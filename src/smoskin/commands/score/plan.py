@@ -1,4 +1,4 @@
-"""What an exam asks: how many made skins are pressed, where, how hard and how warm."""
+"""What an exam asks: which made skins are pressed, where, how hard and how warm."""
 
 from dataclasses import asdict, dataclass
 from typing import Final
@@ -7,9 +7,9 @@ from smoskin.commands.score.evaluate import FORCES
 from smoskin.errors import ArgumentError
 
 HEADLINE: Final = 0.3
-"""N, from which forces count for the headline."""
+"""N, least force of the headline."""
 UNSEEN: Final = 1_000_000
-"""Seeds from here on are those that response tables are made of."""
+"""First of the seeds that response tables are made of."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,29 +22,27 @@ class Exam:
         If a number is out of its range.
     """
 
-    skins: int = 2
-    """Made skins."""
+    skins: tuple[int, ...] = (1, 2)
+    """Seeds of the made skins, and of all that is drawn for each."""
     touches: int = 60
-    """Labelled touches that calibrate each of them; 0: the file is taken as it is."""
+    """Labelled touches that calibrate each skin; 0: the file is taken as it is."""
     places: tuple[int, int] = (25, 33)
-    """Of the grid from rim to rim, along x and y."""
+    """Places of the grid from rim to rim, along x and y."""
     count: int | None = 200
-    """Of the places, drawn anew for each force; None: all of them."""
+    """Number of these places that are pressed, drawn anew for each force; None: all of them."""
     drag: float = 0.0
-    """N: largest drag of a second round of touches, in any direction; 0: no such round. With it
+    """Largest drag of a second round of touches, N, in any direction; 0: no such round. With it
     the first round is also read by the estimator that may not take touches to be straight."""
     pairs: int = 40
     """Pairs of straight touches at once on each skin, 0.3 to 1 N, at least 40 mm apart."""
     chips: tuple[int, ...] | None = None
-    """Which of the skin's chips are read; None: all that the file has."""
-    seed: int = 1
-    """Of the first made skin and of all that is drawn; the next skins have the next seeds."""
+    """Chips that are read; None: all that the file has."""
 
     def __post_init__(self) -> None:
-        if self.skins < 1 or self.touches < 0 or self.pairs < 0:
+        if not self.skins or self.touches < 0 or self.pairs < 0:
             raise ArgumentError(
                 "skins must be at least 1, touches and pairs at least 0; got "
-                f"{self.skins}, {self.touches} and {self.pairs}"
+                f"{len(self.skins)}, {self.touches} and {self.pairs}"
             )
         if min(self.places) < 2 or not (self.count is None or self.count >= 1):
             raise ArgumentError(
@@ -53,27 +51,24 @@ class Exam:
             )
         if not 0 <= self.drag < float("inf"):
             raise ArgumentError(f"drag must be finite and >= 0 N; got {self.drag}")
-        if not 0 <= self.seed <= UNSEEN - self.skins:
+        if not 0 <= min(self.skins) <= max(self.skins) < UNSEEN:
             raise ArgumentError(
                 f"seeds must lie in 0..{UNSEEN - 1}, where no table has seen them; got "
-                f"{self.seed} for {self.skins} skins"
+                f"{min(self.skins)} to {max(self.skins)}"
             )
 
     @property
-    def seeds(self) -> range:
-        """Of the made skins."""
-        return range(self.seed, self.seed + self.skins)
-
-    @property
     def sessions(self) -> int:
-        """Of each skin."""
+        """Number of sessions of each skin."""
         return len(FORCES) * (3 if self.drag else 1) + (self.pairs > 0)
 
     def as_json(self) -> dict[str, object]:
         """Plain values for machines."""
         settings = asdict(self)
         settings["drag_N"] = settings.pop("drag")
-        return settings | {"seeds": list(self.seeds), "forces_N": list(FORCES)}
+        seeds = list(self.skins)
+        counts = {"skins": len(seeds), "seed": seeds[0], "seeds": seeds}
+        return settings | counts | {"forces_N": list(FORCES)}
 
 
 def parse_places(text: str) -> tuple[int, int]:

@@ -8,27 +8,16 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
 
 from smoskin.arrays import Bools, Floats
 from smoskin.commands.score.plan import HEADLINE
-from smoskin.commands.score.report import (
-    FORCE,
-    LEVELS,
-    LOCATION,
-    Case,
-    PlaceMap,
-    ScoreSheet,
-    regions,
-)
+from smoskin.commands.score.report import FORCE, LEVELS, LOCATION, Case, ScoreSheet, regions
 from smoskin.design.skin import SkinDesign
-from smoskin.origami.layout import magnet_positions
-from smoskin.plots import BLUE, GREEN, GREY, INK, ORANGE, RED, Plate, lay_out, styled
+from smoskin.plots import BLUE, GREEN, GREY, ORANGE, RED, Plate, draw_map, lay_out, styled
 
-_MAP: Final = "cividis"
 _COLOURS: Final = (BLUE, ORANGE, GREEN, RED)
 _BANDS: Final = ((0.1, 0.2), (0.3, 0.5), (0.6, 0.8), (0.9, 1.0))
-"""N, from and to: forces whose errors share a histogram."""
+"""Ranges of forces whose errors share a histogram, N."""
 _BINS: Final = 41
 _BRIGHT: Final = 95.0
 """Per cent of a map's values that its colours span."""
@@ -50,49 +39,28 @@ def _map_plate(design: SkinDesign, sheet: ScoreSheet, cases: list[Case]) -> Plat
     """Mean errors of place and force over the skin."""
     with styled():
         figure = Figure(figsize=(6.2, 3.9 * len(cases)), layout="constrained")
-        axes = figure.subplots(len(cases), 2, squeeze=False)
-        for (left, right), case in zip(axes, cases, strict=True):
-            shown = case.map
-            if shown is not None:
-                _draw_map(left, design, shown, 1e3 * shown.location, 1e3 * LOCATION,
-                          f"{case.name}: error of the place (mm)")  # fmt: skip
-                _draw_map(right, design, shown, 100 * shown.force, 100 * FORCE,
-                          f"{case.name}: error of the force (%)")  # fmt: skip
+        for row, case in zip(figure.subplots(len(cases), 2, squeeze=False), cases, strict=True):
+            if case.map is None:
+                continue
+            quantities = (
+                ("place (mm)", 1e3 * case.map.location, 1e3 * LOCATION),
+                ("force (%)", 100 * case.map.force, 100 * FORCE),
+            )
+            for axis, (label, values, target) in zip(row, quantities, strict=True):
+                seen = values[np.isfinite(values)]
+                most = max(float(np.percentile(seen, _BRIGHT)), 1e-9)
+                draw_map(design, values, axis, label=f"error of the {label}", limits=(0.0, most))
+                share = (seen <= target).mean()
+                axis.set_title(f"{case.name}: target {target:g} met at {share:.0%}")
         lay_out(figure)
     return Plate(
         name="score_maps",
         title="Errors over the skin",
-        caption=f"Mean errors over {sheet.exam.skins} made skins and forces from {HEADLINE:g} N; "
-        "a missed touch counts as one in the middle of the skin without force. Circles are "
-        "magnets; blank places were not pressed.",
+        caption=f"Mean errors over {len(sheet.exam.skins)} made skins and forces from "
+        f"{HEADLINE:g} N; a missed touch counts as one in the middle of the skin without force. "
+        "Circles are magnets; blank places were not pressed.",
         figure=figure,
     )
-
-
-def _draw_map(
-    axis: Axes, design: SkinDesign, shown: PlaceMap, values: Floats, target: float, title: str
-) -> None:
-    """One map; each place of the grid is a pixel."""
-    seen = values[np.isfinite(values)]
-    (left, right), (low, high) = (1e3 * line[[0, -1]] for line in (shown.x, shown.y))
-    dx, dy = (1e3 * line[1] / 2 for line in (shown.x, shown.y))
-    colours = axis.imshow(
-        np.ma.masked_invalid(values.T), origin="lower", interpolation="none", cmap=_MAP, vmin=0.0,
-        vmax=max(float(np.percentile(seen, _BRIGHT)), 1e-9),
-        extent=(left - dx, right + dx, low - dy, high + dy),
-    )  # fmt: skip
-    for magnet, place in zip(design.magnets, 1e3 * magnet_positions(design), strict=True):
-        axis.add_patch(
-            Circle(place[:2], 1e3 * magnet.radius, fill=False, edgecolor="white", linewidth=0.8)
-        )
-    bar = axis.figure.colorbar(colours, ax=axis, extend="max", shrink=0.8)
-    bar.outline.set_visible(False)
-    axis.set(title=title, xlabel="x (mm)", ylabel="y (mm)")
-    axis.set_aspect("equal")
-    axis.text(
-        0.5, -0.2, f"target {target:g}: met at {(seen <= target).mean():.0%} of the places",
-        transform=axis.transAxes, ha="center", fontsize=7, color=INK,
-    )  # fmt: skip
 
 
 def _histogram_plate(design: SkinDesign, case: Case) -> Plate:
@@ -136,8 +104,8 @@ def _histogram_plate(design: SkinDesign, case: Case) -> Plate:
 
 def _draw_histogram(axis: Axes, values: Floats, groups: dict[str, Bools], chief: Bools) -> None:
     """Signed errors of each group; a missed touch has none."""
-    said = values[chief & np.isfinite(values)]
-    reach = max(float(np.percentile(np.abs(said), _SHOWN)), 1e-9) if len(said) else 1.0
+    told = values[chief & np.isfinite(values)]
+    reach = max(float(np.percentile(np.abs(told), _SHOWN)), 1e-9) if len(told) else 1.0
     edges = np.linspace(-reach, reach, _BINS + 1)
     for (name, rows), colour in zip(groups.items(), _COLOURS[: len(groups)], strict=True):
         part = values[rows]
@@ -159,11 +127,11 @@ def _confidence_plate(sheet: ScoreSheet) -> Plate:
         for k, (axis, name) in enumerate(zip(axes, ("place", "normal force"), strict=True)):
             axis.plot([0, 100], [0, 100], color=GREY, linewidth=0.6, linestyle="--")
             for case, colour in zip(sheet.cases, _COLOURS[: len(sheet.cases)], strict=True):
-                axis.plot(stated, 100 * case.confidence[:, k], "o-", color=colour, markersize=2.5,
-                          linewidth=1.0, label=case.name)  # fmt: skip
-            axis.set(title=f"({'ab'[k]}) regions of the {name}", xlabel="stated confidence (%)",
-                     xlim=(0, 100), ylim=(0, 100))  # fmt: skip
-            axis.set_aspect("equal")
+                inside = 100 * case.confidence[:, k]
+                style = {"color": colour, "markersize": 2.5, "linewidth": 1.0}
+                axis.plot(stated, inside, "o-", label=case.name, **style)
+            axis.set(title=f"({'ab'[k]}) regions of the {name}", xlabel="stated confidence (%)")
+            axis.set(xlim=(0, 100), ylim=(0, 100), aspect="equal")
         axes[0].set_ylabel("truths inside (%)")
         axes[0].legend(fontsize=7)
         lay_out(figure)

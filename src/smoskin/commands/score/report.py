@@ -19,30 +19,31 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 LOCATION: Final = 1.2e-3
-"""m: mean error of place that a calibrated skin is to reach."""
+"""Mean error of place that a calibrated skin is to reach, m."""
 FORCE: Final = 0.05
 """Mean error of the normal force that it is to reach, as a share."""
 LEVELS: Final = tuple(k / 20 for k in range(1, 20))
 """Stated confidences at which the observed one is told."""
 _HALF: Final = 0.05
-"""N: half a step of force."""
+"""Half a step of force, N."""
 
 
 class Count(NamedTuple):
     """How readings of the same number of touches were told."""
 
     touches: int
-    """True number."""
+    """True number of touches."""
     readings: int
     right: float
     """Share told with that number."""
     unsure: float
-    """Share where the estimator said that it could not tell."""
+    """Share where the estimator could not tell."""
 
     @classmethod
-    def of(cls, touches: int, said: Ints) -> "Count":
-        """Of numbers said where there were so many."""
-        return cls(touches, len(said), float((said == touches).mean()), float((said < 0).mean()))
+    def of(cls, touches: int, counts: Ints) -> "Count":
+        """Shares of the numbers that were told of so many touches; -1 where none could be."""
+        right, unsure = (counts == touches).mean(), (counts < 0).mean()
+        return cls(touches, len(counts), float(right), float(unsure))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,16 +55,43 @@ class PlaceMap:
     y: Floats
     """(W,), m."""
     location: Floats
-    """(L, W), m, error of the place."""
+    """(L, W), error of the place, m."""
     force: Floats
     """(L, W), error of the normal force as a share."""
 
+    @classmethod
+    def of(cls, marks: Marks, places: tuple[int, int]) -> "PlaceMap":
+        """Means at each place of a grid of touches that stand on it."""
+        flat = grid_places(marks.truth[:, :2], marks.extent, places)
+        size = places[0] * places[1]
+        visits = np.bincount(flat, minlength=size).astype(np.float64)
+        visits[visits == 0] = np.nan
+        location, force = (
+            (np.bincount(flat, values, size) / visits).reshape(places)
+            for values in (marks.distance, marks.force_error / -marks.truth[:, 4])
+        )
+        x, y = (np.linspace(0, end, n) for end, n in zip(marks.extent, places, strict=True))
+        return cls(x=x, y=y, location=location, force=force)
+
     def area(self, location: float, force: float) -> float:
         """Share of the pressed area on which both means stay below these."""
-        weight = np.outer(*(_widths(line) for line in (self.x, self.y)))
+        weight = np.outer(*(np.gradient(line) * _ends(len(line)) for line in (self.x, self.y)))
         pressed = np.isfinite(self.location)
         good = pressed & (self.location <= location) & (self.force <= force)
         return float(weight[good].sum() / weight[pressed].sum())
+
+    def as_json(self) -> dict[str, object]:
+        """Plain values for machines; None where there is no value."""
+
+        def listed(values: Floats) -> list[list[float | None]]:
+            return [[v if np.isfinite(v) else None for v in row] for row in values.tolist()]
+
+        return {
+            "x_mm": (1e3 * self.x).tolist(),
+            "y_mm": (1e3 * self.y).tolist(),
+            "location_mm": listed(1e3 * self.location),
+            "force_percent": listed(100 * self.force),
+        }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,26 +102,27 @@ class Case:
     """`straight`; `undragged`, the same touches read by the estimator of dragged ones; `dragged`;
     or `pairs`."""
     marks: Marks
-    """Of all forces."""
+    """Touches of all forces."""
     headline: Tally
     levels: tuple[Tally, ...]
-    """A force each; none for pairs."""
+    """Figures by force; none for pairs."""
     regions: tuple[Tally, ...]
-    """Of the headline's forces: rim, over magnets, inside."""
+    """Figures of the headline's forces by region: rim, over magnets, inside."""
     confidence: Floats
     """(19, 2): observed share of places, and of normal forces, in the regions stated with each of
     the confidences `LEVELS`."""
     idle: Count
-    """Of the untouched readings just before each touch."""
+    """Answers to the untouched readings just before each touch."""
     touched: Count
-    """Of the readings under touches, of all forces."""
+    """Answers to the readings under touches, of all forces."""
     map: PlaceMap | None
     """None for pairs."""
 
     def as_json(self) -> dict[str, object]:
         """Plain values for machines."""
         rows = zip(LEVELS, self.confidence.tolist(), strict=True)
-        shown = self.map
+        shown, least = self.map, {"location": (LOCATION, np.inf), "force": (np.inf, FORCE)}
+        areas = least | {"both": (LOCATION, FORCE)}
         return {
             "name": self.name,
             "headline": self.headline.as_json(),
@@ -104,20 +133,15 @@ class Case:
                 for stated, (place, force) in rows
             ],
             "counts": [one._asdict() for one in (self.idle, self.touched)],
-            "area_percent": None if shown is None else _areas(shown),
-            "map": None
+            "area_percent": None
             if shown is None
-            else {
-                "x_mm": (1e3 * shown.x).tolist(),
-                "y_mm": (1e3 * shown.y).tolist(),
-                "location_mm": _listed(1e3 * shown.location),
-                "force_percent": _listed(100 * shown.force),
-            },
+            else {name: 100 * shown.area(*ends) for name, ends in areas.items()},
+            "map": None if shown is None else shown.as_json(),
         }
 
 
 class Target(NamedTuple):
-    """What was asked for, and what was reached."""
+    """A figure that was asked for, and what was reached."""
 
     name: str
     unit: str
@@ -138,18 +162,24 @@ class ScoreSheet:
     design: str
     design_hash: str
     kind: str
-    """Of the file."""
+    """Kind of the file."""
     file_sha256: str
+    """Hash of the file; empty where none was given."""
     chips: tuple[int, ...]
     exam: Exam
     cases: tuple[Case, ...]
 
+    @property
+    def met(self) -> bool:
+        """Whether every target is."""
+        return all(target.met for target in self.targets())
+
     def case(self, name: str) -> Case | None:
         """The case of a name; None where it was not asked for."""
-        return next((one for one in self.cases if one.name == name), None)
+        return next((case for case in self.cases if case.name == name), None)
 
     def targets(self) -> list[Target]:
-        """What the package sets itself, as far as it was asked for."""
+        """The targets that the package sets itself, as far as they were asked for."""
         straight, dragged, pairs = (self.case(one) for one in ("straight", "dragged", "pairs"))
         rows: list[Target] = []
         if straight is not None:
@@ -193,8 +223,8 @@ class ScoreSheet:
             "design": {"name": self.design, "sha256": self.design_hash},
             "file": {"kind": self.kind, "sha256": self.file_sha256, "chips": list(self.chips)},
             "exam": self.exam.as_json(),
-            "targets": [one._asdict() | {"met": one.met} for one in self.targets()],
-            "cases": [one.as_json() for one in self.cases],
+            "targets": [target._asdict() | {"met": target.met} for target in self.targets()],
+            "cases": [case.as_json() for case in self.cases],
         }
 
     def tables(self) -> "list[Table]":
@@ -203,12 +233,13 @@ class ScoreSheet:
 
         tables = []
         for case in self.cases:
-            table = Table(title=f"{case.name}: {self.exam.skins} unseen skins")
-            table.add_column("touches", no_wrap=True)
-            for heading in _headings(case.headline):
-                table.add_column(heading, justify="right")
-            for one in (case.headline, *case.levels, *case.regions):
-                table.add_row(*_cells(one))
+            rows = [_row(one) for one in (case.headline, *case.levels, *case.regions)]
+            table = Table(title=f"{case.name}: {len(self.exam.skins)} unseen skins")
+            for heading in rows[0]:
+                first = heading == "touches"
+                table.add_column(heading, justify="left" if first else "right", no_wrap=first)
+            for row in rows:
+                table.add_row(*(row.get(heading, "") for heading in rows[0]))
             tables.append(table)
         table = Table("target", title="Targets")
         for heading in ("reached", "asked", ""):
@@ -240,38 +271,34 @@ def case_of(
     Parameters
     ----------
     name : str
+        Name of the case.
     design : SkinDesign
+        Design of the skins.
     marks : Marks
-        Of all forces.
+        Touches of all forces.
     idle, touched : Count
-        Of the untouched readings and of the touched ones.
+        Answers to the untouched readings and to the touched ones.
     places : tuple of int or None
-        Of the grid that was pressed, at the forces of the levels; None: anywhere, at any force.
+        Grid that was pressed, at the forces of the levels; None: anywhere, at any force.
     """
-    pressed = -marks.truth[:, 4]
-    chief = marks.where(pressed > HEADLINE - _HALF)
+    normal = -marks.truth[:, 4]
+    chief = marks.where(normal > HEADLINE - _HALF)
     levels = () if places is None else FORCES
-    of_level = [(f"{force:.1f} N", np.abs(pressed - force) < _HALF) for force in levels]
+    of_level = [(f"{force:.1f} N", np.abs(normal - force) < _HALF) for force in levels]
+    parted = regions(design, chief.truth[:, :2])
+    stated = [chief.confidence(axes)[:, None] <= np.array(LEVELS) for axes in ((0, 1), (4,))]
     return Case(
         name=name,
         marks=marks,
         headline=tally(f"{HEADLINE:g} to {FORCES[-1]:g} N", chief),
-        levels=tuple(tally(name, marks.where(rows)) for name, rows in of_level if rows.any()),
+        levels=tuple(tally(label, marks.where(rows)) for label, rows in of_level if rows.any()),
         regions=tuple(
-            tally(name, chief.where(rows))
-            for name, rows in regions(design, chief.truth[:, :2]).items()
-            if rows.any()
+            tally(label, chief.where(rows)) for label, rows in parted.items() if rows.any()
         ),
-        confidence=np.stack(
-            [
-                (chief.confidence(axes)[:, None] <= np.array(LEVELS)).mean(axis=0)
-                for axes in ((0, 1), (4,))
-            ],
-            axis=1,
-        ),
+        confidence=np.stack([inside.mean(axis=0) for inside in stated], axis=1),
         idle=idle,
         touched=touched,
-        map=None if places is None else _place_map(chief, places),
+        map=None if places is None else PlaceMap.of(chief, places),
     )
 
 
@@ -287,64 +314,23 @@ def regions(design: SkinDesign, position: Floats) -> dict[str, Bools]:
     return {"rim": rim, "over magnets": over, "inside": ~rim & ~over}
 
 
-def _place_map(marks: Marks, places: tuple[int, int]) -> PlaceMap:
-    """Means at each place of the grid."""
-    flat = grid_places(marks.truth[:, :2], marks.extent, places)
-    size = places[0] * places[1]
-    visits = np.bincount(flat, minlength=size).astype(np.float64)
-    visits[visits == 0] = np.nan
-    location, force = (
-        (np.bincount(flat, values, size) / visits).reshape(places)
-        for values in (marks.distance, marks.force_error / -marks.truth[:, 4])
-    )
-    x, y = (np.linspace(0, end, n) for end, n in zip(marks.extent, places, strict=True))
-    return PlaceMap(x=x, y=y, location=location, force=force)
+def _ends(count: int) -> Floats:
+    """Weights of the places of a line: at both ends, which stand for half a step, a half."""
+    weights = np.ones(count)
+    weights[[0, -1]] = 0.5
+    return weights
 
 
-def _widths(line: Floats) -> Floats:
-    """Length that each place of a line stands for: at both ends half as much."""
-    edges = np.concatenate([line[:1], (line[1:] + line[:-1]) / 2, line[-1:]])
-    return np.diff(edges)
-
-
-def _areas(shown: PlaceMap) -> dict[str, float]:
-    """Shares of the area on which targets hold, %."""
-    return {
-        "location": 100 * shown.area(LOCATION, np.inf),
-        "force": 100 * shown.area(np.inf, FORCE),
-        "both": 100 * shown.area(LOCATION, FORCE),
-    }
-
-
-def _listed(values: Floats) -> list[list[float | None]]:
-    """An array as lists, None where there is no value."""
-    return [[v if np.isfinite(v) else None for v in row] for row in values.tolist()]
-
-
-def _headings(one: Tally) -> list[str]:
-    """Of the columns after the first of a table for people."""
-    return [
-        "found",
-        "place (mm)",
-        "median",
-        "90 %",
-        "RMS",
-        "force",
-        *(() if one.drag is None else ("drag",)),
-        "held by 90 %",
-        *(() if one.near is None else ("RMS / noise", "RMS / known")),
-    ]
-
-
-def _cells(one: Tally) -> list[str]:
-    """A row of that table."""
-    ratios = () if one.near is None else (one.near.noise, one.near.known)
-    return [
-        one.name,
-        f"{one.found:.1%}",
-        *(f"{1e3 * size:.2f}" for size in one.location),
-        f"{one.force:.2%}",
-        *(() if one.drag is None else (f"{one.drag:.1%}",)),
-        f"{one.held.place:.1%}",
-        *("" if ratio is None else f"{ratio:.2f}" for ratio in ratios),
-    ]
+def _row(one: Tally) -> dict[str, str]:
+    """A row of a table for people, by its headings."""
+    place = dict(zip(("place (mm)", "median", "90 %", "RMS"), one.location, strict=True))
+    row = {"touches": one.name, "found": f"{one.found:.1%}"}
+    row |= {heading: f"{1e3 * size:.2f}" for heading, size in place.items()}
+    row["force"] = f"{one.force:.2%}"
+    if one.drag is not None:
+        row["drag"] = f"{one.drag:.1%}"
+    row["held by 90 %"] = f"{one.held.place:.1%}"
+    if one.near is not None:
+        ratios = {"RMS / noise": one.near.noise, "RMS / known": one.near.known}
+        row |= {head: "" if ratio is None else f"{ratio:.2f}" for head, ratio in ratios.items()}
+    return row

@@ -34,7 +34,7 @@ _BEYOND: Final = 1.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NetworkEffort:
+class TrainingEffort:
     """How large an ensemble is, and how long it learns.
 
     Raises
@@ -91,7 +91,7 @@ class Lessons:
     """All that stays the same during a training."""
 
     def __init__(
-        self, design: SkinDesign, source: TouchSource, work: NetworkEffort,
+        self, design: SkinDesign, source: TouchSource, work: TrainingEffort,
         start: NetworkModel | None,
     ) -> None:  # fmt: skip
         table = source.table

@@ -22,7 +22,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import MissingExtraError, ModelError
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.sensing.files import TensorFile
-from smoskin.sensing.network.lessons import Lesson, Lessons, NetworkEffort
+from smoskin.sensing.network.lessons import Lesson, Lessons, TrainingEffort
 from smoskin.sensing.network.model import SPREADS, NetworkModel
 from smoskin.sensing.network.samples import TouchSource, TouchSpread
 from smoskin.sensing.response.table import ResponseTable
@@ -83,7 +83,7 @@ def train_network(
     *,
     spread: TouchSpread | None = None,
     creep: Prony | None = None,
-    effort: NetworkEffort | None = None,
+    effort: TrainingEffort | None = None,
     start: NetworkModel | None = None,
     checkpoint: Path | None = None,
     curve: Path | None = None,
@@ -102,7 +102,7 @@ def train_network(
         Of touches and disturbances.
     creep : Prony, optional
         Of the rubber, where the estimator shall undo its creep.
-    effort : NetworkEffort, optional
+    effort : TrainingEffort, optional
     start : NetworkModel, optional
         To go on from, such as the design's for one skin of it; its sizes are kept.
     checkpoint : Path, optional
@@ -119,7 +119,7 @@ def train_network(
         If the table or the start belong to another design, or the checkpoint to another
         training.
     """
-    work, report = effort or NetworkEffort(), progress or (lambda what, share: None)
+    work, report = effort or TrainingEffort(), progress or (lambda what, share: None)
     design.check_own("table", table.design_hash)
     source = TouchSource(table, signal_noise(design, table.chips), spread, creep)
     lessons = Lessons(design, source, work, start)
