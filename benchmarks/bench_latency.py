@@ -22,7 +22,6 @@ from smoskin.commands.score.evaluate import (
     readings,
 )
 from smoskin.magnetics.mlx90393 import conversion_time
-from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.records import Reading
 from smoskin.roles import Estimator
 from smoskin.sensing.bayes.estimator import BayesEstimator
@@ -31,7 +30,7 @@ from smoskin.sensing.network.estimator import NetworkEstimator
 from smoskin.sensing.network.model import load_network
 from smoskin.sensing.response.calibrate import calibrate_touches, plan_touches
 from smoskin.sensing.response.table import ResponseTable, load_response_table
-from smoskin.sensing.signals.signals import FOLLOWING, signal_noise
+from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.whole import Twin
 
 UNTOUCHED = 20
@@ -86,7 +85,6 @@ def main() -> None:
     table = load_response_table(asked.table)
     twin = Twin(design, seed=1, manufactured=True)
     rng = np.random.default_rng(2)
-    rubber = elastomer_prony(design.columns.material)
     straight, dragged = (
         next(iter(grid_sessions(twin, rng, forces=(0.5,), drag=drag, count=asked.touches)))
         for drag in (0.0, 0.5)
@@ -110,13 +108,11 @@ def main() -> None:
     ]
     runners = []
     for name, known, priors, session, touches in cases:
-        one = BayesEstimator(design, known, priors=priors, creep=rubber, tracking=FOLLOWING)
+        one = BayesEstimator(design, known, priors=priors)
         one.zero(said[session][:UNTOUCHED])
         runners.append(Runner(name, one, said[session], touches))
     if asked.network:
-        network = NetworkEstimator(
-            design, load_network(asked.network), creep=rubber, tracking=FOLLOWING
-        )
+        network = NetworkEstimator(design, load_network(asked.network))
         network.zero(said["straight"][:UNTOUCHED])
         runners.append(Runner("one straight touch, network", network, said["straight"], 1))
     functions, columns = six.mean.shape[0], six.mean[0].size

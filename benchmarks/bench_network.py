@@ -33,7 +33,7 @@ from smoskin.sensing.network.samples import TouchSpread
 from smoskin.sensing.network.training import train_network
 from smoskin.sensing.response.calibrate import calibrate_touches, plan_touches
 from smoskin.sensing.response.table import load_response_table
-from smoskin.sensing.signals.signals import FOLLOWING, signal_noise
+from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.whole import Twin
 
 UNTOUCHED = 20
@@ -67,8 +67,7 @@ def microseconds(work: Callable[[], object], count: int = 3000) -> tuple[float, 
 
 def tell_latency(design: SkinDesign, model: NetworkModel, twin: Twin) -> None:
     """Of the network alone and of a whole step, beside an addition and the chips' conversion."""
-    rubber = elastomer_prony(design.columns.material)
-    estimator = NetworkEstimator(design, model, creep=rubber, tracking=FOLLOWING)
+    estimator = NetworkEstimator(design, model)
     session = next(iter(grid_sessions(twin, np.random.default_rng(1), forces=(0.5,), count=300)))
     said = readings(twin, session, np.random.default_rng(2), Disturbance())
     estimator.zero(said[:UNTOUCHED])
@@ -120,7 +119,7 @@ def main() -> None:
             start=start,
         )
         print(f"skin {seed}: trained {trained.curve[-1].seconds:.0f} s; {trained.ended}")
-        estimator = NetworkEstimator(design, trained.model, creep=rubber, tracking=FOLLOWING)
+        estimator = NetworkEstimator(design, trained.model)
         sessions = grid_sessions(
             twin, rng, places=tuple(asked.places), drag=asked.drag, count=asked.count
         )

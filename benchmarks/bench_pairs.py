@@ -19,7 +19,6 @@ from smoskin.commands.score.evaluate import Disturbance, label
 from smoskin.datasets.patterns import far_pairs
 from smoskin.magnetics import mlx90393
 from smoskin.mechanics.sheet.touches import Touches
-from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.origami.layout import skin_extent
 from smoskin.records import Reading, Status
 from smoskin.sensing.bayes.estimator import BayesEstimator
@@ -28,7 +27,7 @@ from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.response.calibrate import calibrate_touches, plan_touches
 from smoskin.sensing.response.pair_point import PairPoint
 from smoskin.sensing.response.table import ResponseTable, load_response_table
-from smoskin.sensing.signals.signals import FOLLOWING, signal_noise
+from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.creep import creeping
 from smoskin.twin.readout import Motion
 from smoskin.twin.whole import Twin
@@ -164,7 +163,6 @@ def main() -> None:
     design = load_design("planar")
     table = load_response_table(asked.table).of_chips(tuple(asked.chips))
     noise = signal_noise(design, table.chips)
-    rubber = elastomer_prony(design.columns.material)
     plan = plan_touches(table, asked.touches, noise)
     ways = {"at once": AT_ONCE, "one then two": ONE_THEN_TWO}
     found: dict[str, list[Found]] = {name: [] for name in ways}
@@ -178,8 +176,6 @@ def main() -> None:
             design,
             skin,
             priors=TouchPriors(drag_spread=asked.drag),
-            creep=rubber,
-            tracking=FOLLOWING,
         )
         position = far_pairs(skin_extent(design), asked.apart / 1e3, asked.pairs, rng)
         force = np.zeros((asked.pairs, 2, 3))

@@ -5,7 +5,6 @@ import numpy as np
 import smoskin as smo
 from smoskin.commands.calibrate import calibrate
 from smoskin.commands.table import Effort, make_table
-from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.twin.rig import VirtualRig
 
 design = smo.load_design("planar")
@@ -19,7 +18,7 @@ print(f"a located touch is expected to be off by {found.errors[-1] * 1e3:.2f} mm
 # The same skin on another rig, without errors of its stage, for an exact truth.
 skin = smo.Twin(design, seed=7, manufactured=True)
 exact = VirtualRig(skin, np.random.default_rng(1), stage=0.0, gauge=0.0)
-estimator = smo.BayesEstimator(design, found.table, creep=elastomer_prony(design.columns.material))
+estimator = smo.BayesEstimator(design, found.table)
 touch = smo.Contact(position=(0.052, 0.097), force=(0.1, -0.05, -0.5))
 held = exact.press(touch)
 start, end = held.rest

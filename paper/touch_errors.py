@@ -18,13 +18,11 @@ from smoskin.arrays import Floats
 from smoskin.commands.score.evaluate import Judged, grid_sessions, judge, press
 from smoskin.design.skin import SkinDesign
 from smoskin.mechanics.sheet.touches import Touches
-from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.origami.layout import skin_extent
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.bayes.priors import TouchPriors
 from smoskin.sensing.response.bound import BoundMap, SuperResolution, bound_map
 from smoskin.sensing.response.table import ResponseTable
-from smoskin.sensing.signals.signals import FOLLOWING
 
 FORCE: Final = 0.5
 """N, normal, of single touches."""
@@ -192,8 +190,6 @@ def _estimator(design: SkinDesign, skin: TrialSkin, drag: float) -> BayesEstimat
         design,
         skin.table,
         priors=TouchPriors(drag_spread=drag),
-        creep=elastomer_prony(design.columns.material),
-        tracking=FOLLOWING,
     )
 
 

@@ -15,7 +15,6 @@ from smoskin.arrays import Floats
 from smoskin.commands.score.evaluate import Judged, Session, grid_sessions, judge, label
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.origami.layout import skin_extent
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.bayes.priors import TouchPriors
@@ -27,7 +26,7 @@ from smoskin.sensing.response.calibrate import (
     plan_touches,
 )
 from smoskin.sensing.response.table import ResponseTable
-from smoskin.sensing.signals.signals import FOLLOWING, signal_noise
+from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.whole import Twin
 
 _ROOM: Final = 22.0
@@ -202,8 +201,6 @@ def _judged(twin: Twin, table: ResponseTable, sessions: Sequence[Session], seed:
         twin.design,
         table,
         priors=TouchPriors(drag_spread=0.0),
-        creep=elastomer_prony(twin.design.columns.material),
-        tracking=FOLLOWING,
     )
     rng = np.random.default_rng([seed, 2])
     found = [judge(estimator, twin, session, rng) for session in sessions]

@@ -2,7 +2,7 @@
 
 Decides how drift is judged. The recording's own zero was taken anew before every press. Beside it
 stand the zero of the first moment alone, and the zero that
-`smoskin.sensing.signals.conditioning.IdleZero`
+`smoskin.sensing.signals.zero.Zero`
 follows through all readings in turn, without being told which of them are idle.
 """
 
@@ -17,7 +17,7 @@ from smoskin.errors import ArgumentError
 from smoskin.sensing.learned.gaussian_process import Output
 from smoskin.sensing.learned.inputs import Encoding, Form
 from smoskin.sensing.learned.training import Examples
-from smoskin.sensing.signals.conditioning import IdleZero, ZeroTracking
+from smoskin.sensing.signals.zero import IdleBand, Zero, ZeroTracking
 from studies.recordings.eflesh import ProbeRun
 from studies.recordings.scores import Score
 from studies.recordings.trial import Trial, joined
@@ -177,7 +177,7 @@ def _zeroed(trial: Trial, run: ProbeRun, zero: _Zero) -> Floats:
         return np.asarray(run.field - idle[0])
     # The idle moments are at unknown times between presses; halfway is as good as any.
     between = run.time - 0.5 * np.diff(run.time, prepend=2 * run.time[0] - run.time[1])
-    follower = IdleZero(_TRACKING, idle[0])
+    follower = Zero(_TRACKING, IdleBand(), idle[0])
     fields, missed, lost = [], 0, 0
     for before, now, at_rest, pressed in zip(between, run.time, idle, run.field, strict=True):
         missed += not follower.step(float(before), at_rest)

@@ -8,6 +8,7 @@ import pytest
 
 from networks import tiny_network
 from smoskin.errors import ArgumentError
+from smoskin.mechanics.viscoelasticity import ELASTIC
 from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.bayes.estimator import BayesEstimator
@@ -23,11 +24,11 @@ TOUCH = Contact(position=(0.05, 0.0667), force=(0.0, 0.0, -0.5))
 
 
 def bayes_estimator(design) -> Estimator:
-    return BayesEstimator(design, reduced_table(design))
+    return BayesEstimator(design, reduced_table(design), creep=ELASTIC)
 
 
 def network_estimator(design) -> Estimator:
-    return NetworkEstimator(design, tiny_network(design, drag=0.4))
+    return NetworkEstimator(design, tiny_network(design, drag=0.4), creep=ELASTIC)
 
 
 @cache

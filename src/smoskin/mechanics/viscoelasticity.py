@@ -97,6 +97,10 @@ class Prony:
         return np.asarray(1 - fading @ self.retardation_shares)
 
 
+ELASTIC: Final = Prony(moduli=(), times=())
+"""The solid that does not creep."""
+
+
 def elastomer_prony(material: str) -> Prony:
     """The solid of an elastomer that designs name.
 

@@ -16,7 +16,6 @@ from smoskin.arrays import Floats
 from smoskin.design.document import shipped_design
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, DesignError, ModelError
-from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.records import Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing import files
@@ -27,7 +26,6 @@ from smoskin.sensing.learned.gaussian_process import LearnedEstimator, load_mode
 from smoskin.sensing.network.estimator import NetworkEstimator
 from smoskin.sensing.network.model import load_network
 from smoskin.sensing.response.table import load_response_table
-from smoskin.sensing.signals.signals import FOLLOWING
 
 _FAULTS: Final = (Status.CHIP_MISSING, Status.SATURATED, Status.STALE)
 """Statuses that name what is wrong with a reading, whatever the zero."""
@@ -75,13 +73,11 @@ def load_estimator(path: str | os.PathLike[str], design: SkinDesign | None = Non
         case files.RESPONSE_TABLE:
             table = load_response_table(file)
             skin = _design_of(file, table.design_hash, design)
-            rubber = elastomer_prony(skin.columns.material)
-            return BayesEstimator(skin, table, creep=rubber, tracking=FOLLOWING)
+            return BayesEstimator(skin, table)
         case files.NETWORK:
             network = load_network(file)
             skin = _design_of(file, network.design_hash, design)
-            rubber = elastomer_prony(skin.columns.material)
-            return NetworkEstimator(skin, network, creep=rubber, tracking=FOLLOWING)
+            return NetworkEstimator(skin, network)
         case _:
             return LearnedEstimator(load_model(file))
 

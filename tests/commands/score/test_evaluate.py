@@ -7,9 +7,7 @@ import pytest
 
 from smoskin.commands.score.evaluate import Disturbance, Judged, Session, _matched, judge, readings
 from smoskin.mechanics.sheet.touches import Touches
-from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.sensing.bayes.estimator import BayesEstimator
-from smoskin.sensing.signals.conditioning import ZeroTracking
 from smoskin.twin.readout import Readout
 from tables_of_response import motions, plain, presses, reduced_table
 
@@ -43,8 +41,6 @@ def test_every_touch_of_a_session_is_judged(skin, twin):
     estimator = BayesEstimator(
         skin,
         reduced_table(skin),
-        creep=elastomer_prony(skin.columns.material),
-        tracking=ZeroTracking(hold=0.2, time_constant=2.0),
     )
     found = judge(estimator, twin, session(skin, 12), np.random.default_rng(0))
     assert (found.count == 1).all()

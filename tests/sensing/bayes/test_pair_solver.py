@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from smoskin.mechanics.sheet.compliance import grip_compliance
+from smoskin.mechanics.viscoelasticity import ELASTIC
 from smoskin.records import Contact, Reading, Status
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.bayes.priors import Standing, TouchPriors
@@ -108,7 +109,7 @@ def test_the_second_touch_joins_the_first(skin, table):
     rest = twin.read(time=0.0)
     turns = {}
     for name, before in (("led", [first]), ("at once", [])):
-        said = BayesEstimator(skin, alone, priors=STRAIGHT)
+        said = BayesEstimator(skin, alone, priors=STRAIGHT, creep=ELASTIC)
         said.zero([rest])
         said.step(twin.read(before, time=1.0))
         turns[name] = said.step(both(twin, skin, alone, first, second))

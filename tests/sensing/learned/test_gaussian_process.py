@@ -19,7 +19,7 @@ from smoskin.sensing.learned.gaussian_process import (
     load_model,
 )
 from smoskin.sensing.learned.inputs import Encoding, Form, Past
-from smoskin.sensing.signals.conditioning import ZeroTracking
+from smoskin.sensing.signals.zero import ZeroTracking
 
 CHIPS = 3
 

@@ -11,10 +11,10 @@ from safetensors.numpy import load_file, save_file
 
 from networks import random_network, tiny_network
 from smoskin.errors import ArgumentError, ModelError
+from smoskin.mechanics.viscoelasticity import ELASTIC
 from smoskin.records import Contact, Reading, Status
 from smoskin.sensing.network.estimator import NetworkEstimator, PointNetwork
 from smoskin.sensing.network.model import Layer, encode, load_network
-from smoskin.sensing.signals.conditioning import ZeroTracking
 from smoskin.twin.reduced import ReducedTwin
 from tables_of_response import plain
 
@@ -176,7 +176,8 @@ def skin(planar):
 
 
 def test_it_tells_touches_from_none(skin):
-    twin, said = ReducedTwin(skin, seed=3), NetworkEstimator(skin, tiny_network(skin))
+    twin = ReducedTwin(skin, seed=3)
+    said = NetworkEstimator(skin, tiny_network(skin), creep=ELASTIC)
     said.zero([twin.read(time=-1 + 0.01 * k) for k in range(50)])
     for k in range(20):
         assert said.step(twin.read(time=0.2 * k)).status is Status.NO_CONTACT
@@ -187,24 +188,9 @@ def test_it_tells_touches_from_none(skin):
         assert not estimate.covariance[0, 2:4].any()
 
 
-def test_the_zero_follows_drift_up_to_a_bound(skin):
-    twin = ReducedTwin(skin, seed=6)
-    tracking = ZeroTracking(hold=0.05, time_constant=0.2, drift_bound=10e-6)
-    said = NetworkEstimator(skin, tiny_network(skin), tracking=tracking)
-    seen = []
-    for k in range(900):
-        reading = twin.read(time=0.01 * k)
-        field = reading.field + 0.02e-6 * k * np.array([1.0, 0.0, 0.0])
-        seen.append(said.step(Reading(time=reading.time, field=field)).status)
-    assert seen[300] is Status.NO_CONTACT
-    assert np.abs(said.drift).max() > 10e-6
-    assert seen[-1] is Status.NOT_CALIBRATED
-    said.reset()
-    assert said.step(twin.read(time=0.0)).status is Status.NO_CONTACT
-
-
 def test_signals_unlike_those_of_training_are_not_believed(skin):
-    said, twin = NetworkEstimator(skin, tiny_network(skin)), ReducedTwin(skin, seed=None)
+    twin = ReducedTwin(skin, seed=None)
+    said = NetworkEstimator(skin, tiny_network(skin), creep=ELASTIC)
     usual = twin.read([TOUCH])
     assert said.step(usual).status is Status.CONTACT
     # As strong as a touch, on one chip alone.

@@ -30,7 +30,6 @@ from smoskin.commands.score.report import Case, Count, ScoreSheet, case_of
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.feasibility import load_design
-from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.origami.layout import skin_extent
 from smoskin.roles import Estimator, Progress, unheard
 from smoskin.sensing.bayes.estimator import BayesEstimator
@@ -43,7 +42,7 @@ from smoskin.sensing.network.model import NetworkModel
 from smoskin.sensing.response.bound import bound_map
 from smoskin.sensing.response.calibrate import Target, calibrate_touches, plan_touches
 from smoskin.sensing.response.table import ResponseTable
-from smoskin.sensing.signals.signals import FOLLOWING, signal_noise
+from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.whole import Twin
 
 __all__ = ["Exam", "ScoreSheet", "candidate", "examine", "score"]
@@ -184,9 +183,8 @@ class Candidate:
         if self.plan:
             labels = label(twin, self.plan, rng, temperature=_ROOM, chips=table.chips)
             table = calibrate_touches(table, labels, signal_noise(design, table.chips))
-        rubber = elastomer_prony(design.columns.material)
         straight, dragged = (
-            BayesEstimator(design, table, priors=priors, creep=rubber, tracking=FOLLOWING)
+            BayesEstimator(design, table, priors=priors)
             for priors in (TouchPriors(drag_spread=0.0), TouchPriors())
         )
         return Entrant(straight, dragged, table)
@@ -232,8 +230,7 @@ def _reader(
     """Kind, chips and estimator of what reads every skin alike."""
     match given:
         case NetworkModel():
-            rubber = elastomer_prony(design.columns.material)
-            given = NetworkEstimator(design, given, creep=rubber, tracking=FOLLOWING)
+            given = NetworkEstimator(design, given)
         case LearnedModel():
             given = LearnedEstimator(given)
     match given:

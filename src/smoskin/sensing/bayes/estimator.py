@@ -20,9 +20,9 @@ from smoskin.records import Contact, Estimate, Status
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
 from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.response.table import ResponseTable
-from smoskin.sensing.signals.conditioning import ZeroTracking
 from smoskin.sensing.signals.estimator import SignalEstimator
 from smoskin.sensing.signals.signals import signal_noise
+from smoskin.sensing.signals.zero import ZeroTracking
 
 _WARMER: Final = 0.25
 """degC: change of the rubber's temperature from which the table is taken anew."""
@@ -45,8 +45,8 @@ class BayesEstimator(SignalEstimator):
         Of this skin or of its design; of some of its chips, where it shall use only those.
     priors : TouchPriors, optional
     creep : Prony, optional
-        Of the skin's rubber (`mechanics.relaxation.elastomer_prony`), to undo its creep; by
-        default touches are taken to have settled.
+        Solid of the skin's rubber, to undo its creep; that of the design's columns by default,
+        `smoskin.mechanics.viscoelasticity.ELASTIC` for none.
     false_alarms : float
         Chance of a reading of the untouched skin to count as touched.
     tracking : ZeroTracking, optional
@@ -87,7 +87,7 @@ class BayesEstimator(SignalEstimator):
         from scipy.stats import chi2
 
         self.table = table
-        known = table if creep is None else _with_creep_left(table, design, creep)
+        known = _with_creep_left(table, design, self.creep)
         self._solver = TouchSolver(known, signal_noise(design, table.chips), priors)
         self._doubtful = float(chi2.isf(_DOUBT, table.count))
         self._pairs = (priors or TouchPriors()).chances[2] > 0

@@ -12,14 +12,15 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.magnetics.inversion import FieldInverse, rest_cross_talk
+from smoskin.magnetics.inversion import FieldInverse
 from smoskin.origami.cell import size
 from smoskin.origami.sheet import loaded_positions
 from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.closed_form.sheets import IdealSheet, MeasuredSheet, Sheet, Solution
-from smoskin.sensing.signals.conditioning import Conditioner, ZeroTracking
+from smoskin.sensing.signals.signals import Signal, Signals
+from smoskin.sensing.signals.zero import IdleBand, ZeroTracking
 
 
 class ClosedFormEstimator(Estimator):
@@ -36,6 +37,8 @@ class ClosedFormEstimator(Estimator):
         forces read as they were measured on this skin, without one as on an ideal sheet.
     tracking : ZeroTracking, optional
         How the zero follows drift while the skin is idle.
+    idle_field : float
+        T: signals below this on every axis count as idle.
     least_confidence : float
         A touch located less surely is `AMBIGUOUS`, its contact the likeliest cell.
 
@@ -68,6 +71,7 @@ class ClosedFormEstimator(Estimator):
         calibration: Calibration | None = None,
         *,
         tracking: ZeroTracking | None = None,
+        idle_field: float = 40e-6,
         least_confidence: float = 0.5,
     ) -> None:
         calibration = calibration or Calibration.nominal(design)
@@ -85,12 +89,8 @@ class ClosedFormEstimator(Estimator):
         if not 0.0 <= least_confidence <= 1.0:
             raise ArgumentError(f"least_confidence must lie in [0, 1]; got {least_confidence}")
         self._inverse = FieldInverse(design)
-        self._conditioner = Conditioner(
-            design,
-            self._inverse.rest_field,
-            rest_cross_talk(design),
-            calibration=calibration,
-            tracking=tracking,
+        self._signals = Signals(
+            design, calibration=calibration, tracking=tracking, idle=IdleBand(idle_field)
         )
         table = calibration.press_table
         self._sheet: Sheet = (
@@ -112,7 +112,7 @@ class ClosedFormEstimator(Estimator):
     @property
     def drift(self) -> Floats:
         """How far the zero has followed since it was set, shape (S, 3), T."""
-        return self._conditioner.drift
+        return self._signals.drift
 
     def zero(self, readings: Sequence[Reading]) -> None:
         """Take these readings of the untouched skin as its zero.
@@ -122,11 +122,11 @@ class ClosedFormEstimator(Estimator):
         ArgumentError
             If there are none with all chips good.
         """
-        self._conditioner.zero(readings)
+        self._signals.zero(readings)
 
     def reset(self) -> None:
         """Return to the design's zero and forget earlier readings."""
-        self._conditioner.reset()
+        self._signals.reset()
 
     def step(self, reading: Reading) -> Estimate:
         """The touch that one reading shows.
@@ -136,10 +136,10 @@ class ClosedFormEstimator(Estimator):
         ArgumentError
             If the reading has another number of chips than the design.
         """
-        conditioned = self._conditioner.step(reading)
-        if conditioned.status is not None:
-            return Estimate(time=reading.time, status=conditioned.status)
-        return self._estimate(reading.time, self.solve(conditioned.field[None]), 0)
+        signal = self._signals.step(reading)
+        if signal.status is not None:
+            return Estimate(time=reading.time, status=signal.status)
+        return self._estimate(reading.time, self.solve(self._field(signal)[None]), 0)
 
     def batch(self, readings: Sequence[Reading]) -> list[Estimate]:
         """The same as `step` on each reading in turn, faster.
@@ -149,14 +149,14 @@ class ClosedFormEstimator(Estimator):
         ArgumentError
             If a reading has another number of chips than the design.
         """
-        conditioned = [self._conditioner.step(reading) for reading in readings]
-        rows = [k for k, one in enumerate(conditioned) if one.status is None]
-        solution = self.solve(np.array([conditioned[k].field for k in rows])) if rows else None
+        signals = [self._signals.step(reading) for reading in readings]
+        rows = [k for k, signal in enumerate(signals) if signal.status is None]
+        solution = self.solve(np.array([self._field(signals[k]) for k in rows])) if rows else None
         row_of = {k: row for row, k in enumerate(rows)}
         estimates = []
-        for k, (reading, one) in enumerate(zip(readings, conditioned, strict=True)):
-            if one.status is not None:
-                estimates.append(Estimate(time=reading.time, status=one.status))
+        for k, (reading, signal) in enumerate(zip(readings, signals, strict=True)):
+            if signal.status is not None:
+                estimates.append(Estimate(time=reading.time, status=signal.status))
             elif solution is not None:
                 estimates.append(self._estimate(reading.time, solution, row_of[k]))
         return estimates
@@ -171,6 +171,10 @@ class ClosedFormEstimator(Estimator):
         """
         moved, found = self._inverse.displacements(field)
         return self._sheet.solve(moved.reshape(len(field), -1), found)
+
+    def _field(self, signal: Signal) -> Floats:
+        """Field of the chips' own magnets, (S, 3), T."""
+        return self._signals.rest_field + signal.values
 
     def _estimate(self, time: float, solution: Solution, k: int) -> Estimate:
         """One row of a solution as an estimate."""

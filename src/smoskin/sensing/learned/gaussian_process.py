@@ -21,15 +21,13 @@ from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.files import TensorFile
 from smoskin.sensing.learned.inputs import Encoding, Form, History, Past
-from smoskin.sensing.signals.conditioning import IdleZero, ZeroTracking
+from smoskin.sensing.signals.zero import IdleBand, Zero, ZeroTracking
 
 _FILE: Final = TensorFile("a model file", "smoskin_model", 2)
 _BAD: Final = int(ChipFlag.MISSING | ChipFlag.INVALID)
 _FULL: Final = int(ChipFlag.SATURATED | ChipFlag.WRAPPED)
 _ROWS: Final = 5
 """Of an estimate's covariance."""
-_STILL: Final = ZeroTracking(idle_field=np.finfo(float).tiny, time_constant=np.inf)
-"""No reading counts as idle, so that the zero stays as it was given."""
 _LARGEST: Final = 1e6
 """T: no chip measures more, and squares of more overflow."""
 _TENSORS: Final = (
@@ -270,7 +268,10 @@ class LearnedEstimator(Estimator):
         T: the untouched skin's field, where it is known; zeros for a source that takes its
         own zero off. Without it every estimate says `NOT_CALIBRATED` until `zero` is called.
     tracking : ZeroTracking, optional
-        How the zero follows drift while the skin is idle; by default it stays.
+        How the zero follows drift while the skin is idle; by default it stays, and no reading
+        counts as idle.
+    idle_field : float
+        T: a field that changes by less than this on every axis counts as idle.
 
     Notes
     -----
@@ -289,6 +290,7 @@ class LearnedEstimator(Estimator):
         zero: Floats | None = None,
         *,
         tracking: ZeroTracking | None = None,
+        idle_field: float = 40e-6,
     ) -> None:
         if any(one.value >= _ROWS for one in model.outputs):
             raise ArgumentError(
@@ -296,7 +298,8 @@ class LearnedEstimator(Estimator):
                 + ", ".join(one.name for one in model.outputs)
             )
         self.model = model
-        self._tracking = tracking or _STILL
+        self._tracking = tracking or ZeroTracking()
+        self._idle = None if tracking is None else IdleBand(idle_field)
         self._chips = list(model.encoding.chips)
         shape = (model.chips_in_reading, 3)
         self._given = None if zero is None else frozen("zero", zero, shape)
@@ -373,7 +376,7 @@ class LearnedEstimator(Estimator):
 
     def _set_zero(self, zero: Floats | None) -> None:
         """Start from this zero, with no past."""
-        self._zero = None if zero is None else IdleZero(self._tracking, zero)
+        self._zero = None if zero is None else Zero(self._tracking, self._idle, zero)
         self._history = History(self.model.encoding.time_constants)
 
     def _used(self, reading: Reading) -> Floats:

@@ -14,8 +14,8 @@ from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.records import Contact, Estimate, Status
 from smoskin.sensing.network.model import SPREADS, Layer, NetworkModel, Singles
-from smoskin.sensing.signals.conditioning import ZeroTracking
 from smoskin.sensing.signals.estimator import SignalEstimator
+from smoskin.sensing.signals.zero import ZeroTracking
 
 
 class NetworkEstimator(SignalEstimator):
@@ -27,8 +27,8 @@ class NetworkEstimator(SignalEstimator):
     model : NetworkModel
         Of the design, or of this skin.
     creep : Prony, optional
-        Of the skin's rubber (`mechanics.relaxation.elastomer_prony`), to undo its creep; by
-        default touches are taken to have settled.
+        Solid of the skin's rubber, to undo its creep; that of the design's columns by default,
+        `smoskin.mechanics.viscoelasticity.ELASTIC` for none.
     tracking : ZeroTracking, optional
         How the zero follows drift while nothing touches.
     false_alarms : float

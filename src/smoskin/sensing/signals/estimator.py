@@ -1,22 +1,25 @@
 """What estimators on signals share: their zero, and whether anything touches at all.
 
 Decides when a skin counts as touched: when chi-square of the signals in their noise passes what a
-chosen rate of false alarms allows. Hides conditioning and how the zero follows drift.
+chosen rate of false alarms allows. Hides the path from readings to signals.
 """
 
 from abc import abstractmethod
 from collections.abc import Sequence
-
-import numpy as np
+from typing import Final
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import ArgumentError
-from smoskin.mechanics.viscoelasticity import Prony
+from smoskin.mechanics.viscoelasticity import Prony, elastomer_prony
 from smoskin.records import Estimate, Reading, Status
 from smoskin.roles import Estimator
-from smoskin.sensing.signals.conditioning import ZeroTracking
 from smoskin.sensing.signals.signals import Signals, signal_noise
+from smoskin.sensing.signals.zero import IdleNoise, ZeroTracking
+
+FOLLOWING: Final = ZeroTracking(
+    hold=0.2, time_constant=2.0, widening_rate=0.1e-6, widening_limit=10e-6
+)
+"""How a zero follows drift by default: what noise explains is soon known to be idle."""
 
 
 class SignalEstimator(Estimator):
@@ -27,12 +30,12 @@ class SignalEstimator(Estimator):
     design : SkinDesign
     chips : sequence of int
         Whose signals are read.
-    creep : Prony, optional
-        Of the skin's rubber, to undo its creep; by default touches are taken to have settled.
+    creep : Prony or None
+        Solid of the skin's rubber, to undo its creep; None: that of the design's columns.
     false_alarms : float
         Chance of a reading of the untouched skin to count as touched.
-    tracking : ZeroTracking, optional
-        How the zero follows drift while nothing touches.
+    tracking : ZeroTracking or None
+        How the zero follows drift while nothing touches; None: as `FOLLOWING`.
 
     Raises
     ------
@@ -49,16 +52,16 @@ class SignalEstimator(Estimator):
         false_alarms: float,
         tracking: ZeroTracking | None,
     ) -> None:
-        if not 0.0 < false_alarms < 1.0:
-            raise ArgumentError(f"false_alarms must lie in (0, 1); got {false_alarms}")
-        # Here, so that whoever only imports the package does not wait for it.
-        from scipy.stats import chi2
-
         self.design = design
+        self.creep = elastomer_prony(design.columns.material) if creep is None else creep
+        """Solid whose creep is undone."""
         self._chips = list(chips)
-        self._signals = Signals(design, creep=creep, tracking=tracking)
-        self._calm = np.linalg.inv(signal_noise(design, chips))
-        self._touched = float(chi2.isf(false_alarms, 3 * len(chips)))
+        self._signals = Signals(
+            design,
+            creep=self.creep,
+            tracking=tracking or FOLLOWING,
+            idle=IdleNoise(signal_noise(design, chips), chips, false_alarms),
+        )
 
     @abstractmethod
     def _forget(self) -> None:
@@ -74,7 +77,7 @@ class SignalEstimator(Estimator):
         return self._signals.drift
 
     def zero(self, readings: Sequence[Reading]) -> None:
-        """Take these readings of the untouched skin as its zero.
+        """Take the mean of these readings of the untouched skin as its zero.
 
         Raises
         ------
@@ -98,12 +101,8 @@ class SignalEstimator(Estimator):
             If the reading has another number of chips than the design.
         """
         signal = self._signals.step(reading)
+        if signal.status is Status.NO_CONTACT:
+            self._forget()
         if signal.status is not None:
             return Estimate(time=reading.time, status=signal.status)
-        values = signal.values[self._chips].ravel()
-        if values @ self._calm @ values < self._touched:
-            self._signals.follow()
-            self._forget()
-            return Estimate(time=reading.time, status=Status.NO_CONTACT)
-        self._signals.touched()
-        return self._read(reading.time, values, signal.temperature)
+        return self._read(reading.time, signal.values[self._chips].ravel(), signal.temperature)

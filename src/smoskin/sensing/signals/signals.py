@@ -1,95 +1,109 @@
-"""From readings to the signals that response tables speak of, and how noisy these are.
+"""From readings to signals, one after the other, and how noisy these are.
 
-A signal is what a chip reads, turned as designed, at reference temperature, less what it reads
-untouched. Decides what is taken off a conditioned reading: the drift of the untouched skin, which
-is followed while nothing touches, and the creep of the rubber, which is undone so that a signal
-is the one at which a touch that stays would settle. Hides the memory that both need.
+A chip reads ``f(T) (B + X) + e``: the field B of its own magnet and X of the others at rest,
+weakened by f as they warm, plus an offset e of electronics and surroundings. A calibration turns
+what a chip reads, as it is mounted, and scales it to the magnet as designed (S6). A signal is
+what is left of B, turned as designed and at reference temperature, less what it is untouched.
+Decides which readings are refused and why, what counts as a temperature, and what is taken off:
+the offset, found while the skin is untouched; the creep of the rubber, undone so that a signal is
+the one at which a touch that stays would settle; and the drift of the idle skin. Source: SI Text
+S11 (5 % per 10 degC).
 """
 
+import functools
+import math
+import operator
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393, sector
-from smoskin.magnetics.inversion import FieldInverse, rest_cross_talk
+from smoskin.magnetics.inversion import rest_cross_talk
 from smoskin.magnetics.nonlinearity import bent, field_curvature, straightened
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, temperature_factor
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.origami.layout import chip_offset
-from smoskin.records import Reading, Status
-from smoskin.sensing.signals.conditioning import Conditioner, ZeroTracking
+from smoskin.records import ChipFlag, Reading, Status
+from smoskin.sensing.signals.settling import Settling
+from smoskin.sensing.signals.zero import IdleTest, Zero, ZeroTracking
 
-FOLLOWING: Final = ZeroTracking(hold=0.2, time_constant=2.0)
-"""How fast a zero usually follows drift while nothing touches."""
+_BAD: Final = int(ChipFlag.MISSING | ChipFlag.INVALID)
+_FULL: Final = int(ChipFlag.SATURATED | ChipFlag.WRAPPED)
+_OLD: Final = int(ChipFlag.OLD)
+_PLAUSIBLE: Final = (-40.0, 125.0)
+"""The chip's operating range, degC; a report outside it is not believed."""
 _THERMAL_SMOOTHING: Final = 0.05
 """Share of a new temperature in the rubber's: chips round to a fiftieth of a degree."""
+
+
+class ChipCalibration(Protocol):
+    """What a calibration knows of the chips of one skin."""
+
+    @property
+    def chip_rotation(self) -> ArrayLike:
+        """Rotation vector of each chip against its design, (S, 3), rad."""
+
+    @property
+    def field_factor(self) -> ArrayLike:
+        """Field of the designed magnet over that of the made one, (S,)."""
+
+    @property
+    def field_offset(self) -> ArrayLike:
+        """Field that is added at each chip, (S, 3), T."""
+
+
+class Thermometer:
+    """Temperatures of magnets and rubber, by what the chips report; what cannot be is passed over.
+
+    Parameters
+    ----------
+    chips : int
+        Number of chips, S.
+    """
+
+    def __init__(self, chips: int) -> None:
+        self._last = [math.nan] * chips
+        self._rubber = math.nan
+
+    @property
+    def magnets(self) -> list[float]:
+        """Last plausible report of each chip, degC; the reference temperature before it."""
+        return [REFERENCE_TEMPERATURE if math.isnan(one) else one for one in self._last]
+
+    @property
+    def rubber(self) -> float:
+        """Smoothed mean of the chips that reported, degC; the reference temperature until then."""
+        return REFERENCE_TEMPERATURE if math.isnan(self._rubber) else self._rubber
+
+    def step(self, reported: Floats) -> None:
+        """Take in what each chip reports, (S,), degC."""
+        least, most = _PLAUSIBLE
+        self._last = [
+            now if least < now < most else before
+            for now, before in zip(reported.tolist(), self._last, strict=True)
+        ]
+        seen = [one for one in self._last if not math.isnan(one)]
+        if seen:
+            mean = sum(seen) / len(seen)
+            before = mean if math.isnan(self._rubber) else self._rubber
+            self._rubber = before + _THERMAL_SMOOTHING * (mean - before)
 
 
 class Signal(NamedTuple):
     """One reading's signals."""
 
     values: Floats
-    """(S, 3), T."""
+    """Signals, (S, 3), T; NaN where the reading was refused."""
     temperature: float
-    """degC, of the rubber as the chips report it."""
+    """Temperature of the rubber, degC."""
     status: Status | None
-    """What forbids to use them; None where nothing does."""
-
-
-class Settling:
-    """Undoes creep: from a creeping response to the elastic one behind it.
-
-    Parameters
-    ----------
-    prony : Prony
-        Of the elastomer.
-
-    Notes
-    -----
-    With u the creeping and r the elastic response, u = (1 - sum c_k) r + sum c_k y_k and
-    dy_k/dt = (r - y_k) / lambda_k, exact for r that changes evenly between steps: the inverse of
-    `smoskin.mechanics.viscoelasticity.Memory`. Valid for responses that are proportional to
-    motion, as fields freed of their curvature are to second order.
-
-    Examples
-    --------
-    >>> from smoskin.mechanics.viscoelasticity import Memory
-    >>> prony = Prony(moduli=[0.2], times=[1.0])
-    >>> memory, settling = Memory(prony, 0.0), Settling(prony)
-    >>> [round(float(settling.step(dt, memory.step(dt, r))), 9) for dt, r in ((0.1, 2.0), (1.0, 3))]
-    [2.0, 3.0]
-    """
-
-    def __init__(self, prony: Prony) -> None:
-        self._rates = 1 / prony.retardation_times
-        self._shares = prony.retardation_shares
-        self._prompt = float(1 - self._shares.sum())
-        self._late: Floats | None = None
-        self._last: Floats = np.zeros(())
-
-    def reset(self) -> None:
-        """Forget: the skin has rested untouched."""
-        self._late = None
-
-    def step(self, duration: float, response: Floats) -> Floats:
-        """The elastic response, so many seconds after the last one."""
-        if self._late is None:
-            self._late = np.zeros((len(self._rates), *np.shape(response)))
-            self._last = np.zeros(np.shape(response))
-        part = self._rates * max(duration, 0.0)
-        kept = np.exp(-part)
-        mean = np.divide(-np.expm1(-part), part, out=np.ones_like(part), where=part > 0)
-        before, after = mean - kept, 1 - mean
-        wide = (slice(None),) + (None,) * np.ndim(response)
-        moved = kept[wide] * self._late + before[wide] * self._last
-        crept = np.tensordot(self._shares, moved, 1)
-        elastic = (response - crept) / (self._prompt + float(self._shares @ after))
-        self._late = moved + after[wide] * elastic
-        self._last = elastic
-        return np.asarray(elastic)
+    """What forbids to estimate a touch from them, `NO_CONTACT` of an idle skin; None where
+    nothing does."""
 
 
 class Signals:
@@ -98,111 +112,180 @@ class Signals:
     Parameters
     ----------
     design : SkinDesign
+    calibration : ChipCalibration, optional
+        How the chips are turned and their magnets' strength; as designed by default.
     creep : Prony, optional
-        Of the rubber, to undo its creep; by default signals are taken as they come.
+        Solid of the rubber, to undo its creep; by default signals are taken as they come.
     tracking : ZeroTracking, optional
-        How fast and how far the untouched skin's drift is followed.
+        How the zero follows drift.
+    idle : IdleTest, optional
+        Which signals count as those of the idle skin; by default none, and the zero stays.
     """
 
     def __init__(
         self,
         design: SkinDesign,
         *,
+        calibration: ChipCalibration | None = None,
         creep: Prony | None = None,
         tracking: ZeroTracking | None = None,
+        idle: IdleTest | None = None,
     ) -> None:
-        self._tracking = tracking or ZeroTracking()
-        self._rest = FieldInverse(design).rest_field
-        # The drift is followed here, where creep is undone first.
-        still = ZeroTracking(time_constant=np.inf)
-        self._conditioner = Conditioner(design, self._rest, rest_cross_talk(design), tracking=still)
-        self._settling = None if creep is None else Settling(creep)
-        self._curvature = field_curvature(design)
-        self._drift: Floats = np.zeros_like(self._rest)
-        self._last: Floats = self._drift
-        self._elapsed, self._temperature = 0.0, np.nan
-        self._time, self._idle_since = -np.inf, -np.inf
+        self.rest_field = rest_field(design)
+        """Field of each untouched chip's own magnet, (S, 3), T."""
+        # Turn and factor in one; what is added to the field leaves with the cross-talk.
+        self._to_field = mlx90393.rotations(design.halls)
+        self._other = rest_cross_talk(design)
+        if calibration is not None:
+            # Here, so that whoever only imports the package does not wait for it.
+            from scipy.spatial.transform import Rotation
+
+            turns = Rotation.from_rotvec(np.array(calibration.chip_rotation)).as_matrix()
+            factor = np.array(calibration.field_factor)[:, None, None]
+            self._to_field = factor * turns @ self._to_field
+            self._other = self._other - np.array(calibration.field_offset)
+        setting = design.hall_setting
+        # No chip reads more than this.
+        self._limit = 1.01 * float(mlx90393.full_scale(setting).max())
+        self._jump = mlx90393.full_scale(setting) if mlx90393.wraps(setting) else None
+        self._tracking, self._idle = tracking or ZeroTracking(), idle
+        self._settling = None if creep is None or not len(creep.times) else Settling(creep)
+        self._curvature = field_curvature(design) if self._settling is not None else None
+        self.reset()
 
     @property
     def drift(self) -> Floats:
         """How far the zero has followed since it was set, shape (S, 3), T."""
-        return np.array(self._drift)
+        return self._zero.drift
 
     def reset(self) -> None:
         """Return to the design's zero and forget earlier readings."""
-        self._conditioner.reset()
-        self._forget()
+        self._last_time = -math.inf
+        self._last_raw: Floats | None = None
+        self._thermometer = Thermometer(len(self.rest_field))
+        self._begin(np.zeros_like(self.rest_field))
 
     def zero(self, readings: Sequence[Reading]) -> None:
-        """Take the mean of these readings of the untouched skin as its zero.
+        """Take the mean of these readings, made while nothing touches, as the zero.
 
         Raises
         ------
         ArgumentError
-            As `Conditioner.zero`.
+            If there are none, or none in which all chips answered within their range, or one has
+            another number of chips than the design.
         """
-        self._conditioner.zero(readings)
-        self._forget()
+        for reading in readings:
+            self._check_chips(reading)
+        offsets = []
+        for reading in readings:
+            if self._fault(reading) is None:
+                self._thermometer.step(reading.temperature)
+                untouched = self._factors() * (self.rest_field + self._other)
+                offsets.append(self._turned(reading.field) - untouched)
+        if not offsets:
+            raise ArgumentError(
+                f"readings must hold at least one with all chips good; got {len(readings)} readings"
+            )
+        self._begin(np.mean(offsets, axis=0))
 
     def step(self, reading: Reading) -> Signal:
-        """Signals of the next reading.
+        """Signals of the next reading; the zero follows those of an idle skin.
 
         Raises
         ------
         ArgumentError
             If it has another number of chips than the design.
         """
-        conditioned = self._conditioner.step(reading)
-        status = conditioned.status
-        if status is not None and status is not Status.NO_CONTACT:
-            return Signal(self._last - self._drift, self._degrees, status)
-        values = conditioned.field - self._rest
-        elapsed = reading.time - self._time if np.isfinite(self._time) else 0.0
-        self._time = reading.time
-        if self._settling is not None:
-            # Motions creep, and fields are not linear in them.
-            straight = straightened(self._curvature, values)
-            settled = self._settling.step(elapsed, straight)
-            values = bent(self._curvature, settled)
-        self._elapsed = elapsed
-        self._last = values
-        warmths = reading.temperature[np.isfinite(reading.temperature)]
-        if len(warmths):
-            now = float(warmths.mean())
-            before = self._temperature if np.isfinite(self._temperature) else now
-            self._temperature = before + _THERMAL_SMOOTHING * (now - before)
-        drifted = np.abs(self._drift).max() > self._tracking.drift_bound
-        status = Status.NOT_CALIBRATED if drifted else None
-        return Signal(values - self._drift, self._degrees, status)
+        self._check_chips(reading)
+        if not reading.time > self._last_time:
+            return self._refused(Status.STALE)
+        self._last_time = reading.time
+        fault = self._fault(reading)
+        if fault is not None:
+            self._zero.interrupt(reading.time)
+            return self._refused(fault)
+        self._last_raw = reading.field
+        self._thermometer.step(reading.temperature)
+        field = (self._turned(reading.field) - self._offset) / self._factors() - self._other
+        raised = self._settled(reading.time, field - self.rest_field)
+        values = raised - self._zero.offset
+        status = Status.NO_CONTACT if self._zero.step(reading.time, raised) else None
+        if not self._zero.believed:
+            status = Status.NOT_CALIBRATED
+        return Signal(values, self._thermometer.rubber, status)
 
-    @property
-    def _degrees(self) -> float:
-        """Of the rubber; at reference where no chip has said."""
-        return self._temperature if np.isfinite(self._temperature) else REFERENCE_TEMPERATURE
-
-    def follow(self) -> None:
-        """Let the zero follow the last reading: nothing touched the skin in it."""
-        if not np.isfinite(self._idle_since):
-            self._idle_since = self._time
-        if self._time - self._idle_since >= self._tracking.hold:
-            share = -np.expm1(-self._elapsed / self._tracking.time_constant)
-            self._drift = self._drift + share * (self._last - self._drift)
-
-    def touched(self) -> None:
-        """Something touched the skin in the last reading: the zero stays."""
-        self._idle_since = -np.inf
-
-    def _forget(self) -> None:
-        self._drift, self._last = np.zeros_like(self._rest), np.zeros_like(self._rest)
-        self._time = self._idle_since = -np.inf
-        self._elapsed = 0.0
-        self._temperature = np.nan
+    def _begin(self, offset: Floats) -> None:
+        """Start from an offset, (S, 3), T, of the chips turned as designed; the skin has rested."""
+        self._offset = offset
+        self._zero = Zero(self._tracking, self._idle, np.zeros_like(self.rest_field))
+        self._settled_time = math.inf
         if self._settling is not None:
             self._settling.reset()
 
+    def _settled(self, time: float, raised: Floats) -> Floats:
+        """Signals with creep undone."""
+        if self._settling is None or self._curvature is None:
+            return raised
+        elapsed = max(time - self._settled_time, 0.0)
+        self._settled_time = time
+        # Motions creep, and fields are not linear in them.
+        straight = straightened(self._curvature, raised)
+        return bent(self._curvature, self._settling.step(elapsed, straight))
+
+    def _refused(self, status: Status) -> Signal:
+        return Signal(np.full_like(self.rest_field, np.nan), self._thermometer.rubber, status)
+
+    def _check_chips(self, reading: Reading) -> None:
+        """Raise unless the reading has the design's number of chips."""
+        if reading.field.shape != self.rest_field.shape:
+            raise ArgumentError(
+                f"reading must come from {len(self.rest_field)} chips, as the design has; "
+                f"got {len(reading.field)}"
+            )
+
+    def _fault(self, reading: Reading) -> Status | None:
+        """What is wrong with the reading as a measurement."""
+        # Plain numbers: for nine of them NumPy takes longer to start than Python to finish.
+        marks = reading.flags.tolist()
+        if any(marks):
+            flags = functools.reduce(operator.or_, marks)
+            if flags & _BAD:
+                return Status.CHIP_MISSING
+            if flags & _FULL:
+                return Status.SATURATED
+            if flags & _OLD:
+                return Status.STALE
+        values = reading.field.ravel().tolist()
+        if not all(abs(value) <= self._limit for value in values):
+            finite = all(map(math.isfinite, values))
+            return Status.SATURATED if finite else Status.CHIP_MISSING
+        if self._jump is not None and self._last_raw is not None:
+            jumped = np.abs(reading.field - self._last_raw) > self._jump
+            if jumped.any():
+                return Status.SATURATED
+        return None
+
+    def _turned(self, field: Floats) -> Floats:
+        """What chips read, (S, 3), as the designed magnet's field in the skin's axes."""
+        return np.asarray((self._to_field @ field[:, :, None])[:, :, 0])
+
+    def _factors(self) -> Floats:
+        """Factor f(T) of each chip's magnet, (S, 1)."""
+        return temperature_factor(self._thermometer.magnets)[:, None]
+
+
+def rest_field(design: SkinDesign) -> Floats:
+    """Field of each chip's own magnet at rest, in the skin's frame, (S, 3), T."""
+    return np.stack(
+        [
+            sector.field(design.magnet(site.magnet), [0.0, 0.0, chip_offset(design, site)])
+            for site in design.halls
+        ]
+    )
+
 
 def signal_noise(design: SkinDesign, chips: Sequence[int] | None = None) -> Floats:
-    """Covariance of an untouched skin's signals.
+    """Covariance N of an untouched skin's signals.
 
     Parameters
     ----------
@@ -217,13 +300,7 @@ def signal_noise(design: SkinDesign, chips: Sequence[int] | None = None) -> Floa
         field is scaled.
     """
     setting = design.hall_setting
-    # Of each chip's own magnet, by which `Signals` scales.
-    rest = np.stack(
-        [
-            sector.field(design.magnet(site.magnet), [0.0, 0.0, chip_offset(design, site)])
-            for site in design.halls
-        ]
-    )
+    rest = rest_field(design)
     used = range(len(rest)) if chips is None else chips
     own = mlx90393.noise(setting) ** 2 + mlx90393.sensitivity(setting) ** 2 / 12
     step = float(mlx90393.degrees(1) - mlx90393.degrees(0))

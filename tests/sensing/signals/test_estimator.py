@@ -1,0 +1,162 @@
+"""What estimators on signals share, by one that only counts: touched or not, and its zero."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from smoskin.errors import ArgumentError
+from smoskin.magnetics import mlx90393
+from smoskin.mechanics.viscoelasticity import ELASTIC, Prony, elastomer_prony
+from smoskin.records import Contact, Estimate, Reading, Status
+from smoskin.sensing.signals.estimator import FOLLOWING, SignalEstimator
+from smoskin.sensing.signals.signals import signal_noise
+from smoskin.sensing.signals.zero import ZeroTracking
+from smoskin.twin.reduced import ReducedTwin
+
+
+class Counting(SignalEstimator):
+    """Keeps the signals of touched readings; forgotten counts how often nothing touched."""
+
+    def __init__(self, design, chips=(0, 1, 2), **options):
+        given = {"creep": ELASTIC, "false_alarms": 1e-6, "tracking": None} | options
+        super().__init__(design, chips, **given)
+        self.forgotten, self.read = 0, []
+
+    def _forget(self):
+        self.forgotten += 1
+
+    def _read(self, time, signals, temperature):
+        self.read.append((signals, temperature))
+        contact = Contact(position=(0.0, 0.0), force=(0.0, 0.0, -1.0))
+        return Estimate(
+            time=time, status=Status.CONTACT, contacts=(contact,), covariance=np.zeros((1, 5, 5))
+        )
+
+
+@pytest.fixture
+def rest(planar):
+    return ReducedTwin(planar, seed=None).read()
+
+
+def raised(design, rest, time, signals) -> Reading:
+    """The skin at rest and these signals, (3, 3), T."""
+    boards = mlx90393.rotations(design.halls)
+    own = np.einsum("sji,sj->si", boards, signals)
+    return Reading(time=time, field=rest.field + own, temperature=rest.temperature)
+
+
+@pytest.mark.parametrize("chips", [(0, 1, 2), (1, 2)])
+def test_a_skin_counts_as_touched_past_the_quantile_of_its_noise(planar, rest, chips):
+    factor = np.linalg.cholesky(signal_noise(planar, chips))
+    limit, rng = chi2.isf(1e-6, 3 * len(chips)), np.random.default_rng(0)
+    for share, status in ((0.99, Status.NO_CONTACT), (1.01, Status.CONTACT)):
+        for _ in range(5):
+            way = rng.normal(size=len(factor))
+            signals = np.zeros((3, 3))
+            size = np.sqrt(share * limit) / np.linalg.norm(way)
+            signals[list(chips)] = (factor @ way * size).reshape(-1, 3)
+            estimator = Counting(planar, chips)
+            estimator.zero([rest])
+            assert estimator.step(raised(planar, rest, 1.0, signals)).status is status
+
+
+def test_the_signals_of_the_chips_that_are_read_come_in_their_order(planar, rest):
+    estimator = Counting(planar, (2, 0))
+    estimator.zero([rest])
+    signals = 1e-4 * np.arange(1.0, 10.0).reshape(3, 3)
+    estimator.step(raised(planar, rest, 1.0, signals))
+    values, temperature = estimator.read[0]
+    np.testing.assert_allclose(values, 1e-4 * np.array([7, 8, 9, 1, 2, 3]), atol=1e-9)
+    assert temperature == 25.0
+
+
+def test_untouched_readings_are_no_contact_at_the_chosen_rate(planar):
+    twin = ReducedTwin(planar, seed=5)
+    still = [twin.read(time=0.01 * k) for k in range(500)]
+    for rate, least, most in ((0.2, 50, 110), (1e-6, 0, 0)):
+        estimator = Counting(planar, false_alarms=rate)
+        estimator.zero(still[:100])
+        touched = sum(estimator.step(r).status is Status.CONTACT for r in still[100:])
+        assert least <= touched <= most
+        assert estimator.forgotten == 401 - touched
+
+
+def test_by_default_creep_of_the_columns_is_undone_and_drift_followed(planar, rest):
+    estimator = Counting(planar, creep=None)
+    np.testing.assert_array_equal(
+        estimator.creep.times, elastomer_prony(planar.columns.material).times
+    )
+    assert Counting(planar, creep=ELASTIC).creep is ELASTIC
+    prony = Prony(moduli=[0.2], times=[1.0])
+    touch = np.full((3, 3), 1e-4)
+    sizes = []
+    for creep in (prony, ELASTIC):
+        one = Counting(planar, creep=creep)
+        one.zero([rest])
+        one.step(raised(planar, rest, 1.0, np.zeros((3, 3))))
+        one.step(raised(planar, rest, 1.0 + 1e-6, touch))
+        sizes.append(one.read[0][0].mean())
+    # At once four fifths of a step show; what shows is a step that much larger.
+    assert sizes[0] / sizes[1] == pytest.approx(1 / 0.8, rel=0.01)
+    for k in range(400):
+        estimator.step(raised(planar, rest, 0.1 * k, np.full((3, 3), 2e-9 * k)))
+    assert estimator.drift.min() > 0.7e-6
+    assert FOLLOWING.time_constant < math.inf
+
+
+def test_after_a_touch_idleness_holds_anew(planar, rest):
+    """The zero stays until the skin has been idle for `hold` after the touch."""
+    estimator = Counting(planar, tracking=ZeroTracking(hold=1.0, time_constant=0.1))
+    faint, touch = np.full((3, 3), 1e-6), np.full((3, 3), 1e-3)
+    estimator.zero([rest])
+    for k in range(9):
+        estimator.step(raised(planar, rest, 0.1 * k, faint))
+    assert estimator.step(raised(planar, rest, 0.9, touch)).status is Status.CONTACT
+    for k in range(10, 20):
+        assert estimator.step(raised(planar, rest, 0.1 * k, faint)).status is Status.NO_CONTACT
+        assert not estimator.drift.any()
+    estimator.step(raised(planar, rest, 2.05, faint))
+    assert (estimator.drift > 0).all()
+
+
+def test_past_its_bound_the_zero_is_not_believed(planar, rest):
+    tracking = ZeroTracking(hold=0.0, time_constant=0.05, drift_bound=10e-6)
+    estimator = Counting(planar, tracking=tracking)
+    step = np.zeros((3, 3))
+    step[1, 0] = 1e-8
+    statuses = []
+    for k in range(1200):
+        statuses.append(estimator.step(raised(planar, rest, 0.01 * k, k * step)).status)
+        if 9.9e-6 < np.abs(estimator.drift).max() < 10e-6:
+            assert statuses[-1] is Status.NO_CONTACT
+    assert statuses[-1] is Status.NOT_CALIBRATED
+    assert 10e-6 < np.abs(estimator.drift).max() < 12e-6
+    estimator.reset()
+    assert not estimator.drift.any()
+    assert estimator.step(raised(planar, rest, 0.0, np.zeros((3, 3)))).status is Status.NO_CONTACT
+
+
+def test_a_zero_that_moved_under_a_long_touch_is_found_again(planar, rest):
+    """20 s of touch let it move 20 uT unseen where it may; by default 2 uT."""
+    moved, touch = np.full((3, 3), 8e-6), np.full((3, 3), 1e-3)
+    fast = ZeroTracking(hold=0.1, time_constant=1.0, widening_rate=1e-6, widening_limit=20e-6)
+    ends = {}
+    for tracking in (None, fast):
+        estimator = Counting(planar, tracking=tracking)
+        estimator.zero([rest])
+        for k in range(200):
+            estimator.step(raised(planar, rest, 0.1 * k, touch))
+        ends[tracking] = [
+            estimator.step(raised(planar, rest, 20.0 + 0.1 * k, moved)).status for k in range(100)
+        ]
+    assert set(ends[fast]) == {Status.NO_CONTACT}
+    assert ends[None][0] is Status.CONTACT
+    assert estimator.drift == pytest.approx(moved, rel=1e-3)
+
+
+def test_the_chance_of_false_alarms_is_one(planar):
+    for chance in (0.0, 1.0):
+        with pytest.raises(ArgumentError, match=r"false_alarms must lie in \(0, 1\)"):
+            Counting(planar, false_alarms=chance)

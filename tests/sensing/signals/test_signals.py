@@ -1,0 +1,293 @@
+"""Signals of readings: offset, drift, temperature, creep and chip faults."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from smoskin.errors import ArgumentError
+from smoskin.magnetics import mlx90393
+from smoskin.mechanics.viscoelasticity import ELASTIC, Memory, Prony
+from smoskin.records import ChipFlag, Contact, Reading, Status
+from smoskin.sensing.signals.signals import Signals, Thermometer, signal_noise
+from smoskin.sensing.signals.zero import IdleBand, ZeroTracking
+from smoskin.twin.readout import Motion, Readout
+from smoskin.twin.reduced import ReducedTwin
+from tables_of_response import plain
+
+TOUCH = [Contact(position=(0.05, 0.0667), force=(0.0, 0.0, -0.5))]
+
+
+@pytest.fixture
+def twin(planar):
+    return ReducedTwin(planar, seed=None)
+
+
+def banded(design, **tracking: float) -> Signals:
+    return Signals(design, tracking=ZeroTracking(**tracking), idle=IdleBand())
+
+
+def changed(reading: Reading, **changes: object) -> Reading:
+    values = {name: getattr(reading, name) for name in ("time", "field", "temperature", "flags")}
+    return Reading(**(values | changes))
+
+
+def test_an_untouched_ideal_skin_reads_nothing(planar, twin):
+    one = banded(planar).step(twin.read())
+    assert one.status is Status.NO_CONTACT
+    np.testing.assert_allclose(one.values, 0.0, atol=0.1e-6)
+
+
+@pytest.mark.parametrize("temperature", [0.0, 25.0, 60.0])
+def test_temperature_is_taken_out(planar, twin, temperature):
+    held = twin.motion(TOUCH)  # the same motion: warm rubber would move less
+    warm = banded(planar).step(twin.sense(held, temperature=temperature)).values
+    reference = banded(planar).step(twin.sense(held)).values
+    np.testing.assert_allclose(warm, reference, atol=1e-9)
+
+
+def test_an_offset_is_zeroed(planar, twin):
+    earth = np.array([30e-6, -40e-6, 55e-6])
+    seen = banded(planar)
+    idle = [changed(twin.read(time=0.01 * k), field=twin.read().field + earth) for k in range(10)]
+    seen.zero(idle)
+    touched = changed(twin.read(TOUCH, time=1.0), field=twin.read(TOUCH).field + earth)
+    clean = banded(planar).step(twin.read(TOUCH, time=1.0)).values
+    np.testing.assert_allclose(seen.step(touched).values, clean, atol=0.1e-6)
+
+
+def test_the_zero_follows_slow_drift_while_idle(planar, twin):
+    seen = banded(planar, hold=1.0, time_constant=2.0)
+    rest = twin.read()
+    for k in range(6000):  # 1 uT a second for a minute, 60 uT in all: over the idle band
+        drifted = changed(rest, time=0.01 * k, field=rest.field + 1e-8 * k)
+        assert seen.step(drifted).status is Status.NO_CONTACT
+    assert np.abs(seen.drift).max() == pytest.approx(58e-6, abs=1e-6)  # lags by the time constant
+
+
+def test_a_press_does_not_move_the_zero(planar, twin):
+    seen = banded(planar, hold=0.0)
+    for k in range(300):
+        seen.step(twin.read(TOUCH, time=0.01 * k))
+    assert np.all(seen.drift == 0)
+
+
+def test_past_its_bound_the_zero_is_not_believed(planar, twin):
+    seen = banded(planar, hold=0.0, time_constant=0.5, drift_bound=50e-6)
+    rest = twin.read()
+    statuses = [
+        seen.step(changed(rest, time=0.01 * k, field=rest.field + 5e-8 * k)).status
+        for k in range(2000)
+    ]
+    assert statuses[0] is Status.NO_CONTACT
+    assert statuses[-1] is Status.NOT_CALIBRATED
+    seen.reset()
+    assert seen.step(changed(twin.read(), time=0.0)).status is Status.NO_CONTACT
+
+
+@pytest.mark.parametrize(
+    ("flags", "status"),
+    [
+        ([ChipFlag.MISSING, 0, 0], Status.CHIP_MISSING),
+        ([0, ChipFlag.INVALID, 0], Status.CHIP_MISSING),
+        ([0, ChipFlag.SATURATED, 0], Status.SATURATED),
+        ([0, 0, ChipFlag.WRAPPED], Status.SATURATED),
+        ([0, ChipFlag.MISSING, ChipFlag.SATURATED], Status.CHIP_MISSING),
+        ([ChipFlag.OLD, ChipFlag.OLD, ChipFlag.OLD], Status.STALE),
+    ],
+)
+def test_flags_become_statuses(planar, twin, flags, status):
+    assert banded(planar).step(changed(twin.read(), flags=flags)).status is status
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_numbers_that_are_not_finite_become_a_missing_chip(planar, twin, value):
+    field = twin.read().field.copy()
+    field[1, 2] = value
+    assert banded(planar).step(changed(twin.read(), field=field)).status is Status.CHIP_MISSING
+    field[2] = -field[1]
+    assert banded(planar).step(changed(twin.read(), field=field)).status is Status.CHIP_MISSING
+
+
+def test_time_that_does_not_go_on_is_stale(planar, twin):
+    seen = banded(planar)
+    times = [0.0, 0.1, 0.05, 0.1, 0.2]
+    statuses = [seen.step(twin.read(time=t)).status for t in times]
+    assert [s is Status.STALE for s in statuses] == [False, False, True, True, False]
+
+
+def test_a_jump_of_half_the_window_is_a_wrap_where_a_chip_can_wrap(planar, twin):
+    fine = replace(
+        planar, hall_setting=replace(planar.hall_setting, gain_selection=0, resolution=1)
+    )
+    seen = banded(fine)
+    assert seen.step(twin.read()).status is Status.NO_CONTACT
+    wrapped = twin.read(time=0.1).field - [0.0, 0.0, 0.17]
+    assert seen.step(changed(twin.read(), time=0.1, field=wrapped)).status is Status.SATURATED
+
+
+@pytest.mark.parametrize("report", [np.nan, -300.0, -40.1, 125.1, 300.0, 1e6])
+def test_a_temperature_that_cannot_be_is_the_last_good_one(planar, twin, report):
+    seen, reference = banded(planar), banded(planar)
+    for one in (seen, reference):
+        one.step(twin.read(TOUCH, time=0.0, temperature=45.0))
+    for k in range(1, 41):
+        good = twin.read(TOUCH, time=0.1 * k, temperature=45.0)
+        there = reference.step(good)
+        here = seen.step(changed(good, temperature=[45.0, report, 45.0]))
+    np.testing.assert_array_equal(here.values, there.values)
+    assert here.temperature == there.temperature
+
+
+def test_temperatures_inside_the_chips_range_are_believed():
+    for edge in (-39.9, 124.9):
+        thermometer = Thermometer(3)
+        thermometer.step(np.array([edge, 20.0, 20.0]))
+        assert thermometer.magnets == [edge, 20.0, 20.0]
+        assert thermometer.rubber == pytest.approx((edge + 40.0) / 3)
+
+
+def test_the_rubber_follows_the_mean_of_the_chips_that_report():
+    thermometer = Thermometer(3)
+    assert (thermometer.rubber, thermometer.magnets) == (25.0, [25.0] * 3)
+    thermometer.step(np.full(3, np.nan))
+    assert thermometer.rubber == 25.0
+    thermometer.step(np.array([30.0, np.nan, 32.0]))
+    assert thermometer.rubber == pytest.approx(31.0)
+    assert thermometer.magnets == [30.0, 25.0, 32.0]
+    thermometer.step(np.array([40.0, np.nan, 42.0]))
+    assert thermometer.rubber == pytest.approx(31.5)
+    for _ in range(300):
+        thermometer.step(np.array([40.0, 41.0, 42.0]))
+    assert thermometer.rubber == pytest.approx(41.0)
+
+
+def test_an_offset_does_not_weaken_as_magnets_warm(planar, twin):
+    earth = np.array([30e-6, -40e-6, 55e-6])
+    seen = banded(planar)
+    held = twin.motion(TOUCH)
+    rest = twin.read()
+    seen.zero([changed(rest, field=rest.field + earth)])
+    warm = twin.sense(held, time=1.0, temperature=65.0)
+    found = seen.step(changed(warm, field=warm.field + earth)).values
+    np.testing.assert_allclose(found, banded(planar).step(warm).values, atol=1e-9)
+
+
+def test_the_zero_may_be_taken_warm(planar, twin):
+    """What is at rest at 45 degC is at rest at 25 degC."""
+    seen = banded(planar)
+    seen.zero([twin.read(temperature=45.0)])
+    np.testing.assert_allclose(seen.step(twin.read(time=1.0)).values, 0.0, atol=0.1e-6)
+
+
+@pytest.mark.parametrize(("share", "status"), [(1.009, None), (1.011, Status.SATURATED)])
+def test_no_chip_reads_more_than_its_range(planar, twin, share, status):
+    most = float(mlx90393.full_scale(planar.hall_setting).max())
+    field = twin.read().field.copy()
+    field[2, 1] = -share * most
+    assert banded(planar).step(changed(twin.read(), field=field)).status is status
+
+
+def test_refused_readings_have_no_signals(planar, twin):
+    refused = banded(planar).step(changed(twin.read(), flags=[1, 0, 0]))
+    assert np.isnan(refused.values).all()
+
+
+def test_a_refused_reading_begins_idleness_anew(planar, twin):
+    seen, rest = banded(planar, hold=1.0), twin.read()
+    moved = rest.field + 20e-6
+    for k in range(20):
+        bad = {"flags": [1, 0, 0]} if k == 9 else {}
+        seen.step(changed(rest, time=0.1 * k, field=moved, **bad))
+    assert not seen.drift.any()
+    seen.step(changed(rest, time=2.01, field=moved))
+    assert (np.abs(seen.drift) > 1e-7).all()
+
+
+def test_without_an_idle_test_nothing_is_idle_and_the_zero_stays(planar, twin):
+    seen = Signals(planar, tracking=ZeroTracking(hold=0.0))
+    for k in range(30):
+        signal = seen.step(changed(twin.read(), time=0.1 * k, field=twin.read().field + 1e-6))
+        assert signal.status is None
+    assert not seen.drift.any()
+
+
+def test_chips_are_turned_and_scaled_as_calibrated(planar, twin):
+    from scipy.spatial.transform import Rotation
+
+    turn = 0.05 * np.arange(9.0).reshape(3, 3) - 0.2
+    known = SimpleNamespace(
+        chip_rotation=turn, field_factor=[0.9, 1.0, 1.1], field_offset=np.full((3, 3), 2e-4)
+    )
+    plain, seen = banded(planar), Signals(planar, calibration=known)
+    boards = mlx90393.rotations(planar.halls)
+    matrices = Rotation.from_rotvec(turn).as_matrix()
+    reading = twin.read(TOUCH)
+    skin = np.einsum("sij,sj->si", boards, reading.field)
+    # What a chip would read whose mounting and magnet the calibration undoes.
+    made = np.einsum("sji,sj->si", matrices, (skin - 2e-4) / np.array([[0.9], [1.0], [1.1]]))
+    spoilt = changed(reading, field=np.einsum("sji,sj->si", boards, made))
+    np.testing.assert_allclose(seen.step(spoilt).values, plain.step(reading).values, atol=1e-12)
+
+
+def test_creeping_touches_read_as_settled(planar):
+    """Motions creep; the fields that they make are freed of it, though not linear in them."""
+    skin = plain(planar)
+    prony = Prony(moduli=[0.1], times=[1.0])
+    exact, readout = ReducedTwin(skin, seed=None), Readout(skin)
+    pressed, rest = exact.motion(TOUCH), exact.motion([])
+    magnets, board = Memory(prony, rest.magnets), Memory(prony, rest.board)
+    creeping, taken = Signals(skin, creep=prony), Signals(skin, creep=ELASTIC)
+    for one in (creeping, taken):
+        one.zero([exact.read(time=-1.0)])
+    for k in range(1, 30):
+        held = pressed if k > 5 else rest
+        moved = Motion(
+            magnets=magnets.step(0.02, held.magnets),
+            board=board.step(0.02, held.board),
+            valid=held.valid,
+        )
+        reading = readout.read(moved, None, time=0.02 * k)
+        last = [one.step(reading).values for one in (creeping, taken)]
+    settled = taken.step(exact.read(TOUCH, time=1.0)).values
+    undone, left = (np.abs(values - settled).max() for values in last)
+    assert left > 0.01 * np.abs(settled).max()
+    assert undone < 0.03 * left
+
+
+def test_the_stated_noise_is_that_of_readings(planar):
+    """Covariance of each chip's signals, whose temperatures round like everybody's."""
+    twin, seen = ReducedTwin(planar, seed=4), Signals(planar)
+    warmth = np.random.default_rng(0).uniform(24.0, 26.0, 3000)
+    rest = [twin.read(time=0.01 * k, temperature=float(t)) for k, t in enumerate(warmth)]
+    values = np.array([seen.step(reading).values for reading in rest])
+    known = signal_noise(planar)
+    for s in range(3):
+        part = slice(3 * s, 3 * s + 3)
+        white = np.linalg.inv(np.linalg.cholesky(known[part, part]))
+        found = white @ np.cov(values[:, s].T) @ white.T
+        np.testing.assert_allclose(found, np.eye(3), atol=0.12)
+        other = known[part].copy()
+        other[:, part] = 0.0
+        assert not other.any()
+
+
+def test_noise_of_some_chips_is_that_part_of_all(planar):
+    whole = signal_noise(planar)
+    rows = [6, 7, 8, 0, 1, 2]
+    np.testing.assert_array_equal(signal_noise(planar, (2, 0)), whole[np.ix_(rows, rows)])
+
+
+def test_wrong_use_is_named(planar, twin):
+    seen = banded(planar)
+    with pytest.raises(ArgumentError, match="must come from 3 chips, as the design has; got 4"):
+        seen.step(Reading(time=0.0, field=np.zeros((4, 3))))
+    with pytest.raises(ArgumentError, match="must come from 3 chips, as the design has; got 5"):
+        seen.zero([twin.read(), Reading(time=0.0, field=np.zeros((5, 3)))])
+    with pytest.raises(ArgumentError, match="at least one with all chips good; got 1 readings"):
+        seen.zero([changed(twin.read(), flags=[1, 0, 0])])
+    with pytest.raises(ArgumentError, match="time_constant must be positive; got 0"):
+        ZeroTracking(time_constant=0)
+    with pytest.raises(ArgumentError, match="widening_rate must be >= 0; got -1"):
+        ZeroTracking(widening_rate=-1)
