@@ -116,7 +116,7 @@ def test_the_solver_meets_the_bound(skin):
 
 def test_wrong_use_is_refused(skin):
     table, noise = reduced_table(skin), signal_noise(skin)
-    with pytest.raises(ArgumentError, match="force and places must be positive"):
+    with pytest.raises(ArgumentError, match="force must be positive and places two or more"):
         bound_map(table, noise, force=0.0)
     with pytest.raises(ArgumentError, match="two places or more"):
         bound_of_slopes(np.zeros(1), np.zeros(2), np.zeros((1, 2, 9, 5)), noise)

@@ -4,7 +4,8 @@ The bound is the inverse of the information that the signals of one reading carr
 place, drag and normal force; it needs the signals' slopes, from a response table or from whoever
 knows them for a design without one. Decides what is unknown and what counts as noise, and names
 regions blind where the signals leave the place open. Noise alone bounds far below what scatter of
-manufacture leaves after a calibration: a table's own misfit can be counted as noise too.
+manufacture leaves after a calibration: a table's own misfit can be counted as noise too. The
+equations are those of "The bound" in `docs/derivations.md`.
 """
 
 from dataclasses import dataclass
@@ -14,14 +15,15 @@ import numpy as np
 
 from smoskin.arrays import Bools, Floats, floats
 from smoskin.errors import ArgumentError
+from smoskin.origami.layout import places_to_the_rim
 from smoskin.sensing.response.table import ResponseTable
 
 _BLIND: Final = 5e-3
-"""m: a place whose bound is larger counts as blind."""
+"""m: bound of the place from which it counts as blind."""
 _WORST: Final = 99.0
-"""Per cent of places that the worst bound leaves below it; single places say little."""
+"""Per cent of places below the worst bound; single places say little."""
 _PRIOR: Final = 1e-6
-"""1/N^2: what is known of forces beforehand, next to nothing."""
+"""1/N^2: information about forces beforehand, next to nothing."""
 
 
 class SuperResolution(NamedTuple):
@@ -34,12 +36,12 @@ class SuperResolution(NamedTuple):
 
 
 class Figures(NamedTuple):
-    """A bound over the skin in four numbers, in its own unit."""
+    """Four numbers of a bound over the skin, in its own unit."""
 
     mean: float
     median: float
     worst: float
-    """99 % of the places have a lower one."""
+    """Bound below which 99 % of the places lie."""
     maximum: float
 
 
@@ -61,9 +63,9 @@ def figures(bound: Floats) -> Figures:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BoundMap:
-    """Bounds of a touch of one force at L x W places from rim to rim.
+    """Bounds of a touch of one force at L x W places from rim to rim, as standard deviations.
 
-    Standard deviations; a place that cannot be told is bounded by that of the skin's own size.
+    A place that cannot be told is bounded by that of the skin's own size.
     """
 
     x: Floats
@@ -71,13 +73,13 @@ class BoundMap:
     y: Floats
     """(W,), m."""
     place: Floats
-    """(L, W, 2), m, of x and of y."""
+    """Bounds of x and y, (L, W, 2), m."""
     drag: Floats
-    """(L, W, 2), N, of Fx and Fy; zero where drags are known to be none."""
+    """Bounds of Fx and Fy, (L, W, 2), N; zero where drags are known to be none."""
     force: Floats
-    """(L, W), N, of the normal force."""
+    """Bound of the normal force, (L, W), N."""
     chips: int
-    """How many the signals come from."""
+    """Number of chips that the signals come from."""
 
     @property
     def location(self) -> Floats:
@@ -91,7 +93,7 @@ class BoundMap:
 
     @property
     def super_resolution(self) -> SuperResolution:
-        """In both usual definitions, over the places that are not blind."""
+        """Super-resolution in both usual definitions, over the places that are not blind."""
         seen = self.location[~self.blind]
         taxel = (self.x[-1] - self.x[0]) * (self.y[-1] - self.y[0]) / self.chips
         if not len(seen):
@@ -140,8 +142,8 @@ def bound_map(
     drags : bool
         Whether the drags are unknown too.
     misfit : bool
-        Whether what the table does not know counts as noise: then it is the bound of whoever knows
-        no more of the skin than the table.
+        Whether what the table does not know counts as noise: then it bounds whoever knows no more
+        of the skin than the table.
     places : tuple of int
         Along x and y.
 
@@ -152,25 +154,25 @@ def bound_map(
 
     Notes
     -----
-    The Cramer-Rao inequality, cov >= (J^T N^-1 J)^-1, with the variance of a place spread
-    evenly over the skin as what is known beforehand.
+    The Cramer-Rao inequality ``cov >= (J^T R^-1 J + prior)^-1`` with ``R = N``, or with the misfit
+    ``R = N + F^2 E + sum_k m_k m_k^T``; beforehand the place is spread evenly over the skin.
     """
     if not force > 0 or min(places) < 2:
-        raise ArgumentError(f"force and places must be positive; got {force} N and {places}")
-    x, y = (np.linspace(0, end, n) for end, n in zip(table.basis.extent, places, strict=True))
-    at = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-    slopes = table.point_table().scan(at[:, 0], at[:, 1], np.array([0.0, 0.0, -force]))[1]
-    spread = np.broadcast_to(noise, (len(at), *noise.shape))
-    if misfit:
-        places_ways = table.mode_signals(at, np.tile([0.0, 0.0, -force], (len(at), 1)))
-        spread = (
-            noise + force**2 * table.misfit + np.einsum("bkc,bkd->bcd", places_ways, places_ways)
+        raise ArgumentError(
+            f"force must be positive and places two or more each way; got {force} N and {places}"
         )
+    x, y = (np.linspace(0, end, n) for end, n in zip(table.basis.extent, places, strict=True))
+    position = places_to_the_rim(table.basis.extent, places)
+    push = np.tile([0.0, 0.0, -force], (len(position), 1))
+    covariance = np.broadcast_to(noise, (len(position), *noise.shape))
+    if misfit:
+        modes = table.mode_signals(position, push)
+        covariance = noise + force**2 * table.misfit + np.einsum("bkc,bkd->bcd", modes, modes)
     return bound_of_slopes(
         x,
         y,
-        np.swapaxes(slopes, 1, 2).reshape(*places, table.count, 5),
-        spread.reshape(*places, *noise.shape),
+        table.slopes(position, push).reshape(*places, table.count, 5),
+        covariance.reshape(*places, *noise.shape),
         drags=drags,
     )
 
@@ -187,7 +189,7 @@ def bound_of_slopes(
     y : Floats, shape (W,)
         m, likewise.
     slopes : Floats, shape (L, W, C, 5)
-        Of the C signals of C / 3 chips, by x and y, T/m, and by Fx, Fy and Fz, T/N.
+        J of the C signals of C / 3 chips, by x and y, T/m, and by Fx, Fy and Fz, T/N.
     noise : Floats, shape (C, C) or (L, W, C, C)
         T^2: covariance of the signals.
     drags : bool
@@ -197,23 +199,19 @@ def bound_of_slopes(
     ------
     ArgumentError
         If shapes do not fit each other.
-
-    Notes
-    -----
-    As `bound_map`.
     """
-    shape = (len(x), len(y))
-    known = floats("slopes", slopes, (*shape, None, 5))
-    return bound_of_information(x, y, information(known, noise), known.shape[2] // 3, drags=drags)
+    slopes = floats("slopes", slopes, (len(x), len(y), None, 5))
+    told = information(slopes, noise)
+    return bound_of_information(x, y, told, slopes.shape[2] // 3, drags=drags)
 
 
 def information(slopes: Floats, noise: Floats) -> Floats:
-    """What signals tell of a touch's five numbers; that of chips whose noise is apart adds up.
+    """Information of signals about a touch's five numbers; it adds up over independent chips.
 
     Parameters
     ----------
     slopes : Floats, shape (..., C, 5)
-        As for `bound_of_slopes`.
+        J, as for `bound_of_slopes`.
     noise : Floats, shape (C, C) or (..., C, C)
         T^2: covariance of the signals.
 
@@ -222,17 +220,16 @@ def information(slopes: Floats, noise: Floats) -> Floats:
     Floats, shape (..., 5, 5)
         J^T N^-1 J, by x, y, Fx, Fy and Fz.
     """
-    known = floats("slopes", slopes, (None, 5))
-    count = known.shape[-2]
-    spread = floats("noise", noise, (count, count))
-    spread = np.broadcast_to(spread, (*known.shape[:-2], count, count))
-    return np.asarray(np.swapaxes(known, -1, -2) @ np.linalg.solve(spread, known))
+    slopes = floats("slopes", slopes, (None, 5))
+    noise = floats("noise", noise, (slopes.shape[-2], slopes.shape[-2]))
+    noise = np.broadcast_to(noise, (*slopes.shape[:-1], slopes.shape[-2]))
+    return np.asarray(np.swapaxes(slopes, -1, -2) @ np.linalg.solve(noise, slopes))
 
 
 def bound_of_information(
     x: Floats, y: Floats, told: Floats, chips: int, *, drags: bool = True
 ) -> BoundMap:
-    """Bounds over the skin from what so many chips tell at each place, (L, W, 5, 5).
+    """Bounds over the skin from the information (L, W, 5, 5) of so many chips.
 
     Raises
     ------
@@ -242,12 +239,12 @@ def bound_of_information(
     shape = (len(x), len(y))
     if min(shape) < 2:
         raise ArgumentError(f"x and y must be two places or more each; got {shape}")
-    unknown = [0, 1, 2, 3, 4] if drags else [0, 1, 4]
-    known = floats("told", told, (*shape, 5, 5))[..., unknown, :][..., unknown]
+    free = [0, 1, 2, 3, 4] if drags else [0, 1, 4]
+    known = floats("told", told, (*shape, 5, 5))[..., free, :][..., free]
     extent = np.array([x[-1] - x[0], y[-1] - y[0]])
-    known = known + np.diag(np.array([*12 / extent**2, *[_PRIOR] * 3])[unknown])
+    covariance = np.linalg.inv(known + np.diag(np.array([*12 / extent**2, *[_PRIOR] * 3])[free]))
     deviations = np.zeros((*shape, 5))
-    deviations[..., unknown] = np.sqrt(np.einsum("...ii->...i", np.linalg.inv(known)))
+    deviations[..., free] = np.sqrt(np.einsum("...ii->...i", covariance))
     return BoundMap(
         x=x,
         y=y,

@@ -2,8 +2,10 @@
 
 The first fit, of the likeliest skin, knows nothing and needs many presses. From it comes how large
 each kind of coefficient is, and with that as prior every further answer (how made skins differ,
-what warmth changes) needs few. Decides how tables come from presses and what is kept of the ways
-in which skins differ; what misses the presses held out becomes the table's misfit.
+what warmth changes) needs few. Presses are arrays, wherever they come from: a twin, a data set or
+a bench. Decides how tables come from presses and what is kept of the modes in which skins differ;
+what misses the presses held out becomes the table's misfit. The equations are those of "Fit",
+"Modes" and "Pairs" in `docs/derivations.md`.
 """
 
 from dataclasses import replace
@@ -20,24 +22,23 @@ from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.mechanics.sheet.touches import FINGERTIP
 from smoskin.mechanics.viscoelasticity import modulus_factor
 from smoskin.origami.layout import middles_of_fields
-from smoskin.sensing.response.basis import TouchBasis
-from smoskin.sensing.response.pairs import mutual_drags
+from smoskin.sensing.response.basis import TouchBasis, touch_arrays
 from smoskin.sensing.response.table import ResponseTable
 
 _HELD_OUT: Final = 10
-"""Of so many presses one is held out to find the misfit."""
+"""Presses of which one is held out to find the misfit."""
 _HELD_OUT_SKINS: Final = 8
-"""Of so many made skins one is held out, likewise."""
+"""Made skins of which one is held out to find what the modes miss."""
 _SEEN: Final = 10
-"""Of so many presses one calibrates a skin that is held out."""
+"""Presses of which one calibrates a skin that is held out."""
 _JITTER: Final = 1e-9
 """Ridge of the first fit, relative to each function's own square."""
 _DEVIATION: Final = 0.2
-"""Prior of how skins differ, relative to the coefficients of the likeliest."""
+"""Size of skins' deviations before they are known, relative to the likeliest coefficients."""
 _NOISE: Final = 0.5e-6
-"""T: of the presses that a table is made of; the scatter of signals below which none is fitted."""
+"""T: scatter of the signals that a table is made of."""
 _BENT_AT: Final = (6, 7)
-"""Where the curvature of a table is taken."""
+"""Places where the curvature of a table is taken."""
 _BENT_BY: Final = np.array(
     [
         *((0.0, 0.0, -0.2), (0.0, 0.0, -0.5)),
@@ -45,15 +46,15 @@ _BENT_BY: Final = np.array(
         *((0.25, 0.25, -0.4), (0.25, -0.25, -0.4)),
     ]
 )
-"""N: forces between whose answers it is taken."""
+"""N: forces between whose signals it is taken."""
 _TABLE_BLUR: Final = 3e-3
-"""By which answers may be off, of a chip's largest."""
+"""Error of a table's signals, relative to each chip's root mean square."""
 _PAIR_BLUR: Final = 0.1
-"""By which signals of pairs may be off, of each chip's, where their products are fitted."""
+"""Error of the signals of pairs likewise, where their products are fitted."""
 _MADE_GRIP: Final = 0.03
-"""By which what the touches of a pair pull at each other differs on made skins, relative."""
+"""Relative scatter over made skins of what the drags of a pair do to signals."""
 _MADE_CURVATURE: Final = 0.03
-"""Likewise what is missing in the sum of their signals."""
+"""Relative scatter over made skins of what is missing in the sum of a pair's signals."""
 
 
 def fit_response_table(
@@ -69,7 +70,7 @@ def fit_response_table(
     Parameters
     ----------
     design : SkinDesign
-        Of the skin, with S chips.
+        The skin's design, with S chips.
     position : array_like, shape (B, 2)
         m.
     force : array_like, shape (B, 3)
@@ -84,30 +85,32 @@ def fit_response_table(
     ArgumentError
         If shapes disagree, a number is not finite, or there are fewer presses than twice the
         functions that the table is made of.
+
+    Notes
+    -----
+    With rows X of functions: ``A = (X^T X + ridge)^-1 X^T Y``; the misfit is the mean of
+    ``r r^T / |F|^2`` over what is left, r, of the presses held out.
     """
     chips = len(design.halls)
     values = floats("signals", signals, (chips, 3)).reshape(-1, 3 * chips)
-    where, push = floats("position", position, (None, 2)), floats("force", force, (None, 3))
+    place, push = touch_arrays(position, force)
     basis = TouchBasis.of(design, radius)
     functions = int(np.prod(basis.shape))
-    if not len(where) == len(push) == len(values) or len(where) < 2 * functions:
+    if len(place) != len(values) or len(place) < 2 * functions:
         raise ArgumentError(
             f"position, force and signals must hold the same presses, at least {2 * functions}; "
-            f"got {len(where)}, {len(push)} and {len(values)}"
+            f"got {len(place)}, {len(push)} and {len(values)}"
         )
     if not (np.isfinite(values).all() and (push[:, 2] < 0).all()):
         raise ArgumentError("signals must be finite and every touch must press, Fz < 0 N")
-    held = np.arange(len(where)) % _HELD_OUT == 0
-    rows = basis.rows(where, push)
-    gram = rows[~held].T @ rows[~held]
+    held_out = np.arange(len(place)) % _HELD_OUT == 0
+    rows = basis.rows(place, push)
+    gram = rows[~held_out].T @ rows[~held_out]
     size = np.diag(gram)
     gram[np.diag_indices_from(gram)] += _JITTER * (size + size.max() * _JITTER)
-    coefficients = np.linalg.solve(gram, rows[~held].T @ values[~held])
-    missed = (values[held] - rows[held] @ coefficients) / np.linalg.norm(push[held], axis=1)[
-        :, None
-    ]
-    shape = (*basis.shape, 3 * chips)
-    vertices = len(basis.lines_x) * len(basis.lines_y)
+    coefficients = np.linalg.solve(gram, rows[~held_out].T @ values[~held_out])
+    missed = values[held_out] - rows[held_out] @ coefficients
+    shape, held = (*basis.shape, 3 * chips), basis.vertices
     return ResponseTable(
         design_hash=design.content_hash,
         basis=basis,
@@ -117,10 +120,10 @@ def fit_response_table(
         softening=modulus_factor(design.columns.material, REFERENCE_TEMPERATURE + 1.0).item() - 1.0,
         warmth=np.zeros(shape),
         modes=np.zeros((0, *shape)),
-        grip=np.zeros((vertices, 2, vertices, 3)),
-        grip_modes=np.zeros((0, vertices, 2, vertices, 3)),
+        grip=np.zeros((held, 2, held, 3)),
+        grip_modes=np.zeros((0, held, 2, held, 3)),
         curvature=np.zeros((chips, 3, 3, 3)),
-        misfit=missed.T @ missed / len(missed),
+        misfit=_scatter(missed / np.linalg.norm(push[held_out], axis=1)[:, None]),
         pair_misfit=np.zeros((3 * chips, 3 * chips)),
     )
 
@@ -129,11 +132,13 @@ def add_warmth(
     table: ResponseTable, position: ArrayLike, force: ArrayLike, per_degree: ArrayLike
 ) -> ResponseTable:
     """The table with what a degree of the rubber changes in B presses, (B, S, 3), T/K."""
-    where, push = floats("position", position, (None, 2)), floats("force", force, (None, 3))
-    known = replace(table, warmth=np.zeros_like(table.warmth))
-    said = [known.signals(where, push, REFERENCE_TEMPERATURE + degree) for degree in (-1.0, 1.0)]
+    place, push = touch_arrays(position, force)
+    softened = replace(table, warmth=np.zeros_like(table.warmth))
+    colder, warmer = (
+        softened.signals(place, push, REFERENCE_TEMPERATURE + degree) for degree in (-1.0, 1.0)
+    )
     change = floats("per_degree", per_degree, (None, 3)).reshape(-1, table.count)
-    fitted = _deviation_fit(table, where, push, change - (said[1] - said[0]) / 2)
+    fitted = _deviation_fit(table, place, push, change - (warmer - colder) / 2)
     return replace(table, warmth=fitted.reshape(table.mean.shape))
 
 
@@ -146,7 +151,7 @@ def add_modes(
     *,
     least: float = 0.5e-6,
 ) -> ResponseTable:
-    """The table with the ways in which made skins differ from it.
+    """The table with the modes in which made skins differ from it.
 
     Parameters
     ----------
@@ -154,9 +159,9 @@ def add_modes(
     position, force : array_like, shapes (B, 2) and (B, 3)
         m and N: presses, the same on every skin.
     deviations : array_like, shape (L, B, S, 3)
-        T: signals of L made skins less the table's skin's.
+        T: signals of L made skins less those of the table's skin.
     grips : array_like, shape (L, H, 2, H, 3), optional
-        m/N: how they give way where touches grip them; by default as the table's skin.
+        m/N: grip of each of the skins; by default that of the table's skin.
     least : float
         T: modes that change signals by less, root mean square over presses, go into the misfit.
 
@@ -170,66 +175,64 @@ def add_modes(
     ArgumentError
         If there are fewer than two skins.
     """
-    where, push = floats("position", position, (None, 2)), floats("force", force, (None, 3))
-    ways = floats("deviations", deviations, (len(table.chips), 3))
-    ways = ways.reshape(len(ways), len(where), table.count)
-    if len(ways) < 2:
-        raise ArgumentError(f"deviations must be of at least two skins; got {len(ways)}")
+    place, push = touch_arrays(position, force)
+    skins = floats("deviations", deviations, (len(table.chips), 3))
+    skins = skins.reshape(len(skins), len(place), table.count)
+    if len(skins) < 2:
+        raise ArgumentError(f"deviations must be of at least two skins; got {len(skins)}")
     strength = np.linalg.norm(push, axis=1)[:, None]
-    held = len(ways) // _HELD_OUT_SKINS
     misfit = table.misfit
-    if held:
-        shapes, _ = _principal(ways[:-held] - ways[:-held].mean(axis=0), least)
-        seen = np.arange(len(where)) % _SEEN == 0
-        missed = _missed(ways[-held:] - ways[:-held].mean(axis=0), shapes, seen) / strength[~seen]
-        flat = missed.reshape(-1, table.count)
-        misfit = misfit + flat.T @ flat / len(flat)
-    middle = ways.mean(axis=0)
-    shapes, scores = _principal(ways - middle, least)
-    sizes = table.grip.shape
-    held_by = np.broadcast_to(table.grip, (len(ways), *sizes)) if grips is None else grips
-    gives = floats("grips", held_by, sizes[1:])
-    columns = np.concatenate([middle[None], shapes]).transpose(1, 0, 2)
-    fitted = _deviation_fit(table, where, push, columns.reshape(len(where), -1))
-    blocks = fitted.reshape(*table.basis.shape, -1, table.count)
-    blocks = np.moveaxis(blocks, -2, 0)
-    said = (table.basis.rows(where, push) @ fitted).reshape(len(where), -1, table.count)
-    apart = (columns - said) / strength[:, :, None]
+    held_out = len(skins) // _HELD_OUT_SKINS
+    if held_out:
+        others = skins[:-held_out]
+        modes, _ = _principal(others - others.mean(axis=0), least)
+        seen = np.arange(len(place)) % _SEEN == 0
+        missed = _missed(skins[-held_out:] - others.mean(axis=0), modes, seen) / strength[~seen]
+        misfit = misfit + _scatter(missed.reshape(-1, table.count))
+    middle = skins.mean(axis=0)
+    modes, scores = _principal(skins - middle, least)
+    columns = np.concatenate([middle[None], modes]).transpose(1, 0, 2)
+    fitted = _deviation_fit(table, place, push, columns.reshape(len(place), -1))
+    blocks = np.moveaxis(fitted.reshape(*table.basis.shape, -1, table.count), -2, 0)
+    left = columns - table.basis.sums(fitted, place, push).reshape(columns.shape)
+    apart = left / strength[:, :, None]
+    held = table.grip[None] if grips is None else floats("grips", grips, table.grip.shape)
+    held = np.broadcast_to(held, (len(skins), *table.grip.shape))
     return replace(
         table,
         mean=table.mean + blocks[0],
         modes=blocks[1:],
-        grip=gives.mean(axis=0),
-        grip_modes=np.tensordot(scores.T, gives - gives.mean(axis=0), 1),
-        misfit=misfit + np.einsum("bkc,bkd->cd", apart, apart) / len(where),
+        grip=held.mean(axis=0),
+        grip_modes=np.tensordot(scores.T, held - held.mean(axis=0), 1),
+        misfit=misfit + np.einsum("bkc,bkd->cd", apart, apart) / len(place),
     )
 
 
-def _principal(apart: Floats, least: float) -> tuple[Floats, Floats]:
-    """Principal ways of skins (L, B, C) that change signals by `least` or more.
+def _principal(deviations: Floats, least: float) -> tuple[Floats, Floats]:
+    """Principal modes of skins (L, B, C) that change signals by `least` or more.
 
     Returns
     -------
-    ways : Floats, shape (K, B, C)
+    modes : Floats, shape (K, B, C)
         Each by one standard deviation.
     scores : Floats, shape (L, K)
-        By which a skin's other properties are to be added up to go with each way.
+        Weights with which the skins' other properties add up to what goes with each mode.
     """
-    flat = apart.reshape(len(apart), -1)
+    flat = deviations.reshape(len(deviations), -1)
     # The skins are few and presses many: the skins' own products give both.
     power, mixes = np.linalg.eigh(flat @ flat.T)
     kept = power > (len(flat) - 1) * flat.shape[1] * least**2
     scores = mixes[:, kept][:, ::-1] / np.sqrt(len(flat) - 1)
-    return np.asarray((scores.T @ flat).reshape(-1, *apart.shape[1:])), np.asarray(scores)
+    return np.asarray((scores.T @ flat).reshape(-1, *deviations.shape[1:])), np.asarray(scores)
 
 
-def _missed(apart: Floats, shapes: Floats, seen: Bools) -> Floats:
+def _missed(deviations: Floats, modes: Floats, seen: Bools) -> Floats:
     """What weights found from the presses seen miss of skins in the others, (L, B', C)."""
-    rows = shapes[:, seen].reshape(len(shapes), -1)
-    gram = rows @ rows.T / _NOISE**2 + np.eye(len(shapes))
-    weights = np.linalg.solve(gram, rows @ apart[:, seen].reshape(len(apart), -1).T / _NOISE**2)
-    missed = apart - np.einsum("kl,kbc->lbc", weights, shapes)
-    return np.asarray(missed[:, ~seen])
+    rows = modes[:, seen].reshape(len(modes), -1)
+    gram = rows @ rows.T / _NOISE**2 + np.eye(len(modes))
+    right = rows @ deviations[:, seen].reshape(len(deviations), -1).T
+    weights = np.linalg.solve(gram, right / _NOISE**2)
+    return np.asarray((deviations - np.einsum("kl,kbc->lbc", weights, modes))[:, ~seen])
 
 
 def add_coupling(
@@ -240,7 +243,7 @@ def add_coupling(
     Parameters
     ----------
     table : ResponseTable
-        Of the same skin.
+        Table of the same skin.
     grip : Floats, shape (H, 2, H, 3)
         m/N, as `smoskin.mechanics.sheet.compliance.grip_compliance` has it.
     position, force : array_like, shapes (B, 2, 2) and (B, 2, 3)
@@ -253,42 +256,40 @@ def add_coupling(
     ModelError
         If the grip does not fit the table's vertices.
     """
-    where, push = floats("position", position, (2, 2)), floats("force", force, (2, 3))
-    said = floats("signals", signals, (None, 3)).reshape(len(where), table.count)
+    place, push = floats("position", position, (2, 2)), floats("force", force, (2, 3))
+    both = floats("signals", signals, (None, 3)).reshape(len(place), table.count)
     table = replace(table, grip=grip, curvature=table_curvature(table))
-    drags = mutual_drags(grip, table.vertex_shares(where), -push[..., 2])
-    pulled = np.concatenate([push[..., :2] + drags, push[..., 2:]], axis=-1)
-    one, other = (table.signals(where[:, k], pulled[:, k]) for k in (0, 1))
-    missing = said - one - other
-    held = np.arange(len(where)) % _HELD_OUT == 0
-    curvature = _fit_curvature(
-        one[~held], other[~held], missing[~held], table.curvature, _PAIR_BLUR
-    )
-    made = replace(table, curvature=curvature)
-    missed = missing - cross_signals(curvature, one, other)
+    one, other = table.dragged(place, push)
+    missing = both - one - other
+    held_out = np.arange(len(place)) % _HELD_OUT == 0
+    seen = ~held_out
+    curvature = _fit_curvature(one[seen], other[seen], missing[seen], table.curvature, _PAIR_BLUR)
     # A calibration of single touches does not find how a made skin holds and bends otherwise.
-    single = [table.signals(where[:, k], push[:, k]) for k in (0, 1)]
+    added = sum(table.signals(place[:, k], push[:, k]) for k in (0, 1))
     unsure = [
-        missed[held],
-        _MADE_GRIP * (one + other - single[0] - single[1])[held],
-        _MADE_CURVATURE * missing[held],
+        missing - cross_signals(curvature, one, other),
+        _MADE_GRIP * (one + other - added),
+        _MADE_CURVATURE * missing,
     ]
-    strength = np.linalg.norm(push[held, :, 2], axis=1)[:, None]
-    scaled = np.concatenate([part / strength for part in unsure])
-    return replace(made, pair_misfit=scaled.T @ scaled / held.sum())
+    strength = np.linalg.norm(push[held_out, :, 2], axis=1)[:, None]
+    pair_misfit = np.sum([_scatter(part[held_out] / strength) for part in unsure], axis=0)
+    return replace(table, curvature=curvature, pair_misfit=pair_misfit)
 
 
 def table_curvature(table: ResponseTable) -> Floats:
-    """The curvature that a table of single touches shows, (S, 3, 3, 3), 1/T."""
+    """The curvature that a table of single touches shows, (S, 3, 3, 3), 1/T.
+
+    Two forces at one place are one touch with their sum.
+    """
     grid = middles_of_fields(table.basis.extent, _BENT_AT)
     one, other = np.triu_indices(len(_BENT_BY))
 
-    def answers(forces: Floats) -> Floats:
-        where = np.repeat(grid, len(forces), axis=0)
-        said = table.signals(where, np.tile(forces, (len(grid), 1)))
-        return said.reshape(len(grid), len(forces), -1)
+    def at_all(forces: Floats) -> Floats:
+        place = np.repeat(grid, len(forces), axis=0)
+        values = table.signals(place, np.tile(forces, (len(grid), 1)))
+        return values.reshape(len(grid), len(forces), -1)
 
-    alone, both = answers(_BENT_BY), answers(_BENT_BY[one] + _BENT_BY[other])
+    alone, both = at_all(_BENT_BY), at_all(_BENT_BY[one] + _BENT_BY[other])
     first, second = (alone[:, index].reshape(-1, table.count) for index in (one, other))
     missing = both.reshape(first.shape) - first - second
     none = np.zeros((len(table.chips), 3, 3, 3))
@@ -296,25 +297,25 @@ def table_curvature(table: ResponseTable) -> Floats:
 
 
 def _fit_curvature(
-    one: Floats, other: Floats, missing: Floats, known: Floats, blur: float
+    one: Floats, other: Floats, missing: Floats, prior: Floats, blur: float
 ) -> Floats:
-    """Products of signals (B, C) that make what is missing in their sums, (S, 3, 3, 3).
+    """Curvature whose products of signals make what is missing in their sums, (S, 3, 3, 3).
 
     Parameters
     ----------
     one, other : Floats, shape (B, C)
-        T: of each touch.
+        T: signals of each touch.
     missing : Floats, shape (B, C)
         T.
-    known : Floats, shape (S, 3, 3, 3)
-        From which they differ little.
+    prior : Floats, shape (S, 3, 3, 3)
+        Curvature from which it differs little.
     blur : float
-        By which the signals may be off, of each chip's root mean square.
+        Relative error of the signals, of each chip's root mean square.
     """
-    found = np.array(known)
-    left = missing - cross_signals(known, one, other)
+    curvature = np.array(prior)
+    left = missing - cross_signals(prior, one, other)
     pairs = [(i, j) for i in range(3) for j in range(i + 1)]
-    for chip in range(len(known)):
+    for chip in range(len(prior)):
         part = slice(3 * chip, 3 * chip + 3)
         a, b = one[:, part], other[:, part]
         rows = np.stack([a[:, i] * b[:, j] + a[:, j] * b[:, i] for i, j in pairs], axis=1)
@@ -323,16 +324,19 @@ def _fit_curvature(
             continue
         # Signals that are off blur their products: faint ones say little of theirs.
         ridge = len(a) * blur**2 * size.mean() * np.array([size[i] + size[j] for i, j in pairs])
-        gram = rows.T @ rows + np.diag(ridge)
-        parts = np.linalg.solve(gram, rows.T @ left[:, part])
+        parts = np.linalg.solve(rows.T @ rows + np.diag(ridge), rows.T @ left[:, part])
         for (i, j), row in zip(pairs, parts, strict=True):
-            found[chip, i, j] += row
-            found[chip, j, i] += row
-    return found
+            curvature[chip, i, j] += row
+            curvature[chip, j, i] += row
+    return curvature
 
 
-def _deviation_fit(table: ResponseTable, where: Floats, push: Floats, values: Floats) -> Floats:
-    """Coefficients (P Q D, V) of small changes (B, V), of a size like the likeliest skin's own."""
+def _deviation_fit(table: ResponseTable, place: Floats, push: Floats, values: Floats) -> Floats:
+    """Coefficients (P Q D, V) of small changes (B, V), of a size like the likeliest skin's own.
+
+    With S the sizes, X the functions and B fewer presses than functions:
+    ``S^2 X^T (X S^2 X^T + noise^2)^-1 values``.
+    """
     p, q, _ = table.basis.shape
     sizes = np.empty(table.mean.shape[:3])
     x_kinds, y_kinds = ((slice(0, k // 2 + 1), slice(k // 2 + 1, k)) for k in (p, q))
@@ -341,7 +345,12 @@ def _deviation_fit(table: ResponseTable, where: Floats, push: Floats, values: Fl
             block = table.mean[along, across]
             sizes[along, across] = np.sqrt((block**2).mean(axis=(0, 1, 3))) if block.size else 0.0
     scale = _DEVIATION * sizes.reshape(-1)
-    rows = table.basis.rows(where, push) * scale
+    rows = table.basis.rows(place, push) * scale
     gram = rows @ rows.T
     gram[np.diag_indices_from(gram)] += _NOISE**2
     return np.asarray(scale[:, None] * (rows.T @ np.linalg.solve(gram, values)))
+
+
+def _scatter(rows: Floats) -> Floats:
+    """Mean product of rows (B, C) with themselves, (C, C)."""
+    return np.asarray(rows.T @ rows / len(rows))
