@@ -20,7 +20,7 @@ from smoskin.datasets.patterns import far_pairs
 from smoskin.magnetics import mlx90393
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.layout import skin_extent
-from smoskin.records import Reading, Status
+from smoskin.records import Motion, Reading, Status
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.bayes.priors import TouchPriors
 from smoskin.sensing.bayes.solver import TouchSolver
@@ -29,7 +29,6 @@ from smoskin.sensing.response.pair_point import PairPoint
 from smoskin.sensing.response.table import ResponseTable, load_response_table
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.creep import creeping
-from smoskin.twin.readout import Motion
 from smoskin.twin.whole import Twin
 
 ZEROS = 20
@@ -61,20 +60,20 @@ def readings(
 ) -> list[Reading]:
     """All that the chips read while pairs come and go."""
     first = Touches(position=pairs.position[:, :1], force=pairs.force[:, :1])
-    held = [twin.motions(one, temperature=temperature) for one in (first, pairs)]
+    held = [twin.motions(touches, temperature=temperature) for touches in (first, pairs)]
     total = ZEROS + len(moments) * len(pairs)
     starts = PERIOD * np.arange(1, len(pairs) + 1)
     times = np.add.outer(starts, [moment for moment, _ in moments]).ravel()
     times = np.concatenate([np.linspace(-1.0, 0.0, ZEROS), times])
-    magnets, board = np.zeros((total, *held[0].magnets.shape[1:])), np.zeros((total, 3))
-    valid = np.ones(total, dtype=bool)
+    states = Motion.concatenate([Motion.rest(len(twin.design.magnets), (1,)), *held])
+    state = np.zeros(total, dtype=int)
     for place, (_, there) in enumerate(moments):
-        rows = slice(ZEROS + place, None, len(moments))
         if there:
-            motion = held[there - 1]
-            magnets[rows], board[rows], valid[rows] = motion.magnets, motion.board, motion.valid
+            count = len(pairs)
+            begin = 1 + (there - 1) * count
+            state[ZEROS + place :: len(moments)] = np.arange(begin, begin + count)
     steps = np.diff(times, prepend=times[0])
-    motion = creeping(twin.design, steps, Motion(magnets=magnets, board=board, valid=valid))
+    motion = creeping(twin.design, steps, states[state])
     sample = twin.sample(motion, rng, temperature=np.full(total, temperature))
     field = mlx90393.tesla(sample.counts, twin.design.hall_setting)
     walk = Disturbance().drift * np.sqrt(steps)[:, None, None] * rng.normal(size=field.shape)

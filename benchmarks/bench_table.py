@@ -17,11 +17,11 @@ from smoskin.magnetics import mlx90393
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.cell import size
 from smoskin.origami.sheet import loaded_positions
+from smoskin.records import Motion
 from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.closed_form.table_fit import fit_press_table
 from smoskin.twin.bench import TwinSkin, measure, table_loads
 from smoskin.twin.manufacture import Tolerances
-from smoskin.twin.readout import Motion
 from smoskin.twin.whole import Twin
 
 SKINS = 10
@@ -81,9 +81,7 @@ def readings(twin: Twin, motion: Motion, rng: np.random.Generator, start: float)
 
 def repeated(motion: Motion, times: int) -> Motion:
     """Every state so often."""
-    parts = (motion.magnets, motion.board, motion.valid)
-    magnets, board, valid = (np.repeat(part, times, axis=0) for part in parts)
-    return Motion(magnets=magnets, board=board, valid=valid)
+    return motion[np.repeat(np.arange(len(motion.board)), times)]
 
 
 def judge(

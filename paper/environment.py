@@ -19,7 +19,6 @@ from smoskin.mechanics.sheet.touches import Touches
 from smoskin.mechanics.viscoelasticity import creep, elastomer_prony
 from smoskin.origami.layout import chip_offset
 from smoskin.origami.sheet import loaded_positions
-from smoskin.twin.readout import Motion
 from smoskin.twin.whole import Twin
 
 FORCE: Final = 1.0
@@ -111,11 +110,7 @@ def recovery(design: SkinDesign) -> Recovery:
         creep(elastomer_prony(part.material), times, load)
         for part in (design.columns, design.shear_layer)
     ]
-    motion = Motion(
-        magnets=course[0][:, None, None] * settled.magnets[:, None],
-        board=course[1][:, None] * settled.board[:, None],
-        valid=np.broadcast_to(settled.valid[:, None], (count, len(times))),
-    )
+    motion = settled[:, None].scaled(*course)
     watched = [design.magnet(site.magnet).mount == "sheet" for site in design.halls]
     field = twin.field(motion)[:, :, watched]
     signal = np.linalg.norm(field - field[:, :1], axis=-1)

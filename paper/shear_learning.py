@@ -27,14 +27,14 @@ from smoskin.mechanics.reduced.stiffness import cell_layers, folding_correction_
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.layout import places_to_the_rim, skin_extent
 from smoskin.origami.sheet import loaded_positions
-from smoskin.records import Contact
+from smoskin.records import Motion
 from smoskin.sensing.bayes.priors import TouchPriors
 from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.learned.gaussian_process import LearnedModel, Output
 from smoskin.sensing.learned.inputs import Encoding, Form
 from smoskin.sensing.learned.training import Effort, Examples, train
-from smoskin.twin.readout import Motion, Readout
+from smoskin.twin.readout import Readout
 from smoskin.twin.reduced import ReducedTwin
 from smoskin.twin.whole import Twin
 
@@ -217,14 +217,7 @@ class _Bench:
 
 def _theory(reduced: ReducedTwin, where: Floats, push: Floats) -> Motion:
     """Of many touches, one at a time."""
-    states = [
-        reduced.motion([Contact(position=p, force=f)]) for p, f in zip(where, push, strict=True)
-    ]
-    return Motion(
-        magnets=np.stack([one.magnets for one in states]),
-        board=np.stack([one.board for one in states]),
-        valid=np.stack([one.valid for one in states]),
-    )
+    return reduced.motions(Touches(position=where[:, None], force=push[:, None]))
 
 
 def _loads(design: SkinDesign, axis: int) -> tuple[Ints, Floats, Floats]:

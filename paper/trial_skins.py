@@ -15,10 +15,11 @@ from smoskin.commands.table import Effort, make_table
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ModelError
 from smoskin.magnetics import mlx90393
+from smoskin.records import Motion
 from smoskin.sensing.response.calibrate import DEFAULT_COUNT, calibrate_touches, plan_touches
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.signals import signal_noise
-from smoskin.twin.readout import Motion, Readout
+from smoskin.twin.readout import Readout
 from smoskin.twin.whole import Twin
 
 EFFORT: Final = Effort(presses=4000, pairs=200, skins=16, draws=3, presses_a_skin=250)
@@ -90,11 +91,7 @@ def bench_signals(
 
     In the skin's axes as designed; without creep and drift, as on a bench that waits.
     """
-    still = Motion(
-        magnets=np.zeros((_UNTOUCHED, *motion.magnets.shape[1:])),
-        board=np.zeros((_UNTOUCHED, 3)),
-        valid=np.ones(_UNTOUCHED, dtype=np.bool_),
-    )
+    still = Motion.rest(len(design.magnets), (_UNTOUCHED,))
     zero, said = (
         mlx90393.tesla(readout.sample(one, rng).counts, design.hall_setting)
         for one in (still, motion)

@@ -6,10 +6,11 @@ from functools import cache
 import numpy as np
 
 from smoskin.magnetics import mlx90393
+from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.cell import size
-from smoskin.records import Contact
+from smoskin.records import Motion
 from smoskin.sensing.response.fit import add_modes, fit_response_table
-from smoskin.twin.readout import Motion, Readout
+from smoskin.twin.readout import Readout
 from smoskin.twin.reduced import ReducedTwin
 
 POINT = 1e-4
@@ -41,21 +42,12 @@ def presses(design, count, seed=0, drag=0.3):
 def motions(design, where, push):
     """Of the reduced model."""
     twin = ReducedTwin(design, seed=None)
-    states = [twin.motion([Contact(position=p, force=f)]) for p, f in zip(where, push, strict=True)]
-    return Motion(
-        magnets=np.stack([one.magnets for one in states]),
-        board=np.stack([one.board for one in states]),
-        valid=np.ones(len(states), dtype=bool),
-    )
+    return twin.motions(Touches(position=where[:, None], force=push[:, None]))
 
 
 def signals(design, readout, motion):
     """Turned as designed, less those at rest."""
-    rest = Motion(
-        magnets=np.zeros((1, *motion.magnets.shape[1:])),
-        board=np.zeros((1, 3)),
-        valid=np.ones(1, dtype=bool),
-    )
+    rest = Motion.rest(len(design.magnets), (1,))
     turns = np.stack([mlx90393.rotation(site) for site in design.halls])
     return np.einsum("sij,bsj->bsi", turns, readout.seen(motion) - readout.seen(rest))
 

@@ -5,13 +5,15 @@ made, so that everything downstream can trust shapes and units.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum, IntFlag
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Floats, Ints, assign, freeze, frozen
+from smoskin.arrays import Bools, Floats, Ints, assign, freeze, frozen
 from smoskin.errors import ArgumentError
 
 
@@ -182,3 +184,78 @@ class HeldTouch:
             raise ArgumentError(f"readings must be there and times finite; got {times} s")
         if not self.rest[0] <= self.rest[1] <= self.held[0] <= self.held[1]:
             raise ArgumentError(f"rest must end before held begins; got {self.rest}, {self.held} s")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Motion:
+    """How far magnets and board have moved from rest, for any batch of states.
+
+    A state that is no state of the skin holds NaN, so that nothing computed from it can pass for
+    an answer. Indexing takes states out of the batch as it does with arrays.
+
+    Examples
+    --------
+    >>> rest = Motion.rest(3, (2,))
+    >>> rest.magnets.shape, rest.board.shape, rest[0].valid.tolist()
+    ((2, 3, 6), (2, 3), True)
+    """
+
+    magnets: Floats
+    """(..., G, 6): shift of each magnet's middle over the board, m, and its rotation vector, rad;
+    zero for a magnet on the base."""
+    board: Floats
+    """(..., 3): shift of the board over the base along x and y, m, and its turn about the skin's
+    middle, rad."""
+
+    @property
+    def valid(self) -> Bools:
+        """Which states are states of the skin at all, shape (...,)."""
+        return np.asarray(
+            np.isfinite(self.magnets).all(axis=(-2, -1)) & np.isfinite(self.board).all(axis=-1)
+        )
+
+    @classmethod
+    def rest(cls, magnets: int, batch: tuple[int, ...] = ()) -> "Motion":
+        """An untouched skin with so many magnets, in every state of a batch."""
+        return cls(magnets=np.zeros((*batch, magnets, 6)), board=np.zeros((*batch, 3)))
+
+    @classmethod
+    def stack(cls, motions: Sequence["Motion"]) -> "Motion":
+        """A batch whose states are these motions, along a new first axis."""
+        return cls(
+            magnets=np.stack([motion.magnets for motion in motions]),
+            board=np.stack([motion.board for motion in motions]),
+        )
+
+    @classmethod
+    def concatenate(cls, motions: Sequence["Motion"]) -> "Motion":
+        """One batch after the other along their first axis."""
+        return cls(
+            magnets=np.concatenate([motion.magnets for motion in motions]),
+            board=np.concatenate([motion.board for motion in motions]),
+        )
+
+    def __getitem__(self, index: Any) -> "Motion":
+        return Motion(magnets=self.magnets[index], board=self.board[index])
+
+    def where(self, valid: Bools) -> "Motion":
+        """The same motion, invalid in every state in which `valid` (...,) is false."""
+        return Motion(
+            magnets=np.where(valid[..., None, None], self.magnets, np.nan),
+            board=np.where(valid[..., None], self.board, np.nan),
+        )
+
+    def scaled(self, magnets: ArrayLike, board: ArrayLike | None = None) -> "Motion":
+        """The motion with magnets and board moved so many times as far.
+
+        Parameters
+        ----------
+        magnets : array_like, shape (...)
+            Factor of the magnets in each state.
+        board : array_like, shape (...), optional
+            Factor of the board; by default that of the magnets.
+        """
+        sheet, base = np.asarray(magnets), np.asarray(magnets if board is None else board)
+        return Motion(
+            magnets=sheet[..., None, None] * self.magnets, board=base[..., None] * self.board
+        )

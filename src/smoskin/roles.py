@@ -10,8 +10,15 @@ from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 from typing import Self, TypeAlias
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from smoskin.arrays import Floats
-from smoskin.records import Contact, Estimate, HeldTouch, Reading
+from smoskin.design.skin import SkinDesign
+from smoskin.magnetics.mlx90393 import HallSample
+from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
+from smoskin.mechanics.sheet.touches import Touches
+from smoskin.records import Contact, Estimate, HeldTouch, Motion, Reading
 
 Progress: TypeAlias = Callable[[str, float], None]
 """A listener to long work: told what is being done, and the share of the whole that is done."""
@@ -145,3 +152,120 @@ class Rig(Resource):
         SourceError
             If the touch is not over within `timeout` seconds.
         """
+
+
+class VirtualSkin(ABC):
+    """A simulated skin: touches become motions of its magnets, motions become readings.
+
+    Temperatures are those of rubber, magnets and chips, in degC; every method answers at the
+    temperature that it is given, whatever was asked before.
+    """
+
+    design: SkinDesign
+    """The skin as designed."""
+
+    @abstractmethod
+    def check(self, contacts: Sequence[Contact]) -> None:
+        """Raise unless the skin can be touched so; may be called from any thread.
+
+        Raises
+        ------
+        ArgumentError
+            If a contact lies off the skin, pulls at it, or is not finite.
+        """
+
+    def prepare(self) -> None:  # noqa: B027
+        """Do what a first touch would have to wait for, such as compiling; nothing by default."""
+
+    @abstractmethod
+    def motion(
+        self, contacts: Sequence[Contact] = (), *, temperature: float = REFERENCE_TEMPERATURE
+    ) -> Motion:
+        """Where these contacts hold magnets and board for good: one state, without a batch axis.
+
+        Raises
+        ------
+        ArgumentError
+            As `check`; also if no skin stands the temperature.
+        """
+
+    @abstractmethod
+    def motions(self, touches: Touches, *, temperature: float = REFERENCE_TEMPERATURE) -> Motion:
+        """Where each of B states of touch holds magnets and board: a batch (B,).
+
+        Raises
+        ------
+        ArgumentError
+            As `motion`.
+        """
+
+    @abstractmethod
+    def field(self, motion: Motion, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
+        """Field of all magnets and the surroundings at all chips, shape (..., S, 3), T.
+
+        Parameters
+        ----------
+        motion : Motion
+            Any batch (...) of states.
+        temperature : array_like, shape (...), optional
+            Temperature of the magnets, degC.
+
+        Returns
+        -------
+        Floats, shape (..., S, 3)
+            T, in the skin's frame; NaN in invalid states.
+        """
+
+    @abstractmethod
+    def sample(
+        self,
+        motion: Motion,
+        rng: np.random.Generator,
+        *,
+        temperature: ArrayLike = REFERENCE_TEMPERATURE,
+    ) -> HallSample:
+        """One conversion of every chip in each of many states, with this generator's noise."""
+
+    @abstractmethod
+    def sense(
+        self, motion: Motion, *, time: float = 0.0, temperature: float = REFERENCE_TEMPERATURE
+    ) -> Reading:
+        """What the chips read in one state; `ChipFlag.INVALID` in an invalid one.
+
+        Parameters
+        ----------
+        motion : Motion
+        time : float
+            Time of the reading, s.
+        temperature : float
+            Temperature of magnets and chips, degC.
+        """
+
+    def read(
+        self,
+        contacts: Sequence[Contact] = (),
+        *,
+        time: float = 0.0,
+        temperature: float = REFERENCE_TEMPERATURE,
+    ) -> Reading:
+        """What the chips read under these contacts, once the skin has come to rest.
+
+        Raises
+        ------
+        ArgumentError
+            As `motion`.
+        """
+        motion = self.motion(contacts, temperature=temperature)
+        return self.sense(motion, time=time, temperature=temperature)
+
+    @abstractmethod
+    def sheet_vertices(
+        self, contacts: Sequence[Contact] = (), *, temperature: float = REFERENCE_TEMPERATURE
+    ) -> Floats:
+        """Vertices of the deformed sheet over the board, shape (V, 3), m."""
+
+    @abstractmethod
+    def depths(
+        self, contacts: Sequence[Contact], *, temperature: float = REFERENCE_TEMPERATURE
+    ) -> Floats:
+        """How far the skin under each contact has sunk, shape (K,), m; positive is down."""

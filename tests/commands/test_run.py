@@ -17,7 +17,7 @@ from smoskin.twin.creep import Creep
 from smoskin.twin.reduced import ReducedTwin
 from smoskin.twin.rig import VirtualRig
 from tables_of_response import plain, table_with_modes
-from virtual_skins import made_twin
+from virtual_skins import MadeTwin
 
 pytest.importorskip("safetensors")
 REDUCED = "twin://planar?mechanics=reduced&speed=max"
@@ -30,7 +30,7 @@ def skin(planar):
 
 @pytest.fixture(scope="module")
 def twin(skin):
-    return made_twin(skin, seed=3)
+    return MadeTwin(skin, seed=3)
 
 
 @pytest.fixture(scope="module")

@@ -59,7 +59,8 @@ def test_a_press_of_the_reduced_model_is_told_in_the_units_of_people(planar):
     contact = Contact(position=(0.045, 0.080), force=(0.0, 0.0, -0.5))
     moved = twin.motion([contact]).magnets[1, :3] * 1e3
     assert told["magnets"][1]["shift_mm"] == pytest.approx(moved.tolist(), rel=1e-8)
-    assert told["chips"][2]["field_mT"] == pytest.approx((twin.field([contact])[2] * 1e3).tolist())
+    field = twin.field(twin.motion([contact]))
+    assert told["chips"][2]["field_mT"] == pytest.approx((field[2] * 1e3).tolist())
     assert told["chips"][2]["reading_mT"] == (
         pytest.approx((twin.read([contact]).field[2] * 1e3).tolist())
     )

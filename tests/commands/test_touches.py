@@ -15,12 +15,11 @@ from smoskin.commands.calibrate import calibrate, plan_by_hand
 from smoskin.commands.run import watch
 from smoskin.commands.touch_sheet import read_contacts, read_held_touches, write_plan
 from smoskin.errors import ArgumentError, ModelError, RecordingError
-from smoskin.records import Contact, Status
+from smoskin.records import Contact, Motion, Status
 from smoskin.service.recorder import Recorder
-from smoskin.twin.readout import Motion
 from smoskin.twin.rig import VirtualRig
 from tables_of_response import motions, plain, presses, signals, table_with_modes
-from virtual_skins import made_twin, saturating
+from virtual_skins import MadeTwin, Saturating
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +34,7 @@ def table(skin):
 
 @pytest.fixture(scope="module")
 def twin(skin):
-    return made_twin(skin, seed=3)
+    return MadeTwin(skin, seed=3)
 
 
 def missed(skin, twin, table, drag=0.3):
@@ -76,7 +75,7 @@ def test_a_rig_stops_where_touches_are_located_well_enough(skin, table, twin):
 def test_touches_that_no_chip_can_read_are_replaced(skin, table, twin):
     steps = []
     # Presses of 0.8 N in some places end the chip's range.
-    rig = VirtualRig(saturating(twin, 2.9e-3), np.random.default_rng(0))
+    rig = VirtualRig(Saturating(skin, 2.9e-3, seed=3), np.random.default_rng(0))
     done = calibrate(table, rig, design=skin, count=12, progress=steps.append)
     lost = [one for one in done.labels if one.status is not None]
     assert lost
@@ -93,7 +92,7 @@ def test_touches_that_no_chip_can_read_are_replaced(skin, table, twin):
 
 
 def test_a_rig_on_which_nothing_can_be_read_is_given_up(skin, table, twin):
-    rig = VirtualRig(saturating(twin, 1e-6), np.random.default_rng(0))
+    rig = VirtualRig(Saturating(skin, 1e-6, seed=3), np.random.default_rng(0))
     with pytest.raises(ArgumentError, match="at least one that can be used; got"):
         calibrate(table, rig, design=skin, count=3)
 
@@ -144,7 +143,7 @@ def filled(path, skin, twin, tmp_path, rows=None, noise=0.0):
     rng = np.random.default_rng(2)
     for line in lines[1 : None if rows is None else 1 + rows]:
         touch = line[0] != ""
-        still = Motion(magnets=np.zeros((1, 3, 6)), board=np.zeros((1, 3)), valid=np.ones(1, bool))
+        still = Motion.rest(3, (1,))
         if touch:
             place = np.array([float(line[0]), float(line[1])]) * 1e-3
             still = motions(skin, place[None], np.array([[float(one) for one in line[2:5]]]))

@@ -352,7 +352,8 @@ def test_the_reduced_model_fills_a_set_bit_for_bit(planar, tmp_path):
             position=one.column("position_m")[row, 0], force=one.column("force_N")[row, 0]
         )
         degrees = float(one.column("temperature_degC")[row])
-        assert field[row] == pytest.approx(twin.field([contact], temperature=degrees), rel=1e-12)
+        expected = twin.field(twin.motion([contact], temperature=degrees), degrees)
+        assert field[row] == pytest.approx(expected, rel=1e-12)
     noise = one.column("reading_T") - np.einsum(
         "sij,rsi->rsj", [rotation(site) for site in planar.halls], field
     )

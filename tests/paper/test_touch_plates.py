@@ -23,9 +23,10 @@ from paper.touch_errors import (
 )
 from paper.trial_skins import TrialSkin, bench_signals, trial_table
 from smoskin.errors import ModelError
+from smoskin.records import Motion
 from smoskin.sensing.response.bound import bound_map
 from smoskin.sensing.signals.signals import signal_noise
-from smoskin.twin.readout import Motion, Readout
+from smoskin.twin.readout import Readout
 from tables_of_response import plain, reduced_table
 
 pytest.importorskip("jax")
@@ -42,9 +43,9 @@ def test_bench_signals_are_those_of_the_readout_in_noise(planar):
     rng = np.random.default_rng(0)
     magnets = np.zeros((400, 3, 6))
     magnets[:, 1:, 0] = 1e-4
-    motion = Motion(magnets=magnets, board=np.zeros((400, 3)), valid=np.ones(400, dtype=bool))
+    motion = Motion(magnets=magnets, board=np.zeros((400, 3)))
     found = bench_signals(planar, Readout(planar), motion, rng)
-    still = Motion(magnets=0 * magnets[:1], board=np.zeros((1, 3)), valid=np.ones(1, dtype=bool))
+    still = Motion.rest(3, (1,))
     expected = Readout(planar).field(motion)[0] - Readout(planar).field(still)[0]
     noise = np.sqrt(np.diag(signal_noise(planar))).reshape(3, 3)
     assert_allclose(found.mean(axis=0), expected, atol=2 * noise.max())

@@ -5,15 +5,15 @@ import pytest
 
 from smoskin.errors import ArgumentError
 from smoskin.mechanics.viscoelasticity import creep, elastomer_prony
+from smoskin.records import Motion
 from smoskin.twin.creep import creeping
-from smoskin.twin.readout import Motion
 
 
 def held(rows, magnets):
     still = np.zeros((rows, magnets, 6))
     still[1:3], board = 1e-3, np.zeros((rows, 3))
     board[1:3] = 2e-3
-    return Motion(magnets=still, board=board, valid=np.ones(rows, dtype=bool))
+    return Motion(magnets=still, board=board)
 
 
 def test_a_history_is_what_each_rubber_makes_of_it(planar):

@@ -14,9 +14,9 @@ from smoskin.magnetics import mlx90393
 from smoskin.magnetics.chip import answered
 from smoskin.origami.cell import size
 from smoskin.origami.layout import hall_positions, magnet_positions
-from smoskin.records import ChipFlag
+from smoskin.records import ChipFlag, Motion
 from smoskin.twin.manufacture import Tolerances, as_designed, draw
-from smoskin.twin.readout import Motion, Readout
+from smoskin.twin.readout import Readout
 from smoskin.twin.surroundings import Neighbour, Surroundings
 
 EARTH = (20e-6, -5e-6, -45e-6)
@@ -28,13 +28,11 @@ def some_motion(rng, design, batch=()) -> Motion:
     magnets *= [3e-4, 3e-4, 1e-4, 0.03, 0.03, 0.03]
     magnets[..., [m.mount == "base" for m in design.magnets], :] = 0.0
     board = rng.normal(size=(*batch, 3)) * [2e-4, 2e-4, 0.02]
-    return Motion(magnets=magnets, board=board, valid=np.ones(batch, dtype=bool))
+    return Motion(magnets=magnets, board=board)
 
 
 def still(design) -> Motion:
-    return Motion(
-        magnets=np.zeros((len(design.magnets), 6)), board=np.zeros(3), valid=np.array(True)
-    )
+    return Motion.rest(len(design.magnets))
 
 
 def magpylib_reading(design, made, around, motion):
@@ -124,9 +122,8 @@ def test_a_batch_is_its_states(planar):
     motion = some_motion(rng, planar, (2, 3))
     warmth = np.linspace(20, 40, 6).reshape(2, 3)
     seen = readout.seen(motion, warmth)
-    one = Motion(magnets=motion.magnets[1, 2], board=motion.board[1, 2], valid=np.array(True))
     assert seen.shape == (2, 3, 3, 3)
-    assert_allclose(seen[1, 2], readout.seen(one, 40.0), rtol=1e-9, atol=1e-14)
+    assert_allclose(seen[1, 2], readout.seen(motion[1, 2], 40.0), rtol=1e-9, atol=1e-14)
 
 
 def test_heat_weakens_the_magnets_alone(planar):
@@ -143,7 +140,7 @@ def test_a_temperature_that_no_skin_stands_is_refused(planar, degrees):
 
 
 def test_an_invalid_state_is_a_bad_measurement(planar):
-    lost = Motion(magnets=np.full((3, 6), np.nan), board=np.full(3, np.nan), valid=np.array(False))
+    lost = still(planar).scaled(np.nan)
     for rng in (None, np.random.default_rng(0)):
         reading = Readout(planar).read(lost, rng)
         assert reading.flags.tolist() == [int(ChipFlag.INVALID)] * 3
@@ -151,12 +148,7 @@ def test_an_invalid_state_is_a_bad_measurement(planar):
 
 def test_ideal_and_noisy_chips_agree_within_noise_and_steps(planar):
     readout, rng = Readout(planar), np.random.default_rng(0)
-    motion = some_motion(rng, planar, (2000,))
-    motion = Motion(
-        magnets=np.broadcast_to(motion.magnets[0], motion.magnets.shape),
-        board=np.broadcast_to(motion.board[0], motion.board.shape),
-        valid=motion.valid,
-    )
+    motion = some_motion(rng, planar, (2000,))[np.zeros(2000, dtype=int)]
     counts = readout.sample(motion, rng).counts
     step = mlx90393.sensitivity(planar.hall_setting)
     off = (counts * step - readout.seen(motion)).mean(axis=0) / step

@@ -5,12 +5,11 @@ import pytest
 
 from smoskin.errors import ArgumentError, SourceError
 from smoskin.mechanics.viscoelasticity import elastomer_prony
-from smoskin.records import Contact, HeldTouch, Reading, Status
+from smoskin.records import Contact, HeldTouch, Motion, Reading, Status
 from smoskin.sensing.response.labels import Labeller, labelled_touches
-from smoskin.twin.readout import Motion
 from smoskin.twin.rig import VirtualRig
 from tables_of_response import motions, plain, signals
-from virtual_skins import made_twin, saturating
+from virtual_skins import MadeTwin, Saturating
 
 PRESS = Contact(position=(0.05, 0.07), force=(0.1, 0.0, -0.6))
 
@@ -21,7 +20,7 @@ def skin(planar):
 
 
 def test_a_rig_gives_rest_and_hold_of_each_touch(skin):
-    with VirtualRig(made_twin(skin), np.random.default_rng(0)) as rig:
+    with VirtualRig(MadeTwin(skin), np.random.default_rng(0)) as rig:
         last = -np.inf
         for _ in range(3):
             touch = rig.press(PRESS)
@@ -36,7 +35,7 @@ def test_a_rig_gives_rest_and_hold_of_each_touch(skin):
 
 
 def test_reported_touches_are_off_by_stage_and_gauge(skin):
-    rig = VirtualRig(made_twin(skin), np.random.default_rng(0), stage=1e-3, gauge=0.05)
+    rig = VirtualRig(MadeTwin(skin), np.random.default_rng(0), stage=1e-3, gauge=0.05)
     said = [rig.press(PRESS).contact for _ in range(60)]
     place = np.stack([one.position for one in said]) - PRESS.position
     force = np.stack([one.force for one in said]) - PRESS.force
@@ -47,21 +46,21 @@ def test_reported_touches_are_off_by_stage_and_gauge(skin):
 
 
 def test_the_same_generator_gives_the_same_touches(skin):
-    one, other = (VirtualRig(made_twin(skin), np.random.default_rng(5)).press(PRESS)
+    one, other = (VirtualRig(MadeTwin(skin), np.random.default_rng(5)).press(PRESS)
                   for _ in range(2))  # fmt: skip
     assert one.readings == other.readings
     assert one.contact == other.contact
 
 
 def test_a_rig_that_is_given_no_time_says_so(skin):
-    rig = VirtualRig(made_twin(skin), np.random.default_rng(0))
+    rig = VirtualRig(MadeTwin(skin), np.random.default_rng(0))
     with pytest.raises(SourceError, match=r"within 0\.5 s"):
         rig.press(PRESS, 0.5)
 
 
 def test_absurd_rigs_are_refused(skin):
     with pytest.raises(ArgumentError, match="gauge must be finite"):
-        VirtualRig(made_twin(skin), np.random.default_rng(0), gauge=-1.0)
+        VirtualRig(MadeTwin(skin), np.random.default_rng(0), gauge=-1.0)
 
 
 def test_times_of_a_held_touch_follow_each_other():
@@ -87,7 +86,7 @@ def pressed_labels(skin, rig, count, creep=None):
 
 
 def test_labels_say_what_a_settled_touch_reads(skin):
-    twin = made_twin(skin)
+    twin = MadeTwin(skin)
     rubber = elastomer_prony(skin.columns.material)
     size = np.linalg.norm(exact(skin, twin))
     errors = []
@@ -101,7 +100,7 @@ def test_labels_say_what_a_settled_touch_reads(skin):
 
 
 def test_drift_takes_no_part_in_labels(skin):
-    twin = made_twin(skin)
+    twin = MadeTwin(skin)
     rig = VirtualRig(twin, np.random.default_rng(1), drift=20e-6, creep=False)
     off = np.array([one.values for one in pressed_labels(skin, rig, 40)]) - exact(skin, twin)
     # 20 uT a second would come to 130 uT in the end; within half a second to a few.
@@ -109,7 +108,7 @@ def test_drift_takes_no_part_in_labels(skin):
 
 
 def test_a_touch_that_ends_a_chips_range_is_not_labelled(skin):
-    rig = VirtualRig(saturating(made_twin(skin), 1.2e-3), np.random.default_rng(1), creep=False)
+    rig = VirtualRig(Saturating(skin, 1.2e-3), np.random.default_rng(1), creep=False)
     labeller = Labeller(skin)
     light = Contact(position=PRESS.position, force=0.3 * PRESS.force)
     labels = [labeller.label(rig.press(one)) for one in (light, PRESS, light)]
@@ -121,11 +120,9 @@ def test_a_touch_that_ends_a_chips_range_is_not_labelled(skin):
 
 
 def test_an_invalid_state_is_not_labelled(skin):
-    twin = made_twin(skin)
+    twin = MadeTwin(skin)
     rig = VirtualRig(twin, np.random.default_rng(1))
-    lost = Motion(
-        magnets=np.full((3, 6), np.nan), board=np.full(3, np.nan), valid=np.asarray(False)
-    )
+    lost = Motion.rest(3).scaled(np.nan)
     labeller = Labeller(skin, elastomer_prony(skin.columns.material))
     assert labeller.label(rig.hold(PRESS, lost)).status is not None
     after = labeller.label(rig.press(PRESS))

@@ -73,7 +73,7 @@ def test_small_touches_add_up(ideal):
 
 def test_the_skin_sinks_under_the_finger(ideal, planar):
     place = loaded_positions(planar)[2, 3]
-    depth = ideal.patch_depths([press(*place)])
+    depth = ideal.depths([press(*place)])
     assert depth.shape == (1,)
     assert 1e-5 < depth[0] < 2e-3
     sunk = ideal.sheet_vertices()[:, 2] - ideal.sheet_vertices([press(*place)])[:, 2]

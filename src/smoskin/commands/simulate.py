@@ -27,10 +27,8 @@ from smoskin.mechanics.sheet.touches import (
     Grip,
     Sliding,
     Sticking,
-    vertex_shares,
 )
-from smoskin.records import ChipFlag, Contact, Reading
-from smoskin.twin.readout import Motion
+from smoskin.records import ChipFlag, Contact, Motion, Reading
 from smoskin.twin.reduced import ReducedTwin
 from smoskin.twin.whole import Twin
 
@@ -226,11 +224,9 @@ def simulate_press(
         reduced = ReducedTwin(design, seed=seed)
         reduced.check(contacts)
         motion = reduced.motion(contacts, temperature=temperature)
-        field = reduced.field(contacts, temperature=temperature)
+        field = reduced.field(motion, temperature)
         reading = reduced.sense(motion, temperature=temperature)
-        sunk = reduced.press_depths(contacts)
-        places = [contact.position for contact in contacts]
-        depths = np.einsum("knm,nm->k", vertex_shares(design, places), sunk)
+        depths = reduced.depths(contacts, temperature=temperature)
     else:
         held = parse_grip(grip)
         twin = Twin(design, seed=seed, manufactured=manufactured, grip=held)
@@ -238,7 +234,7 @@ def simulate_press(
         motion = twin.motion(contacts, temperature=temperature)
         field = twin.field(motion, temperature)
         reading = twin.sense(motion, temperature=temperature)
-        depths = twin.patch_depths(contacts)
+        depths = twin.depths(contacts, temperature=temperature)
     return PressReport(
         design=design,
         contacts=contacts,

@@ -22,10 +22,11 @@ from smoskin.mechanics.sheet.compliance import grip_compliance
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.cell import size
 from smoskin.origami.layout import skin_extent
+from smoskin.records import Motion
 from smoskin.sensing.response.fit import add_coupling, add_modes, add_warmth, fit_response_table
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.twin.manufacture import Tolerances, draw, made_mechanics
-from smoskin.twin.readout import Motion, Readout
+from smoskin.twin.readout import Readout
 from smoskin.twin.whole import Twin
 
 if TYPE_CHECKING:

@@ -13,9 +13,8 @@ from smoskin.arrays import Bools, Floats, Ints
 from smoskin.datasets.patterns import Sweep
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics import mlx90393
-from smoskin.mechanics.sheet.touches import Touches, patch_shares
-from smoskin.records import Contact
-from smoskin.twin.readout import Motion, Readout
+from smoskin.mechanics.sheet.touches import patch_shares
+from smoskin.roles import VirtualSkin
 from smoskin.twin.reduced import ReducedTwin
 from smoskin.twin.whole import Twin
 
@@ -87,25 +86,17 @@ class Simulation:
     def __init__(self, design: SkinDesign, sweep: Sweep) -> None:
         check_sweep(design, sweep)
         self._design, self._sweep = design, sweep
-        self._twin: tuple[int | None, Twin] | None = None
+        self._twin: tuple[int | None, VirtualSkin] | None = None
 
     def __call__(self, chunk: int) -> Rows:
         """The rows of a chunk."""
         sweep, setting = self._sweep, self._design.hall_setting
         touches, degrees = sweep.touches(self._design, chunk), sweep.temperature(chunk)
         seed = sweep.skin(chunk)
-        if sweep.mechanics == "whole":
-            twin = self._made(seed)
-            motion = twin.motions(touches, temperature=degrees)
-            field = twin.field(motion, degrees)
-            sample = twin.sample(motion, sweep.noise(chunk), temperature=degrees)
-        else:
-            motion, readout = (
-                _reduced_motions(self._design, touches, degrees),
-                Readout(self._design),
-            )
-            field = readout.field(motion, degrees)
-            sample = readout.sample(motion, sweep.noise(chunk), degrees)
+        twin = self._skin(seed)
+        motion = twin.motions(touches, temperature=degrees)
+        field = twin.field(motion, degrees)
+        sample = twin.sample(motion, sweep.noise(chunk), temperature=degrees)
         lost = ~motion.valid[:, None, None]
         reading = np.where(lost, np.nan, mlx90393.tesla(sample.counts, setting))
         count = len(touches.force)
@@ -128,29 +119,14 @@ class Simulation:
     def __reduce__(self) -> tuple[type["Simulation"], tuple[SkinDesign, Sweep]]:
         return Simulation, (self._design, self._sweep)
 
-    def _made(self, seed: int | None) -> Twin:
+    def _skin(self, seed: int | None) -> VirtualSkin:
         """The skin of this seed, kept until another is asked for."""
         if self._twin is None or self._twin[0] != seed:
-            made = seed is not None
-            self._twin = (
-                seed,
-                Twin(self._design, seed=seed, manufactured=made, grip=self._sweep.grip),
-            )
+            twin: VirtualSkin
+            if self._sweep.mechanics == "reduced":
+                twin = ReducedTwin(self._design)
+            else:
+                made = seed is not None
+                twin = Twin(self._design, seed=seed, manufactured=made, grip=self._sweep.grip)
+            self._twin = (seed, twin)
         return self._twin[1]
-
-
-def _reduced_motions(design: SkinDesign, touches: Touches, temperature: float) -> Motion:
-    """Of each press by the reduced model, which knows no radius of touch."""
-    twin = ReducedTwin(design, seed=None)
-    states = [
-        twin.motion(
-            [Contact(position=p, force=f) for p, f in zip(places, forces, strict=True) if f.any()],
-            temperature=temperature,
-        )
-        for places, forces in zip(touches.position, touches.force, strict=True)
-    ]
-    return Motion(
-        magnets=np.stack([one.magnets for one in states]),
-        board=np.stack([one.board for one in states]),
-        valid=np.array([bool(one.valid) for one in states]),
-    )

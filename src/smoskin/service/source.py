@@ -7,19 +7,18 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Final, Protocol, final
+from typing import TYPE_CHECKING, Final, final
 from urllib.parse import parse_qsl
 
 from smoskin.errors import ArgumentError, RecordingError, SourceError
 from smoskin.magnetics.temperature import check_temperature
 from smoskin.records import Contact, Reading
-from smoskin.roles import Source
+from smoskin.roles import Source, VirtualSkin
 
 if TYPE_CHECKING:
     from smoskin.design.skin import SkinDesign
     from smoskin.service.recorder import Recording
     from smoskin.twin.creep import Creep
-    from smoskin.twin.readout import Motion
 
 #: What a URL can be, for messages.
 _FORMS: Final = "replay:FILE[?speed=1&gap=0.5] or twin://DESIGN[?rate=100&seed=0&speed=1]"
@@ -32,27 +31,6 @@ _TWIN_OPTIONS: Final = (
     "creep",
     "temperature",
 )
-
-
-class Skin(Protocol):
-    """What a `TwinSource` reads: every twin is one."""
-
-    @property
-    def design(self) -> "SkinDesign":
-        """Of the skin."""
-        ...
-
-    def check(self, contacts: Sequence[Contact]) -> None:
-        """Raise `ArgumentError` unless the skin can be touched so; from any thread."""
-        ...
-
-    def motion(self, contacts: Sequence[Contact], *, temperature: float) -> "Motion":
-        """Where these contacts hold magnets and board."""
-        ...
-
-    def sense(self, motion: "Motion", *, time: float, temperature: float) -> Reading:
-        """What the chips read then."""
-        ...
 
 
 def open_source(url: str) -> Source:
@@ -215,8 +193,8 @@ class TwinSource(Source):
 
     Parameters
     ----------
-    twin : Skin
-        The skin: a `smoskin.twin.whole.Twin` or a `smoskin.twin.reduced.ReducedTwin`.
+    twin : VirtualSkin
+        The skin.
     rate : float
         Hz, in the twin's time.
     speed : float
@@ -239,7 +217,7 @@ class TwinSource(Source):
 
     def __init__(
         self,
-        twin: Skin,
+        twin: VirtualSkin,
         *,
         rate: float = 100.0,
         speed: float = 1.0,
@@ -393,12 +371,12 @@ def _open_twin(
     if manufactured and mechanics == "reduced":
         raise ArgumentError("manufactured=yes needs mechanics=whole; got mechanics=reduced")
     design = load_design(name_or_path)
-    skin: Skin
+    skin: VirtualSkin
     if mechanics == "reduced":
         skin = ReducedTwin(design, seed=seed)
     else:
-        skin = whole = Twin(design, seed=seed, manufactured=manufactured)
-        whole.prepare()
+        skin = Twin(design, seed=seed, manufactured=manufactured)
+    skin.prepare()
     return TwinSource(
         skin,
         rate=rate,

@@ -21,7 +21,6 @@ from smoskin.mechanics.reduced.stiffness import cell_layers, sheet_stiffness
 from smoskin.mechanics.sheet.touches import touches_of
 from smoskin.origami.sheet import loaded_positions
 from smoskin.records import ChipFlag, Contact, Reading
-from smoskin.twin.readout import Motion
 from smoskin.twin.reduced import ReducedTwin
 
 if TYPE_CHECKING:
@@ -103,7 +102,8 @@ class MadeSkin:
 
     def field(self, contacts: Sequence[Contact] = ()) -> Floats:
         """At the chips, in their own axes, at reference temperature, shape (S, 3), T."""
-        return np.asarray(np.einsum("sij,si->sj", self._to_skin, self._twin.field(contacts)))
+        field = self._twin.field(self._twin.motion(contacts))
+        return np.asarray(np.einsum("sij,si->sj", self._to_skin, field))
 
     def depths(self, loads: Sequence[Load]) -> Floats:
         """How far each load pushes its cell's vertex down, (T,), m."""
@@ -111,7 +111,7 @@ class MadeSkin:
         depth = [
             0.0
             if load.cell is None
-            else float(self._twin.press_depths(_touching(self.design, load))[load.cell])
+            else float(self._twin.depths(_touching(self.design, load)).sum())
             for load in distinct
         ]
         return np.array(depth)[place]
@@ -171,7 +171,7 @@ class TwinSkin:
         """How far each load pushes the patch under it down, (T,), m."""
         distinct, place = _distinct(loads)
         touches = [_touching(self.design, load) for load in distinct]
-        return np.array([self._twin.patch_depths(one).sum() for one in touches])[place]
+        return np.array([self._twin.depths(one).sum() for one in touches])[place]
 
     def sample(
         self, loads: Sequence[Load], rng: np.random.Generator, temperature: Floats
@@ -179,11 +179,7 @@ class TwinSkin:
         """One conversion of every chip under each load at its temperature (T,), degC."""
         distinct, place = _distinct(loads)
         touches = touches_of([_touching(self.design, load) for load in distinct])
-        held = self._twin.motions(touches)
-        motion = Motion(
-            magnets=held.magnets[place], board=held.board[place], valid=held.valid[place]
-        )
-        return self._twin.sample(motion, rng, temperature=temperature)
+        return self._twin.sample(self._twin.motions(touches)[place], rng, temperature=temperature)
 
 
 def load_contact(design: SkinDesign, load: Load) -> Contact:

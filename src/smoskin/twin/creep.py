@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from smoskin.arrays import floats
 from smoskin.design.skin import SkinDesign
 from smoskin.mechanics.viscoelasticity import Memory, elastomer_prony
-from smoskin.twin.readout import Motion
+from smoskin.records import Motion
 
 
 class Creep:
@@ -26,7 +26,7 @@ class Creep:
     A motion that is held creeps on to it:
 
     >>> from smoskin.design.document import read_design
-    >>> moved = Motion(magnets=np.ones((3, 6)), board=np.ones(3), valid=np.array(True))
+    >>> moved = Motion(magnets=np.ones((3, 6)), board=np.ones(3))
     >>> creep = Creep(read_design("planar"))
     >>> [round(float(creep.step(dt, moved).board[0]), 2) for dt in (0.0, 3600.0)]
     [0.91, 1.0]
@@ -57,7 +57,6 @@ class Creep:
         return Motion(
             magnets=self._magnets.step(duration, motion.magnets),
             board=self._board.step(duration, motion.board),
-            valid=motion.valid,
         )
 
 
@@ -83,9 +82,9 @@ def creeping(design: SkinDesign, durations: ArrayLike, motion: Motion) -> Motion
         If time runs backwards.
     """
     memory = Creep(design)
-    magnets, board = np.empty_like(motion.magnets), np.empty_like(motion.board)
-    for k, duration in enumerate(floats("durations", durations)):
-        still = Motion(magnets=motion.magnets[k], board=motion.board[k], valid=motion.valid[k])
-        now = memory.step(float(duration), still)
-        magnets[k], board[k] = now.magnets, now.board
-    return Motion(magnets=magnets, board=board, valid=motion.valid)
+    return Motion.stack(
+        [
+            memory.step(duration, motion[row])
+            for row, duration in enumerate(floats("durations", durations).tolist())
+        ]
+    )

@@ -5,12 +5,12 @@ carries the base's magnets and stands still in the skin's frame, as the Earth's 
 neighbouring skins do. Hides how a made skin's magnets and chips are off their designed poses.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Bools, Floats
+from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics import mlx90393
 from smoskin.magnetics.arrangement import arrangement_field, rotation_matrix
@@ -21,25 +21,9 @@ from smoskin.magnetics.temperature import (
     temperature_factor,
 )
 from smoskin.origami.layout import hall_positions, magnet_positions, skin_extent
-from smoskin.records import ChipFlag, Reading
+from smoskin.records import ChipFlag, Motion, Reading
 from smoskin.twin.manufacture import Deviations, as_designed
 from smoskin.twin.surroundings import Surroundings
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Motion:
-    """How far magnets and board have moved, for any batch of states.
-
-    An invalid state holds NaN, so that nothing computed from it can pass for an answer.
-    """
-
-    magnets: Floats
-    """(..., G, 6): of each magnet's middle over the board, m, and its rotation vector, rad;
-    zero for a magnet on the base."""
-    board: Floats
-    """(..., 3): of the board over the base along x and y, m, and about the skin's middle, rad."""
-    valid: Bools
-    """(...,): whether it is a state of the skin at all."""
 
 
 class Readout:
@@ -120,11 +104,7 @@ class Readout:
         Floats, shape (B, S, 3)
             T, in the skin's frame as designed.
         """
-        rest = Motion(
-            magnets=np.zeros_like(motion.magnets[:1]),
-            board=np.zeros_like(motion.board[:1]),
-            valid=np.ones(1, dtype=bool),
-        )
+        rest = Motion.rest(len(self._design.magnets))
         turns = mlx90393.rotations(self._design.halls)
         return np.asarray(np.einsum("sij,bsj->bsi", turns, self.seen(motion) - self.seen(rest)))
 

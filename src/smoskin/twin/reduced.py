@@ -8,11 +8,12 @@ their limits. A touch between top vertices presses the four round it, in shares.
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import ArgumentError
-from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
+from smoskin.magnetics.mlx90393 import HallSample
+from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, check_temperature
 from smoskin.mechanics.reduced.attenuation import (
     column_displacements,
     magnet_displacements,
@@ -26,23 +27,30 @@ from smoskin.mechanics.reduced.stiffness import (
     sheet_stiffness,
     stiffness_map,
 )
-from smoskin.mechanics.sheet.touches import vertex_shares
+from smoskin.mechanics.sheet.touches import Touches, touches_of, vertex_shares
 from smoskin.mechanics.viscoelasticity import modulus_factor
 from smoskin.origami.sheet import vertex_positions
-from smoskin.records import Contact, Reading
-from smoskin.twin.readout import Motion, Readout
+from smoskin.records import Contact, Motion, Reading
+from smoskin.roles import VirtualSkin
+from smoskin.twin.manufacture import Deviations
+from smoskin.twin.readout import Readout
 
 
-class ReducedTwin:
-    """A virtual skin that answers touches with readings.
+class ReducedTwin(VirtualSkin):
+    """A virtual skin of the SI's reduced model, which knows no radius of touch.
+
+    Presses add up; warm rubber is stiffer, so that presses and drags move all the less.
 
     Parameters
     ----------
     design : SkinDesign
         The skin, as designed.
     seed : int or None
-        Of the chips' noise; the same seed gives the same readings. None gives ideal chips:
+        Seed of the chips' noise; the same seed gives the same readings. None gives ideal chips:
         no noise, no quantisation, no limits.
+    deviations : Deviations, optional
+        How the made skin's magnets and chips differ from the designed ones; by default not at
+        all. The mechanics are those of the design.
 
     Notes
     -----
@@ -58,7 +66,9 @@ class ReducedTwin:
     (3, 3)
     """
 
-    def __init__(self, design: SkinDesign, *, seed: int | None = 0) -> None:
+    def __init__(
+        self, design: SkinDesign, *, seed: int | None = 0, deviations: Deviations | None = None
+    ) -> None:
         self.design = design
         self._noise = None if seed is None else np.random.default_rng(seed)
         coefficients = design.coefficients
@@ -74,127 +84,76 @@ class ReducedTwin:
             ]
         )
         self._on_sheet = np.array([magnet.mount == "sheet" for magnet in design.magnets])
-        self._readout = Readout(design)
+        self._readout = Readout(design, deviations)
 
     def check(self, contacts: Sequence[Contact]) -> None:
-        """Raise unless the skin can be touched so.
+        """As `VirtualSkin.check`."""
+        self._shares(touches_of([contacts]))
 
-        Raises
-        ------
-        ArgumentError
-            If a contact lies off the skin or pulls at it.
+    def press_depths(
+        self, touches: Touches, *, temperature: float = REFERENCE_TEMPERATURE
+    ) -> Floats:
+        """How deep each state of touch presses each cell's top vertex, shape (B, N, M), m.
+
+        Notes
+        -----
+        Source: SI Eq. (S27), U_z = F_z / ((1 + |F_p| / v_f) v_s K_z), each touch in its shares.
         """
-        self.press_depths(contacts)
-
-    def press_depths(self, contacts: Sequence[Contact]) -> Floats:
-        """How deep the contacts press each cell's top vertex, shape (N, M), m.
-
-        Raises
-        ------
-        ArgumentError
-            If a contact lies off the skin or pulls at it.
-        """
-        depth = np.zeros(self.design.cells)
-        for contact in contacts:
-            if not np.isfinite(contact.force).all() or contact.force[2] > 0:
-                raise ArgumentError(
-                    f"force must be finite and press, with z <= 0 N; got {contact.force} N"
-                )
-            gain = shear_gain(contact.force[:2], self._folding)
-            share = vertex_shares(self.design, contact.position)
-            depth += press_depth(share * contact.normal_force, self._stiffness, gain)
-        return depth
-
-    def magnet_motion(self, contacts: Sequence[Contact]) -> tuple[Floats, Floats]:
-        """Motion of the magnets and of the board over the base.
-
-        Returns
-        -------
-        magnets : Floats
-            Shape (G, 3), m; those on the base stand still.
-        board : Floats
-            Shape (3,), m; the chips move with it.
-        """
-        drag = np.sum([contact.force[:2] for contact in contacts], axis=0) if contacts else 0.0
-        board = np.zeros(3)
-        board[:2] = drag / board_stiffness(self.design)
-        magnets = np.zeros((len(self.design.magnets), 3))
-        magnets[:, :2] = np.einsum("gnmd,nm->gd", self._per_press, self.press_depths(contacts))
-        slide = board.copy()
-        slide[:2] += drag / sheet_stiffness(self.design)
-        return magnets + self._on_sheet[:, None] * slide, board
+        gain = shear_gain(touches.force[:, :, None, None, :2], self._folding)
+        force = self._shares(touches) * -touches.force[..., 2, None, None]
+        depths = press_depth(force, self._stiffness, gain).sum(axis=1)
+        return np.asarray(self._softness(temperature) * depths)
 
     def motion(
         self, contacts: Sequence[Contact] = (), *, temperature: float = REFERENCE_TEMPERATURE
     ) -> Motion:
-        """Where these contacts hold magnets and board, as every twin says it.
+        """As `VirtualSkin.motion`."""
+        return self.motions(touches_of([contacts]), temperature=temperature)[0]
 
-        Warm rubber is stiffer: presses and drags move all the less.
-        """
-        moved, board = self.magnet_motion(contacts)
-        soft = 1.0 / float(modulus_factor(self.design.columns.material, temperature))
-        magnets = np.zeros((len(moved), 6))
-        magnets[:, :3] = soft * (moved - self._on_sheet[:, None] * board)
-        return Motion(
-            magnets=magnets, board=soft * board, valid=np.array(np.isfinite(magnets).all())
-        )
+    def motions(self, touches: Touches, *, temperature: float = REFERENCE_TEMPERATURE) -> Motion:
+        """As `VirtualSkin.motions`."""
+        depths = self.press_depths(touches, temperature=temperature)
+        drag = self._softness(temperature) * touches.force[..., :2].sum(axis=1)
+        magnets = np.zeros((len(depths), len(self._on_sheet), 6))
+        magnets[..., :2] = np.einsum("gnmd,bnm->bgd", self._per_press, depths)
+        magnets[:, self._on_sheet, :2] += (drag / sheet_stiffness(self.design))[:, None]
+        board = np.zeros((len(depths), 3))
+        board[:, :2] = drag / board_stiffness(self.design)
+        return Motion(magnets=magnets, board=board)
 
-    def field(
-        self,
-        contacts: Sequence[Contact] = (),
-        *,
-        temperature: float = REFERENCE_TEMPERATURE,
-    ) -> Floats:
-        """Exact field of all magnets at all chips, in the skin's frame, shape (S, 3), T."""
-        return self._readout.field(self.motion(contacts, temperature=temperature), temperature)
+    def field(self, motion: Motion, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
+        """As `VirtualSkin.field`."""
+        return self._readout.field(motion, temperature)
 
-    def sense(
+    def sample(
         self,
         motion: Motion,
+        rng: np.random.Generator,
         *,
-        time: float = 0.0,
-        temperature: float = REFERENCE_TEMPERATURE,
+        temperature: ArrayLike = REFERENCE_TEMPERATURE,
+    ) -> HallSample:
+        """As `VirtualSkin.sample`."""
+        return self._readout.sample(motion, rng, temperature)
+
+    def sense(
+        self, motion: Motion, *, time: float = 0.0, temperature: float = REFERENCE_TEMPERATURE
     ) -> Reading:
-        """What the chips read when magnets and board have moved so."""
+        """As `VirtualSkin.sense`."""
         return self._readout.read(motion, self._noise, time=time, temperature=temperature)
 
-    def read(
-        self,
-        contacts: Sequence[Contact] = (),
-        *,
-        time: float = 0.0,
-        temperature: float = REFERENCE_TEMPERATURE,
-    ) -> Reading:
-        """What the chips read under these contacts.
-
-        Parameters
-        ----------
-        contacts : sequence of Contact
-            All that touches the skin now; none by default.
-        time : float
-            The reading's time, s.
-        temperature : float
-            Of magnets, rubber and chips, degC.
-
-        Raises
-        ------
-        ArgumentError
-            If a contact lies off the skin or pulls at it.
-        """
-        held = self.motion(contacts, temperature=temperature)
-        return self.sense(held, time=time, temperature=temperature)
-
-    def sheet_vertices(self, contacts: Sequence[Contact] = ()) -> Floats:
-        """Vertices of the deformed sheet over the board, shape (V, 3), m.
+    def sheet_vertices(
+        self, contacts: Sequence[Contact] = (), *, temperature: float = REFERENCE_TEMPERATURE
+    ) -> Floats:
+        """As `VirtualSkin.sheet_vertices`.
 
         Notes
         -----
         For showing. Each cell's top vertex sinks by the press times the attenuation in both
         directions; the SI fixes heights only for the cells in line with the load.
         """
-        cells = self.design.cells
+        cells, touches = self.design.cells, touches_of([contacts])
         vertices = vertex_positions(self.design.cell, cells)
-        depths = self.press_depths(contacts)
+        depths = self.press_depths(touches, temperature=temperature)[0]
         v_x, v_y = self.design.coefficients.attenuation
         rows, lines = np.arange(2 * cells[0] + 1), np.arange(cells[1])
         for n0, m0 in np.argwhere(depths > 0):
@@ -205,6 +164,25 @@ class ReducedTwin:
             sink_x = v_x ** np.abs((rows - 1) / 2 - n0)
             sink_y = v_y ** np.abs(lines - m0)
             vertices[:, 1::2, 2] -= depth * np.outer(sink_x, sink_y)
-        drag = np.sum([contact.force[:2] for contact in contacts], axis=0) if contacts else 0.0
+        drag = self._softness(temperature) * touches.force[0, :, :2].sum(axis=0)
         vertices[..., :2] += drag / sheet_stiffness(self.design)
         return vertices.reshape(-1, 3)
+
+    def depths(
+        self, contacts: Sequence[Contact], *, temperature: float = REFERENCE_TEMPERATURE
+    ) -> Floats:
+        """As `VirtualSkin.depths`: the mean over the vertices that share each contact."""
+        touches = touches_of([contacts])
+        depths = self.press_depths(touches, temperature=temperature)[0]
+        return np.asarray(np.einsum("knm,nm->k", self._shares(touches)[0], depths))
+
+    def _shares(self, touches: Touches) -> Floats:
+        """Share of each touch that each top vertex takes, (B, K, N, M); zero where none presses."""
+        shares = np.zeros((*touches.pressed.shape, *self.design.cells))
+        shares[touches.pressed] = vertex_shares(self.design, touches.position[touches.pressed])
+        return shares
+
+    def _softness(self, temperature: float) -> float:
+        """Motion at this temperature over that at the reference."""
+        degrees = float(check_temperature(temperature))
+        return 1.0 / float(modulus_factor(self.design.columns.material, degrees))

@@ -4,7 +4,7 @@ Decides how long a touch is held and how often chips are read meanwhile, and how
 stage and gauge are off. Hides the memory that a skin and its chips keep from touch to touch.
 """
 
-from typing import Final, Protocol, final
+from typing import Final, final
 from urllib.parse import parse_qsl
 
 import numpy as np
@@ -14,10 +14,9 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, SourceError
 from smoskin.magnetics import mlx90393
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, check_temperature
-from smoskin.records import Contact, HeldTouch, Reading
-from smoskin.roles import Rig
+from smoskin.records import Contact, HeldTouch, Motion, Reading
+from smoskin.roles import Rig, VirtualSkin
 from smoskin.twin.creep import Creep
-from smoskin.twin.readout import Motion
 from smoskin.twin.whole import Twin
 
 _RIG: Final = 7
@@ -34,25 +33,6 @@ _PERIOD: Final = 1.0
 """s from touch to touch."""
 
 
-class Pressable(Protocol):
-    """What a virtual rig presses: a `smoskin.twin.whole.Twin`."""
-
-    @property
-    def design(self) -> SkinDesign:
-        """Of the skin."""
-        ...
-
-    def motion(self, contacts: tuple[Contact, ...], *, temperature: float) -> Motion:
-        """Where these contacts would hold magnets and board for good."""
-        ...
-
-    def sample(
-        self, motion: Motion, rng: np.random.Generator, *, temperature: Floats
-    ) -> mlx90393.HallSample:
-        """One conversion of every chip in each of many states."""
-        ...
-
-
 @final
 class VirtualRig(Rig):
     """A rig with a virtual skin on it.
@@ -61,7 +41,7 @@ class VirtualRig(Rig):
 
     Parameters
     ----------
-    skin : SkinDesign or Pressable
+    skin : SkinDesign or VirtualSkin
         A design, of which a skin is made as a workshop would make it; or the twin of a skin.
     rng : numpy.random.Generator, optional
         Generator of noise, drift and the rig's errors; by default one that the seed begins.
@@ -94,7 +74,7 @@ class VirtualRig(Rig):
 
     def __init__(
         self,
-        skin: SkinDesign | Pressable,
+        skin: SkinDesign | VirtualSkin,
         rng: np.random.Generator | None = None,
         *,
         seed: int = 0,
@@ -108,9 +88,7 @@ class VirtualRig(Rig):
         for name, value in (("drift", drift), ("stage", stage), ("gauge", gauge)):
             if not 0.0 <= value < np.inf:
                 raise ArgumentError(f"{name} must be finite and >= 0; got {value}")
-        twin: Pressable = (
-            Twin(skin, seed=seed, manufactured=True) if isinstance(skin, SkinDesign) else skin
-        )
+        twin = Twin(skin, seed=seed, manufactured=True) if isinstance(skin, SkinDesign) else skin
         self._twin = twin
         self._rng = np.random.default_rng([seed, _RIG]) if rng is None else rng
         self._temperature = temperature
@@ -179,29 +157,20 @@ class VirtualRig(Rig):
         """What the chips read at these times; pressed (T,) says when the motion holds."""
         steps = np.diff(times, prepend=self._time)
         self._time = float(times[-1])
-        still = Motion(
-            magnets=np.zeros_like(motion.magnets),
-            board=np.zeros_like(motion.board),
-            valid=np.asarray(True),
-        )
+        still = Motion.rest(len(motion.magnets))
         states = []
         for step, touched in zip(steps.tolist(), pressed.tolist(), strict=True):
             state = motion if touched else still
             states.append(state if self._creep is None else self._creep.step(step, state))
-        moved = Motion(
-            magnets=np.stack([one.magnets for one in states]),
-            board=np.stack([one.board for one in states]),
-            valid=np.stack([one.valid for one in states]),
-        )
         readings, self._walked = drifting_readings(
-            self._twin, moved, times, steps, self._rng,
+            self._twin, Motion.stack(states), times, steps, self._rng,
             temperature=self._temperature, drift=self._drift, walked=self._walked,
         )  # fmt: skip
         return readings
 
 
 def drifting_readings(
-    twin: Pressable,
+    twin: VirtualSkin,
     motion: Motion,
     times: Floats,
     durations: Floats,
@@ -215,7 +184,7 @@ def drifting_readings(
 
     Parameters
     ----------
-    twin : Pressable
+    twin : VirtualSkin
     motion : Motion
         (T,) states.
     times : Floats, shape (T,)

@@ -2,19 +2,20 @@
 
 Decides how the parts join: contacts to the sheet's nonlinear equilibrium
 (`smoskin.mechanics.sheet.model`), vertices to magnets on their holders, motion to readings; and
-what
-of a made skin's deviations goes into which part. Hides the solver and what it remembers between
-live touches. `smoskin.twin.reduced` answers the same by the SI's closed forms.
+what of a made skin's deviations goes into which part. Hides the solvers, one a temperature, and
+what they remember between live touches. `smoskin.twin.reduced` answers the same by the SI's
+closed forms.
 """
 
+import functools
 from collections import deque
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Bools, Floats
+from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.mlx90393 import HallSample
@@ -22,9 +23,10 @@ from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, check_temperatu
 from smoskin.mechanics.sheet.holders import holder_matrix
 from smoskin.mechanics.sheet.touches import Grip, Sticking, Touches, patch_shares, touches_of
 from smoskin.origami.sheet import build_sheet
-from smoskin.records import Contact, Reading
+from smoskin.records import Contact, Motion, Reading
+from smoskin.roles import VirtualSkin
 from smoskin.twin.manufacture import Tolerances, as_designed, draw, made_mechanics
-from smoskin.twin.readout import Motion, Readout
+from smoskin.twin.readout import Readout
 from smoskin.twin.surroundings import Surroundings
 
 if TYPE_CHECKING:
@@ -36,28 +38,30 @@ _SLOTS = 2
 """Live touches for which the solver is compiled at once."""
 _REMEMBERED = 8
 """Live states: what is shown runs a few readings behind what is read."""
+_SOLVERS = 4
+"""Temperatures at which the solver is kept."""
 
 
 class _State(NamedTuple):
-    """Of one state."""
+    """One equilibrium of the sheet."""
 
     displacements: Floats
-    """(V, 3), m, over the board."""
-    board: Floats
-    """(3,), as in `Motion`."""
-    valid: Bools
-    """()."""
+    """(V, 3), m: how far each vertex has moved over the board."""
+    motion: Motion
+    """The magnets and the board in it."""
 
 
-class Twin:
-    """A virtual skin, as designed or as manufactured.
+@final
+class Twin(VirtualSkin):
+    """A virtual skin of the whole folded sheet, as designed or as manufactured.
 
     Parameters
     ----------
     design : SkinDesign
     seed : int or None
-        Of the made skin and, apart from it, of the chips' noise: the same seed gives the same
-        skin and the same readings. None gives ideal chips: no noise, no quantisation, no limits.
+        Seed of the made skin and, apart from it, of the chips' noise: the same seed gives the
+        same skin and the same readings. None gives ideal chips: no noise, no quantisation, no
+        limits.
     manufactured : bool
         Whether to draw one skin from the tolerances; by default it is as designed.
     tolerances : Tolerances, optional
@@ -108,18 +112,12 @@ class Twin:
         self._holders = holders.reshape(-1, holders.shape[2] * 3).T.copy()
         self._sheet = build_sheet(design.cell, design.cells)
         self._grip: Grip = grip or Sticking()
-        self._solved_at = REFERENCE_TEMPERATURE
-        self._solver = self._build_solver(REFERENCE_TEMPERATURE)
-        self._held: deque[tuple[object, _State]] = deque(maxlen=_REMEMBERED)
+        self._solver = functools.lru_cache(maxsize=_SOLVERS)(self._build_solver)
+        self._solver(REFERENCE_TEMPERATURE)
+        self._states: deque[tuple[object, _State]] = deque(maxlen=_REMEMBERED)
 
     def check(self, contacts: Sequence[Contact]) -> None:
-        """Raise unless the skin can be touched so.
-
-        Raises
-        ------
-        ArgumentError
-            If a contact lies off the skin, pulls at it, or is not finite.
-        """
+        """As `VirtualSkin.check`."""
         patch_shares(self.design, touches_of([contacts]))
 
     def prepare(self) -> None:
@@ -134,51 +132,18 @@ class Twin:
     def motion(
         self, contacts: Sequence[Contact] = (), *, temperature: float = REFERENCE_TEMPERATURE
     ) -> Motion:
-        """Where these contacts hold magnets and board.
+        """As `VirtualSkin.motion`; invalid where no equilibrium was found.
 
         Contacts that are held cost nothing; from others the solution starts where the last ended.
-
-        Parameters
-        ----------
-        contacts : sequence of Contact
-            All that touches the skin now; none by default.
-        temperature : float
-            Of the rubber, degC.
-
-        Returns
-        -------
-        Motion
-            Of one state, without a batch axis. Invalid where no equilibrium was found.
-
-        Raises
-        ------
-        ArgumentError
-            If a contact lies off the skin or pulls at it, or the skin does not stand the
-            temperature.
         """
-        state = self._state(contacts, temperature)
-        return self._motion_of(state.displacements, state.board, state.valid)
+        return self._state(contacts, temperature).motion
 
     def motions(self, touches: Touches, *, temperature: float = REFERENCE_TEMPERATURE) -> Motion:
-        """Where each of many states of touch holds magnets and board; a batch (B,)."""
-        pressed = self._at(temperature).press(touches)
-        return self._motion_of(pressed.displacements, pressed.board, _is_valid(pressed))
+        """As `VirtualSkin.motions`; invalid where no equilibrium was found."""
+        return self._motion_of(self._solver(temperature).press(touches))
 
     def field(self, motion: Motion, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
-        """Of all magnets and the surroundings at all chips.
-
-        Parameters
-        ----------
-        motion : Motion
-            Of any batch of states.
-        temperature : array_like, shape (...), optional
-            Of the magnets, degC.
-
-        Returns
-        -------
-        Floats, shape (..., S, 3)
-            T, in the skin's frame; NaN in invalid states.
-        """
+        """As `VirtualSkin.field`."""
         return self._readout.field(motion, temperature)
 
     def sample(
@@ -188,106 +153,66 @@ class Twin:
         *,
         temperature: ArrayLike = REFERENCE_TEMPERATURE,
     ) -> HallSample:
-        """One conversion of every chip in each of many states, with this generator's noise."""
+        """As `VirtualSkin.sample`."""
         return self._readout.sample(motion, rng, temperature)
 
     def sense(
-        self,
-        motion: Motion,
-        *,
-        time: float = 0.0,
-        temperature: float = REFERENCE_TEMPERATURE,
+        self, motion: Motion, *, time: float = 0.0, temperature: float = REFERENCE_TEMPERATURE
     ) -> Reading:
-        """What the chips read in one state; of an invalid one, `ChipFlag.INVALID`.
-
-        Parameters
-        ----------
-        motion : Motion
-        time : float
-            The reading's time, s.
-        temperature : float
-            Of magnets and chips, degC.
-        """
+        """As `VirtualSkin.sense`."""
         return self._readout.read(motion, self._noise, time=time, temperature=temperature)
 
-    def read(
-        self,
-        contacts: Sequence[Contact] = (),
-        *,
-        time: float = 0.0,
-        temperature: float = REFERENCE_TEMPERATURE,
-    ) -> Reading:
-        """What the chips read under these contacts, once the skin has come to rest.
+    def sheet_vertices(
+        self, contacts: Sequence[Contact] = (), *, temperature: float = REFERENCE_TEMPERATURE
+    ) -> Floats:
+        """As `VirtualSkin.sheet_vertices`."""
+        return self._sheet.vertices + self._state(contacts, temperature).displacements
 
-        Raises
-        ------
-        ArgumentError
-            As `motion`.
-        """
-        held = self.motion(contacts, temperature=temperature)
-        return self.sense(held, time=time, temperature=temperature)
-
-    def sheet_vertices(self, contacts: Sequence[Contact] = ()) -> Floats:
-        """Vertices of the deformed sheet over the board, shape (V, 3), m."""
-        return self._sheet.vertices + self._state(contacts, self._solved_at).displacements
-
-    def patch_depths(self, contacts: Sequence[Contact]) -> Floats:
-        """How far the skin under each contact has sunk, shape (K,), m; positive is down."""
-        state = self._state(contacts, self._solved_at)
+    def depths(
+        self, contacts: Sequence[Contact], *, temperature: float = REFERENCE_TEMPERATURE
+    ) -> Floats:
+        """As `VirtualSkin.depths`: the mean over each contact's patch."""
+        sunk = -self._state(contacts, temperature).displacements[self._sheet.loaded, 2]
         shares = patch_shares(self.design, touches_of([contacts]))[0]
-        sunk = -state.displacements[self._sheet.loaded, 2]
         return np.asarray(np.einsum("knm,nm->k", shares, sunk))
 
-    def _state(self, contacts: Sequence[Contact], temperature: float) -> "_State":
+    def _state(self, contacts: Sequence[Contact], temperature: float) -> _State:
         """Equilibrium under live contacts; those held or just held are not solved again."""
-        solver = self._at(temperature)
+        solver = self._solver(temperature)
         key = (temperature, *((*c.position.tolist(), *c.force.tolist()) for c in contacts))
-        held = tuple(self._held)  # at one stroke: others may be reading the skin too
-        for known, state in held:
-            if known == key:
+        remembered = tuple(self._states)  # at one stroke: others may be reading the skin too
+        for solved, state in remembered:
+            if solved == key:
                 return state
         live = touches_of([[*contacts, *_fillers(len(contacts))]])
-        start = held[-1][1].displacements[None] if held else None
         if live.pressed.any():
+            start = remembered[-1][1].displacements[None] if remembered else None
             pressed = solver.press(live, tolerance=_LIVE_TOLERANCE, start=start)
-            state = _State(
-                pressed.displacements[0], pressed.board[0], np.asarray(_is_valid(pressed)[0])
-            )
+            state = _State(pressed.displacements[0], self._motion_of(pressed)[0])
         else:
             patch_shares(self.design, live)
-            still = np.zeros_like(self._sheet.vertices)
-            state = _State(still, np.zeros(3), np.array(True))
-        self._held.append((key, state))
+            state = _State(
+                np.zeros_like(self._sheet.vertices), Motion.rest(len(self.design.magnets))
+            )
+        self._states.append((key, state))
         return state
 
-    def _motion_of(self, displacements: Floats, board: Floats, valid: Bools) -> Motion:
-        """Magnets on their holders, from the vertices of any batch."""
-        flat = displacements.reshape(*board.shape[:-1], -1)
-        magnets = (flat @ self._holders).reshape(*board.shape[:-1], -1, 6)
-        return Motion(
-            magnets=np.where(valid[..., None, None], magnets, np.nan),
-            board=np.where(valid[..., None], board, np.nan),
-            valid=np.asarray(valid),
-        )
+    def _motion_of(self, pressed: "Pressed") -> Motion:
+        """Magnets on their holders, (B,) states.
 
-    def _at(self, temperature: float) -> "BarHinge":
-        """The solver with the rubber at this temperature."""
-        if temperature != self._solved_at:
-            self._solver = self._build_solver(temperature)
-            self._solved_at = temperature
-        return self._solver
+        Valid where there is an equilibrium in which every column still stands on its base.
+        """
+        moved = pressed.displacements.reshape(len(pressed.board), -1) @ self._holders
+        motion = Motion(magnets=moved.reshape(len(moved), -1, 6), board=pressed.board)
+        return motion.where(pressed.converged & ~pressed.pulled)
 
     def _build_solver(self, temperature: float) -> "BarHinge":
+        """The solver with the rubber at this temperature."""
         from smoskin.mechanics.sheet.model import BarHinge
 
         degrees = float(check_temperature(temperature))
         made, lattice = made_mechanics(self.design, self.deviations, degrees)
         return BarHinge(made, lattice=lattice, grip=self._grip)
-
-
-def _is_valid(pressed: "Pressed") -> Bools:
-    """Where there is an equilibrium in which every column still stands on its base."""
-    return pressed.converged & ~pressed.pulled
 
 
 def _fillers(count: int) -> list[Contact]:

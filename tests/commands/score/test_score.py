@@ -4,7 +4,6 @@ import io
 import json
 from dataclasses import replace
 from itertools import pairwise
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,11 +14,9 @@ from smoskin.commands.score.evaluate import Judged
 from smoskin.commands.score.plan import parse_places
 from smoskin.commands.score.report import Count, PlaceMap, ScoreSheet, Target, regions
 from smoskin.errors import ArgumentError, ModelError
-from smoskin.records import Contact
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.files import TensorFile
 from smoskin.sensing.network.model import Layer, NetworkModel
-from smoskin.twin.readout import Motion, Readout
 from smoskin.twin.reduced import ReducedTwin
 from tables_of_response import plain, reduced_table
 
@@ -49,24 +46,7 @@ def skin(planar):
 
 def reduced_skin(design):
     """As much of a twin as sessions need, by the reduced model."""
-    readout, twin = Readout(design), ReducedTwin(design, seed=None)
-
-    def motions(touches, temperature):
-        states = [
-            twin.motion([Contact(position=p, force=f) for p, f in zip(*one, strict=True)])
-            for one in zip(touches.position, touches.force, strict=True)
-        ]
-        return Motion(
-            magnets=np.stack([one.magnets for one in states]),
-            board=np.stack([one.board for one in states]),
-            valid=np.ones(len(states), dtype=bool),
-        )
-
-    return SimpleNamespace(
-        design=design,
-        motions=motions,
-        sample=lambda motion, rng, temperature: readout.sample(motion, rng, temperature),
-    )
+    return ReducedTwin(design, seed=None)
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,7 @@ from smoskin.magnetics import mlx90393
 from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
 from smoskin.magnetics.inversion import rest_cross_talk
 from smoskin.mechanics.reduced.stiffness import stiffness_map
+from smoskin.mechanics.sheet.touches import touches_of
 from smoskin.origami.layout import chip_offset
 from smoskin.origami.sheet import loaded_positions
 from smoskin.records import Contact, Status
@@ -28,8 +29,8 @@ FAST = HallSetting(gain_selection=3, resolution=0, oversampling=0, digital_filte
 def solved(design, places, force, repeats, seed, calibration=None):
     """Noise-free cells of light presses at these places, and solutions under noise."""
     twin = ReducedTwin(design, seed=None)
-    fields = np.array([twin.field([Contact(position=p, force=(0, 0, -force))]) for p in places])
-    fields -= rest_cross_talk(design)
+    presses = touches_of([[Contact(position=p, force=(0, 0, -force))] for p in places])
+    fields = twin.field(twin.motions(presses)) - rest_cross_talk(design)
     estimator = ClosedFormEstimator(design, calibration)
     noisy = np.repeat(fields, repeats, axis=0)
     noisy += np.random.default_rng(seed).normal(size=noisy.shape) * mlx90393.noise(
@@ -72,8 +73,8 @@ def test_presses_on_vertices_are_right_more_often_than_stated(planar):
 def test_rated_presses_are_sure_and_no_cell_has_none(planar):
     twin, estimator = ReducedTwin(planar, seed=None), ClosedFormEstimator(planar)
     places = loaded_positions(planar).reshape(-1, 2)
-    fields = [twin.field([Contact(position=p, force=(0, 0, -0.5))]) for p in places]
-    solution = estimator.solve(np.array(fields) - rest_cross_talk(planar))
+    presses = touches_of([[Contact(position=p, force=(0, 0, -0.5))] for p in places])
+    solution = estimator.solve(twin.field(twin.motions(presses)) - rest_cross_talk(planar))
     assert (solution.confidence > 0.9999).all()
     # Right of magnet 2 yet left of magnet 3: the chips' motions are the reverse of the magnets'.
     moved, charges = np.zeros((3, 3)), point_charges([planar.magnet(n) for n in ("M1", "M2", "M3")])

@@ -9,6 +9,7 @@ from skins import with_magnets
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
 from smoskin.magnetics.inversion import FieldInverse
+from smoskin.mechanics.sheet.touches import touches_of
 from smoskin.origami.layout import chip_offset
 from smoskin.origami.sheet import loaded_positions
 from smoskin.records import Contact, Reading, Status
@@ -122,8 +123,8 @@ def with_table(design, table):
 def measured_table(design, skin):
     """One press of half a newton on each cell of a skin, as an estimator of the design sees it."""
     twin, inverse = ReducedTwin(skin, seed=None), FieldInverse(design)
-    rest = twin.field()
-    fields = np.array([twin.field([c]) - rest for c in touches(design, 0.5, (0.0, 0.0))])
+    presses = touches_of([[c] for c in touches(design, 0.5, (0.0, 0.0))])
+    fields = twin.field(twin.motions(presses)) - twin.field(twin.motion())
     press = inverse.displacements(fields + inverse.rest_field).moved / 0.5
     return PressTable(press=press.reshape(*design.cells, -1, 3), drag=uniform_drag(design))
 

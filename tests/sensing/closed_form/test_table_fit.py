@@ -25,7 +25,6 @@ from smoskin.sensing.closed_form.table_fit import (
     presses_every_cell,
 )
 from smoskin.twin.bench import TwinSkin, calibration_loads, made_skin, measure, table_loads
-from smoskin.twin.readout import Motion
 
 DATE, SHA = "2026-01-31", "0" * 64
 
@@ -168,11 +167,7 @@ def readings(twin, motion, rng, start):
 
 
 def states(motion, repeats):
-    return Motion(
-        magnets=np.repeat(motion.magnets, repeats, axis=0),
-        board=np.repeat(motion.board, repeats, axis=0),
-        valid=np.repeat(motion.valid, repeats, axis=0),
-    )
+    return motion[np.repeat(np.arange(len(motion.board)), repeats)]
 
 
 def right_cells(twin, calibrations, motion, repeats, rng):

@@ -9,10 +9,10 @@ import pytest
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
 from smoskin.mechanics.viscoelasticity import ELASTIC, Memory, Prony
-from smoskin.records import ChipFlag, Contact, Reading, Status
+from smoskin.records import ChipFlag, Contact, Motion, Reading, Status
 from smoskin.sensing.signals.signals import Signals, Thermometer, signal_noise
 from smoskin.sensing.signals.zero import IdleBand, ZeroTracking
-from smoskin.twin.readout import Motion, Readout
+from smoskin.twin.readout import Readout
 from smoskin.twin.reduced import ReducedTwin
 from tables_of_response import plain
 

@@ -19,8 +19,9 @@ from smoskin.feasibility import MARGIN, check_design
 from smoskin.magnetics import mlx90393
 from smoskin.origami.layout import magnet_positions, skin_extent
 from smoskin.origami.sheet import vertex_positions
+from smoskin.records import Motion
 from smoskin.twin.manufacture import Deviations, Tolerances
-from smoskin.twin.readout import Motion, Readout
+from smoskin.twin.readout import Readout
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -28,7 +28,7 @@ from smoskin.design.skin import HallSetting, HallSite, SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
 from smoskin.origami.cell import size
-from smoskin.twin.readout import Motion
+from smoskin.records import Motion
 
 _EXTREME: Final = 8
 """States that decide a gap: so many with the magnet lowest, and so many with it farthest off."""
@@ -119,11 +119,7 @@ def _extremes(motion: Motion, further: float) -> Motion:
     rows = np.unique(
         np.concatenate([np.argsort(moved[:, 2])[:_EXTREME], np.argsort(-aside)[:_EXTREME]])
     )
-    return Motion(
-        magnets=further * motion.magnets[rows],
-        board=further * motion.board[rows],
-        valid=motion.valid[rows],
-    )
+    return motion[rows].scaled(further)
 
 
 def exchange(

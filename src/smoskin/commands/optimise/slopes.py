@@ -20,10 +20,11 @@ from smoskin.mechanics.sheet.holders import holder_matrix
 from smoskin.mechanics.sheet.model import BarHinge
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.layout import skin_extent
+from smoskin.records import Motion
 from smoskin.sensing.response.bound import BoundMap, bound_of_slopes
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.manufacture import Deviations, made_mechanics
-from smoskin.twin.readout import Motion, Readout
+from smoskin.twin.readout import Readout
 
 Places = tuple[int, int]
 """Along x and y, from rim to rim."""
@@ -141,11 +142,8 @@ class PressedSheet:
         holders = holder_matrix(design)
         moved, valid = self._displacements[rows], self._valid[rows]
         flat = moved.reshape(len(moved), -1) @ holders.reshape(-1, moved[0].size).T
-        return Motion(
-            magnets=np.where(valid[:, None, None], flat.reshape(len(moved), -1, 6), np.nan),
-            board=np.where(valid[:, None], self._board[rows], np.nan),
-            valid=valid,
-        )
+        motion = Motion(magnets=flat.reshape(len(moved), -1, 6), board=self._board[rows])
+        return motion.where(valid)
 
 
 def design_bound(
@@ -206,7 +204,6 @@ def exact_slopes(design: SkinDesign, position: Floats, force: float = 0.5) -> Fl
                 Motion(
                     magnets=at + side * span * along[:, k],
                     board=pressed.board + side * span * rates.board[:, 0, k],
-                    valid=pressed.converged,
                 )
             ).reshape(len(at), -1)
             for side in (1.0, -1.0)

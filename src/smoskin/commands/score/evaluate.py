@@ -16,12 +16,11 @@ from smoskin.datasets.patterns import far_pairs
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.origami.layout import places_to_the_rim, skin_extent
-from smoskin.records import Contact, Reading, Status
+from smoskin.records import Contact, Motion, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.response.calibrate import LabelledTouches, Target
 from smoskin.sensing.response.labels import Labeller, labelled_touches
 from smoskin.twin.creep import creeping
-from smoskin.twin.readout import Motion
 from smoskin.twin.rig import VirtualRig, drifting_readings
 from smoskin.twin.whole import Twin
 
@@ -177,13 +176,10 @@ def readings(
     held[:, 1 : _JUDGED + 1] = True
     held = np.concatenate([np.zeros(_ZEROS, dtype=bool), held.ravel()])
     steps = np.diff(times, prepend=times[0])
-    magnets = np.zeros((total, *session.motion.magnets.shape[1:]))
-    board = np.zeros((total, 3))
-    magnets[held] = np.repeat(session.motion.magnets, _JUDGED, axis=0)
-    board[held] = np.repeat(session.motion.board, _JUDGED, axis=0)
-    valid = np.ones(total, dtype=bool)
-    valid[held] = np.repeat(session.motion.valid, _JUDGED)
-    motion = Motion(magnets=magnets, board=board, valid=valid)
+    state = np.full(total, -1)
+    state[held] = np.repeat(np.arange(len(session.touches)), _JUDGED)
+    rest = Motion.rest(len(twin.design.magnets), (1,))
+    motion = Motion.concatenate([session.motion, rest])[state]
     if disturbance.creep:
         motion = creeping(twin.design, steps, motion)
     walk = {"temperature": session.temperature, "drift": disturbance.drift}
@@ -275,8 +271,8 @@ def label(
     )
     labels = []
     for row, (place, push) in enumerate(zip(position, force, strict=True)):
-        held = Motion(magnets=motion.magnets[row], board=motion.board[row], valid=motion.valid[row])
-        labels.append(labeller.label(rig.hold(Contact(position=place, force=push), held)))
+        held = rig.hold(Contact(position=place, force=push), motion[row])
+        labels.append(labeller.label(held))
     return labelled_touches(
         labels,
         tuple(range(len(twin.design.halls))) if chips is None else tuple(chips),
