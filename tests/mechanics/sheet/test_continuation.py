@@ -1,0 +1,79 @@
+"""Equilibria that grow with the load, alone and where the iteration with fixed tangent fails."""
+
+import numpy as np
+import pytest
+
+from smoskin.mechanics.sheet.touches import Touches
+from textbook_sheet import inner_force, outer_force
+
+pytest.importorskip("jax")
+from smoskin.mechanics.sheet import continuation, equilibrium
+from smoskin.mechanics.sheet.continuation import follow
+
+
+def test_following_the_load_finds_the_same_equilibria(sheet, cases):
+    model, equilibrium = sheet, sheet._equilibrium
+    pressed = model.press(cases, tolerance=1e-10)
+    case = model._case(cases)
+    for row in (0, 1):
+        press = equilibrium.one_press(
+            case.shares[row], cases.force[row], case.held[row], case.link[row]
+        )
+        found = follow(equilibrium.tangent, press, 1e-10)
+        assert found is not None
+        scale = np.abs(found.motion).max()
+        np.testing.assert_allclose(found.motion, pressed.displacements[row], atol=1e-9 * scale)
+
+
+def test_what_the_fixed_tangent_loses_is_followed(sheet, monkeypatch):
+    """A deep press with a large drag: an equilibrium by `follow` alone, and found all the same."""
+    touches = Touches(position=[[(0.03, 0.04)]] * 2, force=[[(0.0, 3.0, -6.0)], [(0.0, 0.0, -0.3)]])
+    pressed = sheet.press(touches)
+    assert pressed.converged.all()
+    assert pressed.residual.max() <= 1e-8
+    loads = outer_force(sheet, touches, pressed, 0)
+    unbalanced = inner_force(sheet.lattice, pressed.displacements[0]) - loads
+    assert np.linalg.norm(unbalanced) <= 2e-8 * np.linalg.norm(loads)
+    assert pressed.iterations[0] > 2 * equilibrium._STEPS  # its steps come on top of those lost
+    monkeypatch.setattr(equilibrium, "follow", lambda *_: None)
+    assert sheet.press(touches).converged.tolist() == [False, True]
+
+
+def test_a_load_too_large_for_one_step_is_taken_in_parts(sheet, cases, monkeypatch):
+    case = sheet._case(cases)
+    tangent = sheet._equilibrium.tangent
+    press = sheet._equilibrium.one_press(
+        case.shares[0], 5 * cases.force[0], case.held[0], case.link[0]
+    )
+    whole = follow(tangent, press, 1e-10)
+    monkeypatch.setattr(continuation, "_NEWTON_STEPS", 4)
+    shares = []
+    newton = continuation._newton
+
+    def noted(tangent, press, load, tolerance, state):
+        shares.append(load)
+        return newton(tangent, press, load, tolerance, state)
+
+    monkeypatch.setattr(continuation, "_newton", noted)
+    parts = follow(tangent, press, 1e-10)
+    assert shares[0] == shares[-1] == 1.0
+    assert min(shares) < 1.0
+    assert parts.steps > whole.steps
+    assert parts.residual <= 1e-10
+    scale = np.abs(whole.motion).max()
+    np.testing.assert_allclose(parts.motion, whole.motion, atol=1e-9 * scale)
+    np.testing.assert_allclose(parts.reaction, whole.reaction, atol=1e-8)
+    monkeypatch.setattr(continuation, "_ALL_STEPS", 5)
+    assert follow(tangent, press, 1e-10) is None
+
+
+def test_a_load_that_would_crush_the_columns_is_not_followed(sheet):
+    top = sheet.lattice.loaded.ravel()
+    lone = np.full((1, len(top)), 1 / len(top))
+    sunk = sheet.lattice.ground[sheet.lattice.feet, 2].sum() * sheet.lattice.stroke
+    for deep, follows in ((0.3, True), (60.0, False)):
+        press = sheet._equilibrium.one_press(
+            lone, np.array([[0.0, 0.0, -deep * sunk]]), np.array([False]), 1e-12 * np.eye(2)
+        )
+        found = follow(sheet._equilibrium.tangent, press, 1e-8)
+        assert (found is not None) == follows
