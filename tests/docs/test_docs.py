@@ -38,10 +38,3 @@ def test_tests_named_on_the_errata_page_exist():
         assert f"def {number}_" in tests
 
 
-def test_the_project_has_no_file_over_500_lines():
-    long = [
-        (str(path), lines)
-        for path in (ROOT / "src").rglob("*.py")
-        if (lines := path.read_text().count("\n")) > 500
-    ]
-    assert long == []

@@ -1,0 +1,90 @@
+"""The shape of the package: small files, small folders, and nothing that only tests use."""
+
+import ast
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+SOURCE = ROOT / "src" / "smoskin"
+FILES = {path: path.read_text(encoding="utf-8") for path in sorted(SOURCE.rglob("*.py"))}
+ENTRIES = ("smoskin", "smoskin.__main__", "smoskin.plots")
+"""Modules that people import or run themselves."""
+
+
+def module(path: Path) -> str:
+    parts = path.relative_to(SOURCE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imported(text: str) -> set[str]:
+    """Modules that a file may import, with those that it names in strings for lazy imports."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module is not None:
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            names.add(node.value)
+    return names
+
+
+def code_lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """Lines of a function without its docstring."""
+    lines = (node.end_lineno or 0) - node.lineno + 1
+    if ast.get_docstring(node) is None:
+        return lines
+    first = node.body[0]
+    return lines - ((first.end_lineno or 0) - first.lineno + 1)
+
+
+def test_the_wheel_can_be_read_in_a_week():
+    assert sum(text.count("\n") for text in FILES.values()) <= 24_000
+
+
+def test_no_file_has_over_450_lines():
+    assert {module(p): n for p, t in FILES.items() if (n := t.count("\n")) > 450} == {}
+
+
+def test_no_folder_has_over_14_files():
+    folders = [path.parent for path in FILES]
+    assert {str(folder): n for folder in set(folders) if (n := folders.count(folder)) > 14} == {}
+
+
+def test_few_functions_have_over_50_lines():
+    long = [
+        f"{module(path)}.{node.name}: {lines}"
+        for path, text in FILES.items()
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        and (lines := code_lines(node)) > 50
+    ]
+    assert len(long) <= 5, long
+
+
+def test_frozen_records_are_filled_in_one_place():
+    places = [module(p) for p, text in FILES.items() if "object.__setattr__" in text]
+    assert places == ["smoskin.arrays"]
+
+
+def test_the_formatter_is_hardly_ever_switched_off():
+    assert sum(text.count("fmt: skip") for text in FILES.values()) <= 10
+
+
+def test_every_module_is_used_by_the_package():
+    used = {name for text in FILES.values() for name in imported(text)}
+    unused = [
+        name
+        for path in FILES
+        if path.name != "__init__.py" and (name := module(path)) not in used | set(ENTRIES)
+    ]
+    assert unused == []
+
+
+def test_the_package_stands_alone():
+    outside = [
+        f"{module(path)}: {name}"
+        for path, text in FILES.items()
+        for name in imported(text)
+        if name.split(".")[0] in ("paper", "studies", "tests")
+    ]
+    assert outside == []
