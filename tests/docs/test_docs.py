@@ -36,5 +36,3 @@ def test_tests_named_on_the_errata_page_exist():
     page = (ROOT / "docs" / "errata.md").read_text()
     for number in re.findall(r"`(?:[\w/.]+::)?(test_e\d+)`", page):
         assert f"def {number}_" in tests
-
-
