@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from smoskin.magnetics import sector
-from smoskin.magnetics.inversion import FieldInverse
-from smoskin.origami.layout import chip_offset
+from smoskin.magnetics.inversion import FieldInverse, rest_cross_talk
+from smoskin.origami.layout import chip_offset, hall_positions, magnet_positions
 
 
 def exact_fields(design, moved):
@@ -49,3 +49,49 @@ def test_one_reading_and_many_give_the_same(planar):
     )
     assert together.found.all()
     assert all(one.found.all() for one in alone)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("chip", [0, 1, 2])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_place_counts_until_the_stroke_ends(planar, axis, chip, sign):
+    """Exact fields of places inside and outside; one chip outside is enough."""
+    inverse = FieldInverse(planar)
+    far = np.array([2.2, 2.49, 2.51, 2.6, 3.0])
+    moved = np.zeros((len(far), 3, 3))
+    moved[:, chip, axis] = sign * far * 1e-3
+    answer = inverse.displacements(exact_fields(planar, moved))
+    assert answer.found.tolist() == [True, True, False, False, False]
+    np.testing.assert_allclose(answer.moved[:2], moved[:2], atol=2e-6)
+
+
+def test_the_stroke_may_be_another(planar):
+    moved = np.zeros((2, 3, 3))
+    moved[:, 1, 0] = [0.99e-3, 1.01e-3]
+    fields = exact_fields(planar, moved)
+    assert FieldInverse(planar, stroke=1e-3).displacements(fields).found.tolist() == [True, False]
+
+
+def test_past_its_usable_range_the_closed_inverse_is_refined(planar):
+    """With a tolerance so wide that Newton steps never follow, the answer errs more."""
+    moved = np.zeros((1, 3, 3))
+    moved[:, :, 0] = 1.2e-3
+    fields = exact_fields(planar, moved)
+    errors = [
+        np.abs(FieldInverse(planar, tolerance=most).displacements(fields).moved - moved).max()
+        for most in (1e-6, 1e-3)
+    ]
+    assert errors[0] < 1e-7
+    assert 1e-6 < errors[1] < 1e-3
+
+
+def test_the_other_magnets_fields_are_those_of_their_places(planar):
+    """Each chip at rest, magnet by magnet."""
+    chips, magnets = hall_positions(planar), magnet_positions(planar)
+    expected = np.zeros((3, 3))
+    for s, site in enumerate(planar.halls):
+        for magnet, place in zip(planar.magnets, magnets, strict=True):
+            if magnet.name != site.magnet:
+                expected[s] += sector.field(magnet, chips[s] - place)
+    assert np.abs(expected).max() > 1e-7
+    np.testing.assert_allclose(rest_cross_talk(planar), expected, rtol=1e-12, atol=1e-15)

@@ -25,6 +25,12 @@ def solids(draw: st.DrawFn) -> Prony:
     return Prony(moduli=shares, times=1e-2 * np.cumprod(ratios))
 
 
+def rounding(solid: Prony) -> float:
+    """Relative error that eigenvalues of this spread may have, at least 1e-9."""
+    spread = solid.times[-1] / solid.times[0] / (1 - solid.moduli.sum())
+    return max(1e-9, 8 * np.finfo(float).eps * spread)
+
+
 def test_one_maxwell_element_is_the_standard_linear_solid() -> None:
     g, tau = 0.3, 2.0
     solid = Prony(moduli=[g], times=[tau])
@@ -41,8 +47,8 @@ def test_relaxation_and_creep_are_inverse_in_laplace_space(solid: Prony, decade:
     stiff = 1 + np.sum(solid.moduli / (1 - solid.moduli.sum()) * s / (s + 1 / solid.times))
     late = solid.retardation_shares
     soft = 1 - np.sum(late * s / (s + 1 / solid.retardation_times))
-    assert_allclose(stiff * soft, 1.0, rtol=1e-9)
-    assert_allclose(late.sum(), solid.moduli.sum(), rtol=1e-9)
+    assert_allclose(stiff * soft, 1.0, rtol=rounding(solid))
+    assert_allclose(late.sum(), solid.moduli.sum(), rtol=rounding(solid))
 
 
 def test_relaxation_over_creep_is_the_identity_in_time() -> None:
@@ -126,7 +132,7 @@ def test_creep_rises_and_relaxation_falls_to_one(solid: Prony) -> None:
     assert (np.diff(solid.compliance(t)) >= 0).all()
     assert (np.diff(solid.relaxation(t)) <= 0).all()
     assert_allclose([solid.compliance(1e12), solid.relaxation(1e12)], 1.0, rtol=1e-9)
-    assert_allclose(solid.compliance(0.0) * solid.relaxation(0.0), 1.0, rtol=1e-9)
+    assert_allclose(solid.compliance(0.0) * solid.relaxation(0.0), 1.0, rtol=rounding(solid))
 
 
 def test_without_terms_it_is_elastic() -> None:

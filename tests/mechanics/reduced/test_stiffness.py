@@ -75,6 +75,13 @@ def test_shear_gain_is_the_printed_one_on_each_axis():
     assert shear_gain([0.0, -0.45], [0.6, 0.9]) == pytest.approx(1 + 0.45 / 0.9)
 
 
+def test_shear_gain_adds_both_axes_as_legs_of_a_right_angle():
+    assert shear_gain([0.3, 0.45], [0.6, 0.9]) == pytest.approx(1 + math.hypot(0.5, 0.5))
+    assert shear_gain([-0.3, 0.45], [0.6, 0.6]) == pytest.approx(1 + math.hypot(0.5, 0.75))
+    many = shear_gain([[0.3, 0.0], [0.0, 0.0]], [[0.6, 0.9], [0.6, 0.9]])
+    np.testing.assert_allclose(many, [1.5, 1.0])
+
+
 def test_layers_count_from_the_rim(planar):
     layers = cell_layers((6, 6))
     assert [int(layers[k, k]) for k in range(6)] == [0, 1, 2, 2, 1, 0]

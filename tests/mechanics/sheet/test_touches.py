@@ -18,6 +18,7 @@ from smoskin.mechanics.sheet.touches import (
     touches_of,
     vertex_shares,
 )
+from smoskin.origami.layout import skin_extent
 from smoskin.origami.sheet import loaded_positions
 from smoskin.records import Contact
 
@@ -138,6 +139,20 @@ def test_touches_off_the_skin_are_refused(planar, weigh):
         weigh(planar, one((0.121, 0.010)))
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("end", [0.0, 1.0])
+def test_the_skin_ends_at_its_rim(planar, axis, end):
+    """A micrometre off is rounding, more is not."""
+    rim = skin_extent(planar) / 2
+    rim[axis] *= 2 * end
+    out = np.zeros(2)
+    out[axis] = 2 * end - 1
+    assert patch_shares(planar, one(rim + 0.9e-6 * out)).sum() == pytest.approx(1)
+    for off in (1.1e-6, 5e-3):
+        with pytest.raises(ArgumentError, match="position must lie on the skin"):
+            patch_shares(planar, one(rim + off * out))
+
+
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
@@ -147,6 +162,9 @@ def test_touches_off_the_skin_are_refused(planar, weigh):
         ({"position": [[(np.inf, 0.0)]]}, "position must be finite"),
         ({"position": [(0.01, 0.02)]}, r"position must have .*shape"),
         ({"radius": 0.0}, "radius must be positive and finite; got 0.0 m"),
+        ({"radius": -1e-9}, "radius must be positive and finite; got -1e-09 m"),
+        ({"radius": np.inf}, "radius must be positive and finite; got inf m"),
+        ({"force": [[(0.0, 0.0, 1e-12)]]}, r"force must be finite and press, with z <= 0 N; got"),
     ],
 )
 def test_wrong_touches_are_refused(wrong, message):
@@ -157,5 +175,6 @@ def test_wrong_touches_are_refused(wrong, message):
 
 def test_friction_is_a_number_from_zero_up():
     assert Sliding(friction=0.0).friction == 0.0
-    with pytest.raises(ArgumentError, match=r"friction must be finite and >= 0; got -0\.1"):
-        Sliding(friction=-0.1)
+    for wrong in (-1e-9, np.inf, np.nan):
+        with pytest.raises(ArgumentError, match=rf"friction must be finite and >= 0; got {wrong}"):
+            Sliding(friction=wrong)
