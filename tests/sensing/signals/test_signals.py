@@ -246,7 +246,6 @@ def test_creeping_touches_read_as_settled(planar):
         moved = Motion(
             magnets=magnets.step(0.02, held.magnets),
             board=board.step(0.02, held.board),
-            valid=held.valid,
         )
         reading = readout.read(moved, None, time=0.02 * k)
         last = [one.step(reading).values for one in (creeping, taken)]
