@@ -23,6 +23,7 @@ from smoskin.mechanics.sheet.model import BarHinge
 from smoskin.mechanics.sheet.tangent import Tangent
 from smoskin.mechanics.sheet.touches import Frictionless, Touches, patch_shares
 from smoskin.origami.cell import size
+from smoskin.origami.geometry import geometry
 
 BATCH, RESIDUAL = 1000, 1e-6
 LOOP = 12
@@ -40,7 +41,7 @@ def sized(design: SkinDesign, count: int) -> SkinDesign:
 def presses(design: SkinDesign, count: int, seed: int) -> Touches:
     """Anywhere on the skin, 0.1 to 2 N straight down."""
     rng = np.random.default_rng(seed)
-    extent = size(design.cell)
+    extent = geometry(design).cell
     whole = np.multiply(design.cells, [float(extent.length), float(extent.width)])
     force = np.zeros((count, 1, 3))
     force[:, 0, 2] = -rng.uniform(0.1, 2.0, count)

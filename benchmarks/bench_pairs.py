@@ -19,7 +19,7 @@ from smoskin.commands.score.evaluate import Disturbance, label
 from smoskin.datasets.patterns import far_pairs
 from smoskin.magnetics import mlx90393
 from smoskin.mechanics.sheet.touches import Touches
-from smoskin.origami.layout import skin_extent
+from smoskin.origami.geometry import geometry
 from smoskin.records import Motion, Reading, Status
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.bayes.priors import TouchPriors
@@ -176,7 +176,7 @@ def main() -> None:
             skin,
             priors=TouchPriors(drag_spread=asked.drag),
         )
-        position = far_pairs(skin_extent(design), asked.apart / 1e3, asked.pairs, rng)
+        position = far_pairs(geometry(design).extent, asked.apart / 1e3, asked.pairs, rng)
         force = np.zeros((asked.pairs, 2, 3))
         force[..., 2] = -rng.uniform(0.3, 1.0, (asked.pairs, 2))
         pairs = Touches(position=position, force=force)

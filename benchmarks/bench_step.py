@@ -9,7 +9,7 @@ import numpy as np
 
 from smoskin import ClosedFormEstimator, Contact, Reading, ReducedTwin, load_design
 from smoskin.magnetics.mlx90393 import conversion_time
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.table_fit import fit_press_table
 from smoskin.twin.bench import MadeSkin, measure, table_loads
 
@@ -43,7 +43,7 @@ def main() -> None:
     print(f"one conversion of the chips: {conversion * 1e6:.0f} us")
     for name, force, drag in (("idle", 0.0, 0.0), ("0.5 N", 0.5, 0.1), ("1 N", 1.0, 0.4)):
         readings = []
-        for k, place in enumerate(np.resize(loaded_positions(design).reshape(-1, 2), (STEPS, 2))):
+        for k, place in enumerate(np.resize(geometry(design).tops.reshape(-1, 2), (STEPS, 2))):
             touch = [Contact(position=place, force=(drag, 0.0, -force))] if force else []
             once = twin.read(touch) if k < 36 else readings[k - 36]
             readings.append(

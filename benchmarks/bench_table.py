@@ -15,8 +15,7 @@ from smoskin import ClosedFormEstimator, Reading, SkinDesign, Status, load_desig
 from smoskin.arrays import Floats
 from smoskin.magnetics import mlx90393
 from smoskin.mechanics.sheet.touches import Touches
-from smoskin.origami.cell import size
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.records import Motion
 from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.closed_form.table_fit import fit_press_table
@@ -93,9 +92,9 @@ def judge(
     """Press one skin so under every calibration."""
     design = twin.design
     rng = np.random.default_rng(len(ways))
-    extent = size(design.cell)
+    extent = geometry(design).cell
     cell = np.array([extent.length, extent.width])
-    places = loaded_positions(design).reshape(-1, 2)
+    places = geometry(design).tops.reshape(-1, 2)
     idle = Touches(position=places[:, None], force=np.zeros((len(places), 1, 3)))
     zero = readings(twin, twin.motions(idle), rng, -1e3)
     for press, force, drag, off in presses:

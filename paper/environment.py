@@ -17,8 +17,7 @@ from smoskin.magnetics import mlx90393, sector
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, temperature_factor
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.mechanics.viscoelasticity import creep, elastomer_prony
-from smoskin.origami.layout import chip_offset
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.twin.whole import Twin
 
 FORCE: Final = 1.0
@@ -92,7 +91,7 @@ class Warmth:
 def recovery(design: SkinDesign) -> Recovery:
     """Press each cell of the diagonal, hold, let go."""
     count = min(design.cells)
-    vertices = loaded_positions(design)[np.arange(count), np.arange(count)]
+    vertices = geometry(design).tops[np.arange(count), np.arange(count)]
     twin = Twin(design, seed=None)
     settled = twin.motions(
         Touches(
@@ -126,10 +125,12 @@ def recovery(design: SkinDesign) -> Recovery:
 
 def warmth(design: SkinDesign) -> Warmth:
     """Heat one magnet over its chip from 25 to 75 degC."""
-    site = next(site for site in design.halls if design.magnet(site.magnet).mount == "sheet")
+    mounts = [design.magnet(site.magnet).mount for site in design.halls]
+    chip = mounts.index("sheet")
+    site = design.halls[chip]
     magnet = design.magnet(site.magnet)
     temperature = np.linspace(REFERENCE_TEMPERATURE, 75.0, 11)
-    at_rest = sector.field(magnet, [-BESIDE[0], -BESIDE[1], chip_offset(design, site)])
+    at_rest = sector.field(magnet, geometry(design).rest[chip] - [*BESIDE, 0.0])
     turn = mlx90393.rotation(site)
     field = temperature_factor(temperature)[:, None] * (at_rest @ turn)
     sample = mlx90393.measure(

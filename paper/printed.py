@@ -20,8 +20,7 @@ from smoskin.design.skin import Coefficients, SkinDesign
 from smoskin.magnetics.temperature import temperature_factor
 from smoskin.measurement import TouchTable
 from smoskin.mechanics.reduced.stiffness import cell_layers
-from smoskin.origami.layout import skin_extent
-from smoskin.origami.sheet import build_sheet
+from smoskin.origami.geometry import geometry
 from smoskin.records import Contact
 from smoskin.sensing.closed_form.fitting import fit_calibration
 from smoskin.sensing.closed_form.location import Zone, unit_press
@@ -112,7 +111,7 @@ def zone_rows(zones: tuple[Zone, ...]) -> list[Row]:
 
 def sheet_rows(design: SkinDesign) -> list[Row]:
     """Counts of Figure S6 and of the energy sums."""
-    sheet, (n, m) = build_sheet(design.cell, design.cells), design.cells
+    sheet, (n, m) = geometry(design).sheet, design.cells
     at_vertex = int((sheet.creases == sheet.loaded[0, 0]).any(axis=1).sum())
     counted = 6 * n * m - int((sheet.multiplicity == 2).sum())
     counted -= 3 * int((sheet.multiplicity == 4).sum())
@@ -253,7 +252,7 @@ def material_rows() -> list[Row]:
 def touch_rows(design: SkinDesign) -> list[Row]:
     """Counts of Text S8 on several touches at once."""
     place = "Text S8"
-    columns, rows = (round(end / SWEEP_STEP) + 1 for end in skin_extent(design).tolist())
+    columns, rows = (round(end / SWEEP_STEP) + 1 for end in geometry(design).extent.tolist())
     points = columns * rows
     one = Contact(position=(0.0, 0.0), force=(0.0, 0.0, -1.0))
     unknowns = one.position.size + 1

@@ -25,8 +25,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.inversion import FieldInverse
 from smoskin.mechanics.reduced.stiffness import cell_layers, folding_correction_map
 from smoskin.mechanics.sheet.touches import Touches
-from smoskin.origami.layout import places_to_the_rim, skin_extent
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry, places_to_the_rim
 from smoskin.records import Motion
 from smoskin.sensing.bayes.priors import TouchPriors
 from smoskin.sensing.bayes.solver import TouchSolver
@@ -222,7 +221,7 @@ def _theory(reduced: ReducedTwin, where: Floats, push: Floats) -> Motion:
 
 def _loads(design: SkinDesign, axis: int) -> tuple[Ints, Floats, Floats]:
     """Cells (R,), their places (R, 2) and the forces of the presses with each drag (D, R, 3)."""
-    places = np.asarray(loaded_positions(design).swapaxes(0, 1).reshape(-1, 2))
+    places = np.asarray(geometry(design).tops.swapaxes(0, 1).reshape(-1, 2))
     turn, cell = np.indices((len(FORCES), len(places))).reshape(2, -1)
     push = np.zeros((len(DRAGS), len(cell), 3))
     push[..., 2] = -np.array(FORCES)[turn]
@@ -268,7 +267,7 @@ def _trial(bench: _Bench, folding: Floats | None) -> SheetTrial:
 
 def _learn(bench: _Bench) -> LearnedModel:
     """A model of place and normal force from presses without shear."""
-    extent = skin_extent(bench.design)
+    extent = geometry(bench.design).extent
     rng = np.random.default_rng(1)
     grid = places_to_the_rim(extent, PLACES)
     where = np.concatenate([grid, grid])
@@ -302,7 +301,7 @@ def _fitted_folding(bench: _Bench, model: LearnedModel) -> Floats:
     """
     layers = cell_layers(bench.design.cells)
     count = int(layers.max()) + 1
-    places = loaded_positions(bench.design)[range(count), range(count)]
+    places = geometry(bench.design).tops[range(count), range(count)]
     loads = np.array([(force, sign) for force in _SLANTED for sign in (-1, 1)])
     push = np.zeros((2, count, len(loads), 3))
     push[..., 2] = -loads[:, 0]

@@ -12,8 +12,7 @@ from paper.sheet_presses import FORCE, PRESSED, Coverage, Covers, PressField
 from paper.style import BLUE, GREY, INK, ORANGE, RED, Plate, lay_out, styled
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
-from smoskin.origami.layout import magnet_positions
-from smoskin.origami.sheet import build_sheet
+from smoskin.origami.geometry import geometry
 
 _MAP: Final = "cividis"
 _SINK_MAP: Final = "Blues"
@@ -24,7 +23,7 @@ _ARROW: Final = 14.0
 def press_plate(design: SkinDesign, found: PressField) -> Plate:
     """Motion of columns, magnets and sheet under one press, beside the reduced model's."""
     n, m = PRESSED
-    sheet = build_sheet(design.cell, design.cells)
+    sheet = geometry(design).sheet
     feet = sheet.columns
     with styled():
         figure = Figure(figsize=(7.2, 7.0), layout="constrained")
@@ -69,7 +68,7 @@ def press_plate(design: SkinDesign, found: PressField) -> Plate:
 
 def _draw_plan(axis: Axes, design: SkinDesign, sunk: Floats, shades: Normalize) -> None:
     """Panels from above, coloured by how far their corners sink, mm."""
-    sheet = build_sheet(design.cell, design.cells)
+    sheet = geometry(design).sheet
     place = sheet.vertices[:, :2] * 1e3
     side = 2 * design.cells[0] + 1
     x, y, z = (one.reshape(side, -1) for one in (place[:, 0], place[:, 1], sunk))
@@ -101,7 +100,7 @@ def _quiver() -> dict[str, Any]:
 
 def _draw_magnets(axis: Axes, design: SkinDesign, found: PressField, factor: float) -> None:
     """Magnets of the sheet, what they move in the plane and by how much they tilt."""
-    places = magnet_positions(design) * 1e3
+    places = geometry(design).magnets * 1e3
     for magnet, place, motion in zip(design.magnets, places, found.magnets, strict=True):
         if magnet.mount != "sheet":
             continue

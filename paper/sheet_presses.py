@@ -16,8 +16,7 @@ from smoskin.mechanics.reduced.stiffness import stiffness_map
 from smoskin.mechanics.sheet.holders import magnet_motion
 from smoskin.mechanics.sheet.lattice import axial_stiffness
 from smoskin.mechanics.sheet.touches import Covered, Sticking, Touches
-from smoskin.origami.cell import size
-from smoskin.origami.sheet import build_sheet, loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.location import unit_press
 
 if TYPE_CHECKING:
@@ -104,11 +103,11 @@ def press_field(design: SkinDesign) -> PressField:
     """Press one cell's vertex with a finger that sticks to it."""
     from smoskin.mechanics.sheet.model import BarHinge
 
-    sheet = build_sheet(design.cell, design.cells)
+    sheet = geometry(design).sheet
     vertex = sheet.loaded[PRESSED]
     pressed = BarHinge(design, grip=Sticking()).press(
         Touches(
-            position=loaded_positions(design).reshape(-1, 1, 2),
+            position=geometry(design).tops.reshape(-1, 1, 2),
             force=np.broadcast_to([0.0, 0.0, -FORCE], (sheet.loaded.size, 1, 3)),
             radius=_POINT,
         )
@@ -136,13 +135,13 @@ def covers(design: SkinDesign) -> Covers:
 def _coverage(design: SkinDesign, grip: "Grip") -> Coverage:
     from smoskin.mechanics.sheet.model import BarHinge
 
-    extent = size(design.cell)
+    extent = geometry(design).cell
     cell = np.array([float(extent.length), float(extent.width)])
     corners = np.moveaxis(np.indices(design.cells), 0, -1) * cell
     share = (np.arange(_PLACES) + 0.5) / _PLACES
     inside = np.stack(np.meshgrid(share, share, indexing="ij"), axis=-1).reshape(-1, 2)
     places = corners[:, :, None] + inside * cell
-    every = np.concatenate([loaded_positions(design)[:, :, None], places], axis=2)
+    every = np.concatenate([geometry(design).tops[:, :, None], places], axis=2)
     position = every.reshape(-1, 1, 2)
     push = np.broadcast_to([0.0, 0.0, -FORCE], (len(position), 1, 3))
     pressed = BarHinge(design, grip=grip).press(

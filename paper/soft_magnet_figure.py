@@ -24,7 +24,7 @@ from paper.rows import Row, stated
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.mlx90393 import noise
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 
 DEPTHS: Final = (0.0, 0.5e-3, 1.0e-3, 1.5e-3, 2.0e-3)
 """m; the last as printed."""
@@ -109,7 +109,7 @@ def compare(design: SkinDesign, skin: PressedSkin, *, fineness: int = 6) -> Comp
     line = soft_response(
         magnet, pressed.at([-1]), np.linspace(0.0, 1.0, _LINE)[:, None] * np.array(POINTS[1])
     )
-    sheet = skin_response(skin, loaded_positions(design)[0, 0], DEPTHS)
+    sheet = skin_response(skin, geometry(design).tops[0, 0], DEPTHS)
     x, z, section, change = _section(magnet, pressed)
     return Comparison(
         magnet=magnet,

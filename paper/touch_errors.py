@@ -18,7 +18,7 @@ from smoskin.arrays import Floats
 from smoskin.commands.score.evaluate import Judged, grid_sessions, judge, press
 from smoskin.design.skin import SkinDesign
 from smoskin.mechanics.sheet.touches import Touches
-from smoskin.origami.layout import skin_extent
+from smoskin.origami.geometry import geometry
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.bayes.priors import TouchPriors
 from smoskin.sensing.response.bound import BoundMap, SuperResolution, bound_map
@@ -106,7 +106,7 @@ def touch_errors(design: SkinDesign, skins: tuple[TrialSkin, ...]) -> TouchError
         (session,) = grid_sessions(skin.twin, rng, places=PLACES, forces=(FORCE,), drag=DRAG)
         judged.append(judge(_estimator(design, skin, DRAG), skin.twin, session, rng))
     whole = reduce(Judged.__add__, judged)
-    extent = skin_extent(design)
+    extent = geometry(design).extent
     cells = np.rint(whole.truth[:, 0, :2] / extent * (np.array(PLACES) - 1)).astype(np.int64)
     error = np.where(whole.count[:, None] == 1, whole.error[:, 0], _lost(whole, extent))
     distance = np.hypot(error[:, 0], error[:, 1])
@@ -133,7 +133,7 @@ def pair_errors(design: SkinDesign, skin: TrialSkin) -> PairErrors:
     shape = (len(DISTANCES) - 1, len(FORCES) - 1, _A_CLASS)
     where, push = np.empty((*shape, 2, 2)), np.zeros((*shape, 2, 3))
     for d, f in np.ndindex(*shape[:2]):
-        where[d, f] = _places(skin_extent(design), DISTANCES[d], DISTANCES[d + 1], rng)
+        where[d, f] = _places(geometry(design).extent, DISTANCES[d], DISTANCES[d + 1], rng)
         push[d, f, ..., 2] = -rng.uniform(FORCES[f], FORCES[f + 1], (_A_CLASS, 2))
     flat = Touches(position=where.reshape(-1, 2, 2), force=push.reshape(-1, 2, 3))
     estimator = _estimator(design, skin, 0.0)

@@ -7,7 +7,7 @@ import numpy as np
 
 from smoskin.magnetics import mlx90393
 from smoskin.mechanics.sheet.touches import Touches
-from smoskin.origami.cell import size
+from smoskin.origami.geometry import geometry
 from smoskin.records import Motion
 from smoskin.sensing.response.fit import add_modes, fit_response_table
 from smoskin.twin.readout import Readout
@@ -25,7 +25,7 @@ def plain(design):
 
 
 def extent(design):
-    cell = size(design.cell)
+    cell = geometry(design).cell
     return np.multiply(design.cells, [cell.length, cell.width])
 
 

@@ -18,8 +18,7 @@ from smoskin.errors import ArgumentError
 from smoskin.magnetics import sector
 from smoskin.magnetics.inversion import FieldInverse
 from smoskin.mechanics.reduced.stiffness import shear_gain
-from smoskin.origami.cell import size
-from smoskin.origami.layout import chip_offset
+from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.calibration import Calibration
 
 
@@ -94,7 +93,7 @@ def shear_signals(displacement: ArrayLike, design: SkinDesign) -> Floats:
         if magnet.mount == "sheet":
             # Seen from the magnet the chip moves the other way; the first place is that of rest.
             at = np.zeros((len(moved) + 1, 3))
-            at[1:, :2], at[:, 2] = -moved, chip_offset(design, site)
+            at[1:, :2], at[:, 2] = -moved, geometry(design).rest[s, 2]
             field = sector.field(magnet, at)
             signals[:, s] = field[1:] - field[0]
     return signals
@@ -174,7 +173,7 @@ def folding_corrections(position: ArrayLike, design: SkinDesign, folding: ArrayL
         raise ArgumentError(
             f"folding must have shape ({design.cells[0]}, {design.cells[1]}, 2); got {table.shape}"
         )
-    extent = size(design.cell)
+    extent = geometry(design).cell
     cell = np.floor(where / [extent.length, extent.width]).astype(np.int64)
     n, m = np.clip(cell, 0, np.array(design.cells) - 1).T
     return np.asarray(table[n, m])

@@ -23,7 +23,7 @@ from smoskin.mechanics.reduced.stiffness import (
 )
 from smoskin.mechanics.sheet.holders import magnet_motion
 from smoskin.mechanics.sheet.touches import Touches
-from smoskin.origami.sheet import build_sheet, loaded_positions
+from smoskin.origami.geometry import geometry
 
 if TYPE_CHECKING:
     from smoskin.mechanics.sheet.model import BarHinge
@@ -114,8 +114,8 @@ def unit_presses(sheet: "BarHinge", *, force: float = 5e-3) -> UnitPresses:
     """
     if not 0.0 < force < np.inf:
         raise ArgumentError(f"force must be positive and finite; got {force} N")
-    design, mesh = sheet.design, build_sheet(sheet.design.cell, sheet.design.cells)
-    places = loaded_positions(design).reshape(-1, 1, 2)
+    design, mesh = sheet.design, geometry(sheet.design).sheet
+    places = geometry(design).tops.reshape(-1, 1, 2)
     push = np.broadcast_to([0.0, 0.0, -force], (len(places), 1, 3))
     # Stiff sheets answer the tiny press with motions near the rounding of their own forces.
     pressed = sheet.press(Touches(position=places, force=push, radius=_POINT), tolerance=1e-5)

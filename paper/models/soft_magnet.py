@@ -23,8 +23,7 @@ from smoskin.design.materials import ELASTOMERS
 from smoskin.design.skin import HallSetting, SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.mlx90393 import noise
-from smoskin.origami.cell import size
-from smoskin.origami.layout import hall_positions
+from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Reading
 
 Profile = Literal["sectors", "sinusoid"]
@@ -130,7 +129,7 @@ def soft_magnet_like(design: SkinDesign, *, profile: Profile = "sinusoid") -> So
     matches the thickness" of the skin. Hence the magnet is thinner than the skin by 3 mm; the
     skin's thickness is taken from the tops of the sheet down to the sensing points of the chips.
     """
-    cell = size(design.cell)
+    cell = geometry(design).cell
     columns, rows = design.cells
     thickness = design.columns.height + float(cell.height) - design.board.sensing_height
     if not thickness > STANDOFF:
@@ -308,7 +307,7 @@ def skin_response(skin: PressedSkin, position: ArrayLike, depths: ArrayLike) -> 
     for step, force in enumerate(forces.tolist()):
         if math.isfinite(force):
             changes[step] = skin.read(contacts(force)).field - still
-    chips = hall_positions(skin.design)[:, :2]
+    chips = geometry(skin.design).chips[:, :2]
     return PressResponse(depths=steps, forces=forces, offsets=chips - place, changes=changes)
 
 

@@ -15,7 +15,7 @@ from smoskin.arrays import Floats
 from smoskin.commands.score.evaluate import Judged, Session, grid_sessions, judge, label
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.origami.layout import skin_extent
+from smoskin.origami.geometry import geometry
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.bayes.priors import TouchPriors
 from smoskin.sensing.response.bound import bound_map
@@ -141,7 +141,7 @@ def touch_curve(
                 [
                     _figures(
                         _judged(twin, _calibrated(table, made, n, noise), sessions, seed),
-                        skin_extent(design) / 2,
+                        geometry(design).extent / 2,
                     )
                     for n in asked.counts
                 ]

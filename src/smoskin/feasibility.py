@@ -19,9 +19,7 @@ from smoskin.errors import DesignError
 from smoskin.magnetics import mlx90393, sector
 from smoskin.mechanics.reduced.attenuation import magnet_displacements, profiles
 from smoskin.mechanics.reduced.stiffness import board_stiffness, sheet_stiffness, stiffness_map
-from smoskin.origami.cell import size
-from smoskin.origami.layout import chip_offset, magnet_positions
-from smoskin.origami.sheet import vertex_positions
+from smoskin.origami.geometry import geometry
 
 RATED_PRESS: Final = 1.0
 """N: the largest press that a skin must read without saturating, as in the paper."""
@@ -85,7 +83,8 @@ def field_extent(design: SkinDesign, site: HallSite) -> FieldExtent:
     stroke = _stroke(design, magnet)
     steps = np.linspace(-stroke, stroke, 9)
     x, y = np.meshgrid(steps, steps, indexing="ij")
-    points = np.stack([x, y, np.full_like(x, chip_offset(design, site))], axis=-1)
+    rest = geometry(design).rest[design.halls.index(site)]
+    points = np.stack([x, y, np.full_like(x, rest[2])], axis=-1)
     seen = sector.field(magnet, points) @ mlx90393.rotation(site)
     return FieldExtent(rest=seen[4, 4], largest=np.abs(seen).max(axis=(0, 1)), stroke=stroke)
 
@@ -103,8 +102,9 @@ def _stroke(design: SkinDesign, magnet: Magnet) -> float:
 
 def _check_room(design: SkinDesign) -> None:
     """Magnets against columns, each other, board and sheet."""
-    columns = vertex_positions(design.cell, design.cells)[:, ::2, :2].reshape(-1, 2)
-    places = magnet_positions(design)[:, :2]
+    sheet = geometry(design).sheet
+    columns = sheet.vertices[sheet.columns.ravel(), :2]
+    places = geometry(design).magnets[:, :2]
     for magnet, place in zip(design.magnets, places, strict=True):
         if magnet.mount != "sheet":
             continue
@@ -132,7 +132,7 @@ def _check_room(design: SkinDesign) -> None:
                 f"got {design.columns.height * 1e3:.2f} mm"
             )
     deepest = float((RATED_PRESS / stiffness_map(design, design.coefficients)).max())
-    height = float(size(design.cell).height)
+    height = float(geometry(design).cell.height)
     if deepest >= height:
         raise DesignError(
             f"columns are too soft: a press of {RATED_PRESS:g} N must sink the sheet by less than "

@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike
 from smoskin.arrays import Floats, floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import MissingExtraError
-from smoskin.origami.cell import size
-from smoskin.origami.layout import hall_positions, magnet_positions, skin_extent
+from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate, Reading
 
 try:
@@ -107,17 +106,17 @@ def draw_skin(design: SkinDesign, axes: Axes | None = None) -> Axes:
         The axes.
     """
     axes = _axes(axes, (3.6, 4.4))
-    length, width = 1e3 * skin_extent(design)
-    cell = size(design.cell)
+    length, width = 1e3 * geometry(design).extent
+    cell = geometry(design).cell
     axes.add_patch(Rectangle((0, 0), length, width, fill=False, edgecolor=INK, linewidth=1.0))
     axes.vlines(1e3 * cell.length * np.arange(1, design.cells[0]), 0, width, GREY, linewidth=0.3)
     axes.hlines(1e3 * cell.width * np.arange(1, design.cells[1]), 0, length, GREY, linewidth=0.3)
-    for magnet, place in zip(design.magnets, 1e3 * magnet_positions(design), strict=True):
+    for magnet, place in zip(design.magnets, 1e3 * geometry(design).magnets, strict=True):
         colour = ORANGE if magnet.mount == "sheet" else GREY
         axes.add_patch(
             Circle((place[0], place[1]), 1e3 * magnet.radius, fill=False, edgecolor=colour)
         )
-    chips = 1e3 * hall_positions(design)
+    chips = 1e3 * geometry(design).chips
     axes.plot(chips[:, 0], chips[:, 1], "s", color=GREEN, markersize=3)
     axes.set(xlabel="x (mm)", ylabel="y (mm)", title=design.name)
     axes.set_aspect("equal")
@@ -184,7 +183,7 @@ def draw_map(
     axes = _axes(axes, (4.2, 4.4))
     grid = floats("values", values, (None, None))
     low, high = limits or (float(np.nanmin(grid)), float(np.nanmax(grid)))
-    length, width = 1e3 * skin_extent(design)
+    length, width = 1e3 * geometry(design).extent
     cells = grid.shape == design.cells
     dx, dy = (
         (0.0, 0.0) if cells else (length / (2 * len(grid) - 2), width / (2 * grid.shape[1] - 2))
@@ -197,7 +196,7 @@ def draw_map(
         vmax=high,
         extent=(-dx, length + dx, -dy, width + dy),
     )
-    for magnet, place in zip(design.magnets, 1e3 * magnet_positions(design), strict=True):
+    for magnet, place in zip(design.magnets, 1e3 * geometry(design).magnets, strict=True):
         axes.add_patch(
             Circle((place[0], place[1]), 1e3 * magnet.radius, fill=False, edgecolor="white")
         )

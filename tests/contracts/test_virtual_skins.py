@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
 from smoskin.mechanics.sheet.touches import Touches, touches_of
-from smoskin.origami.sheet import build_sheet, loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Contact, Motion
 from smoskin.roles import VirtualSkin
 from smoskin.twin.reduced import ReducedTwin
@@ -37,7 +37,7 @@ def test_untouched_it_is_at_rest(ideal, planar):
     assert_array_equal(motion.board, rest.board)
     assert motion.valid
     assert motion.valid.shape == ()
-    sheet = build_sheet(planar.cell, planar.cells)
+    sheet = geometry(planar).sheet
     assert_allclose(ideal.sheet_vertices(), sheet.vertices, atol=1e-15)
     assert ideal.depths([]).shape == (0,)
 
@@ -117,11 +117,11 @@ def test_every_answer_is_of_the_temperature_asked_for(ideal):
 
 
 def test_the_skin_sinks_under_each_finger(ideal, planar):
-    place, other = loaded_positions(planar)[2, 3], loaded_positions(planar)[4, 1]
+    place, other = geometry(planar).tops[2, 3], geometry(planar).tops[4, 1]
     contacts = [Contact(position=p, force=(0, 0, -f)) for p, f in ((place, 0.5), (other, 0.1))]
     deep, shallow = ideal.depths(contacts)
     assert 1e-5 < shallow < deep < 2e-3
-    tops = build_sheet(planar.cell, planar.cells).loaded
+    tops = geometry(planar).sheet.loaded
     sunk = (ideal.sheet_vertices() - ideal.sheet_vertices(contacts))[tops, 2]
     assert 0.8 * sunk[2, 3] < deep <= 1.001 * sunk[2, 3]
     assert 0.8 * sunk[4, 1] < shallow <= 1.001 * sunk[4, 1]

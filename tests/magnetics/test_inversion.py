@@ -5,14 +5,14 @@ import pytest
 
 from smoskin.magnetics import sector
 from smoskin.magnetics.inversion import FieldInverse, rest_cross_talk
-from smoskin.origami.layout import chip_offset, hall_positions, magnet_positions
+from smoskin.origami.geometry import geometry
 
 
 def exact_fields(design, moved):
     """Field of each chip's own magnet when the chip has moved, (..., S, 3)."""
     fields = []
     for s, site in enumerate(design.halls):
-        rest = np.array([0.0, 0.0, chip_offset(design, site)])
+        rest = geometry(design).rest[s]
         fields.append(sector.field(design.magnet(site.magnet), rest + moved[..., s, :]))
     return np.stack(fields, axis=-2)
 
@@ -87,7 +87,7 @@ def test_past_its_usable_range_the_closed_inverse_is_refined(planar):
 
 def test_the_other_magnets_fields_are_those_of_their_places(planar):
     """Each chip at rest, magnet by magnet."""
-    chips, magnets = hall_positions(planar), magnet_positions(planar)
+    chips, magnets = geometry(planar).chips, geometry(planar).magnets
     expected = np.zeros((3, 3))
     for s, site in enumerate(planar.halls):
         for magnet, place in zip(planar.magnets, magnets, strict=True):

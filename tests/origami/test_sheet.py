@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from smoskin.origami.cell import dihedral_angles
-from smoskin.origami.layout import hall_positions, magnet_positions
-from smoskin.origami.sheet import build_sheet, loaded_positions
+from smoskin.origami.sheet import build_sheet
 
 
 @pytest.fixture(params=[(6, 6), (2, 3), (1, 1), (5, 2)])
@@ -70,18 +69,3 @@ def test_columns_stand_under_bottom_vertices_and_are_counted_once(sheet):
     assert np.all(mesh.vertices[mesh.loaded.ravel(), 2] > 0)
     assert mesh.columns.size == n * (m + 1) + (n + 1) * (m + 1)
     assert mesh.multiplicity.sum() == 6 * n * m
-
-
-def test_loaded_vertices_lie_in_the_middle_of_their_cells(planar):
-    places = loaded_positions(planar)
-    assert places.shape == (6, 6, 2)
-    np.testing.assert_allclose(places[0, 0], [0.010, 0.160 / 12], atol=1e-6)
-    np.testing.assert_allclose(places[5, 5], [0.110, 0.160 / 12 * 11], atol=1e-6)
-
-
-def test_chips_stand_their_gap_from_their_magnets(planar):
-    chips, magnets = hall_positions(planar), magnet_positions(planar)
-    for site, chip, magnet, where in zip(planar.halls, chips, planar.magnets, magnets, strict=True):
-        apart = np.abs(chip - where)
-        np.testing.assert_allclose(apart, [0, 0, site.gap + magnet.height / 2], atol=1e-12)
-    assert chips[0, 2] < -planar.columns.height < chips[1, 2]

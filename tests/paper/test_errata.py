@@ -13,7 +13,7 @@ from smoskin.mechanics.reduced.attenuation import cell_change
 from smoskin.mechanics.reduced.stiffness import cell_layers, relative_stiffness_map, shear_gain
 from smoskin.mechanics.sheet.lattice import crease_stiffness
 from smoskin.origami.cell import fold_angle, poisson_ratios, size
-from smoskin.origami.sheet import build_sheet
+from smoskin.origami.geometry import geometry
 
 MU_0 = 4e-7 * math.pi
 
@@ -116,7 +116,7 @@ def test_e11_s3_points_away_from_the_centre():
 
 def crease_sum(design, vertex_wise: bool) -> tuple[float, float]:
     """Sum of k L / 2 over a-creases and b-creases, k = 1: of one top vertex, or of a period."""
-    sheet, (n, m) = build_sheet(design.cell, design.cells), design.cells
+    sheet, (n, m) = geometry(design).sheet, design.cells
     top = sheet.loaded[n // 2, m // 2]
     # The period: the top vertex's own creases and those of the bottom vertex beside it.
     vertices = [top] if vertex_wise else [top, top + 1 + 2 * m + 1]
@@ -147,7 +147,7 @@ def test_e13_crease_stiffness_follows_the_gap(planar):
 
 def test_e14_creases_that_end_on_the_rim(planar):
     n, m = planar.cells
-    along = build_sheet(planar.cell, planar.cells).along_a
+    along = geometry(planar).sheet.along_a
     assert (along.sum(), (~along).sum()) == (
         2 * n * m + 2 * (n - 1) * m,
         2 * n * m + 2 * n * (m - 1),

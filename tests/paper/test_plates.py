@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from paper.errata import errata
 from smoskin.mechanics.sheet.lattice import axial_stiffness
 from smoskin.mechanics.viscoelasticity import elastomer_prony
-from smoskin.origami.sheet import build_sheet
+from smoskin.origami.geometry import geometry
 
 pytest.importorskip("jax")
 pytest.importorskip("matplotlib")
@@ -113,7 +113,7 @@ def test_the_fit_is_drawn_with_its_numbers(found):
 
 def test_the_columns_carry_the_press(planar, found):
     field = found.field
-    feet = build_sheet(planar.cell, planar.cells).columns
+    feet = geometry(planar).sheet.columns
     sunk = -field.moved[feet, 2]
     assert sunk.sum() * axial_stiffness(planar.columns) == pytest.approx(0.5, rel=1e-6)
     assert sunk.mean() == pytest.approx(field.plate, rel=1e-6)
@@ -128,7 +128,7 @@ def test_the_displacement_field_is_drawn_with_its_scales(planar, found):
     whole, reduced, section = plate.figure.axes[:3]
     arrows = whole.collections[1]
     factor = float(whole.get_title(loc="left").rpartition("x ")[2])
-    feet = build_sheet(planar.cell, planar.cells).columns
+    feet = geometry(planar).sheet.columns
     moved = found.field.moved[feet][..., :2].reshape(-1, 2) * 1e3 * factor
     assert_allclose(np.stack([arrows.U, arrows.V], axis=-1), moved)
     assert float(reduced.get_title(loc="left").rpartition("x ")[2]) < factor

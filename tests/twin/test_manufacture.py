@@ -11,7 +11,7 @@ from smoskin.errors import ArgumentError
 from smoskin.mechanics.reduced.stiffness import board_stiffness
 from smoskin.mechanics.sheet.lattice import build_lattice, springs_of
 from smoskin.mechanics.viscoelasticity import modulus_factor
-from smoskin.origami.sheet import build_sheet
+from smoskin.origami.geometry import geometry
 from smoskin.twin.manufacture import (
     Tolerances,
     as_designed,
@@ -79,7 +79,7 @@ def test_each_deviation_scales_its_springs_alone(planar):
     made, springs, sheet = (
         draw(planar, np.random.default_rng(3)),
         springs_of(planar),
-        build_sheet(planar.cell, planar.cells),
+        geometry(planar).sheet,
     )
     design, lattice = made_mechanics(planar, made, 25.0)
     plain = build_lattice(planar)
@@ -102,7 +102,7 @@ def test_warm_rubber_is_stiffer_and_film_and_frame_are_not(planar):
     _, cold = made_mechanics(planar, as_designed(planar), 25.0)
     design, warm = made_mechanics(planar, as_designed(planar), 55.0)
     factor = float(modulus_factor(planar.columns.material, 55.0))
-    inner = build_sheet(planar.cell, planar.cells).columns[3, 3]
+    inner = geometry(planar).sheet.columns[3, 3]
     assert factor > 1.05
     assert_allclose(warm.ground[inner], factor * cold.ground[inner], rtol=1e-12)
     assert_array_equal(warm.hinge_stiffness, cold.hinge_stiffness)

@@ -12,8 +12,7 @@ from magpylib_oracle import magpylib_disc
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
 from smoskin.magnetics.chip import answered
-from smoskin.origami.cell import size
-from smoskin.origami.layout import hall_positions, magnet_positions
+from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Motion
 from smoskin.twin.manufacture import Tolerances, as_designed, draw
 from smoskin.twin.readout import Readout
@@ -37,11 +36,11 @@ def still(design) -> Motion:
 
 def magpylib_reading(design, made, around, motion):
     """The same skin built of magpylib's objects, moved by its own rotations; (S, 3), T."""
-    extent = size(design.cell)
+    extent = geometry(design).cell
     middle = [design.cells[0] * extent.length / 2, design.cells[1] * extent.width / 2, 0]
     yaw, slide = Rotation.from_rotvec([0, 0, motion.board[2]]), [*motion.board[:2], 0]
     sources = []
-    for g, (magnet, place) in enumerate(zip(design.magnets, magnet_positions(design), strict=True)):
+    for g, (magnet, place) in enumerate(zip(design.magnets, geometry(design).magnets, strict=True)):
         strong = replace(magnet, remanence=magnet.remanence * made.remanence[g])
         disc = magpylib_disc(strong, place, made.magnet_turn[g])
         disc.move(made.magnet_place[g])
@@ -59,7 +58,7 @@ def magpylib_reading(design, made, around, motion):
     seen = []
     for s, site in enumerate(design.halls):
         chip = magpylib.Sensor(
-            position=hall_positions(design)[s] + made.chip_pose.offset[s],
+            position=geometry(design).chips[s] + made.chip_pose.offset[s],
             orientation=Rotation.from_matrix(mlx90393.rotation(site)),
         )
         chip.rotate(Rotation.from_rotvec(made.chip_pose.turn[s].copy()))

@@ -11,7 +11,7 @@ from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
 from smoskin.mechanics.reduced.stiffness import board_stiffness, sheet_stiffness
 from smoskin.mechanics.sheet.touches import touches_of
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Contact
 from smoskin.twin.reduced import ReducedTwin
 
@@ -31,7 +31,7 @@ def test_a_press_is_shared_without_loss(planar, x, y, force):
 
 def twin_stiffness(twin: ReducedTwin) -> np.ndarray:
     """Newtons a metre of each cell, from presses on the vertices alone."""
-    places = loaded_positions(twin.design).reshape(-1, 2)
+    places = geometry(twin.design).tops.reshape(-1, 2)
     depths = twin.press_depths(touches_of([[press(*place, 1.0)] for place in places]))
     return 1 / np.einsum("kk->k", depths.reshape(len(places), -1)).reshape(twin.design.cells)
 
@@ -61,7 +61,7 @@ def test_a_mirrored_press_on_a_mirrored_skin_gives_mirrored_fields(planar):
         planar,
         magnets=tuple(replace(m, corner=(6 - m.corner[0], m.corner[1])) for m in planar.magnets),
     )
-    width = loaded_positions(planar)[-1, 0, 0] + loaded_positions(planar)[0, 0, 0]
+    width = geometry(planar).tops[-1, 0, 0] + geometry(planar).tops[0, 0, 0]
     here = ReducedTwin(planar, seed=None).read([press(0.03, 0.05)]).field
     there = ReducedTwin(mirrored, seed=None).read([press(width - 0.03, 0.05)]).field
     turns = mlx90393.rotations(planar.halls)
@@ -102,7 +102,7 @@ def test_a_press_past_the_range_saturates_the_chip(planar):
 
 def test_the_shown_sheet_sinks_under_the_finger(planar):
     twin = ReducedTwin(planar, seed=None)
-    place = loaded_positions(planar)[2, 3]
+    place = geometry(planar).tops[2, 3]
     rest, pressed = twin.sheet_vertices(), twin.sheet_vertices([press(*place)])
     sunk = rest[:, 2] - pressed[:, 2]
     deepest = int(np.argmax(sunk))

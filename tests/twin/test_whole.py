@@ -13,7 +13,7 @@ from smoskin.mechanics.sheet.holders import magnet_motion
 from smoskin.mechanics.sheet.model import BarHinge
 from smoskin.mechanics.sheet.touches import Frictionless, Touches
 from smoskin.mechanics.viscoelasticity import modulus_factor
-from smoskin.origami.sheet import build_sheet, loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Contact
 from smoskin.twin.manufacture import Tolerances
 from smoskin.twin.surroundings import Surroundings
@@ -38,7 +38,7 @@ def test_untouched_the_skin_is_at_rest(ideal, planar):
     assert bool(motion.valid)
     assert not motion.magnets.any()
     assert not motion.board.any()
-    assert_allclose(ideal.sheet_vertices(), build_sheet(planar.cell, planar.cells).vertices)
+    assert_allclose(ideal.sheet_vertices(), geometry(planar).sheet.vertices)
 
 
 def test_motions_of_many_states_are_those_of_each(ideal):
@@ -72,12 +72,12 @@ def test_small_touches_add_up(ideal):
 
 
 def test_the_skin_sinks_under_the_finger(ideal, planar):
-    place = loaded_positions(planar)[2, 3]
+    place = geometry(planar).tops[2, 3]
     depth = ideal.depths([press(*place)])
     assert depth.shape == (1,)
     assert 1e-5 < depth[0] < 2e-3
     sunk = ideal.sheet_vertices()[:, 2] - ideal.sheet_vertices([press(*place)])[:, 2]
-    tops = build_sheet(planar.cell, planar.cells).loaded
+    tops = geometry(planar).sheet.loaded
     near = sunk[tops[1:4, 2:5]]
     assert sunk.mean() < depth[0] <= near.max()
     assert depth[0] == pytest.approx(0.8 * near[1, 1] + 0.2 * near.mean(), rel=0.1)

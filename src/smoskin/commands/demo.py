@@ -19,9 +19,7 @@ import numpy as np
 
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.origami.cell import size
-from smoskin.origami.layout import hall_positions, magnet_positions, skin_extent
-from smoskin.origami.sheet import build_sheet, loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Sink
 from smoskin.sensing.closed_form.calibration import Calibration
@@ -128,8 +126,8 @@ def scripted_hand(design: SkinDesign, seconds: float, seed: int) -> tuple[Contac
     if count < 1:
         raise ArgumentError(f"seconds must be at least {_FIRST + _PERIOD:g}; got {seconds:g}")
     rng = np.random.default_rng(seed)
-    places = loaded_positions(design).reshape(-1, 2)
-    extent = size(design.cell)
+    places = geometry(design).tops.reshape(-1, 2)
+    extent = geometry(design).cell
     rounds = [rng.permutation(places) for _ in range(-(-count // len(places)))]
     touches = []
     for k, place in enumerate(np.concatenate(rounds)[:count]):
@@ -319,7 +317,7 @@ def _judge(true: Contact, held: Sequence[Estimate], design: SkinDesign) -> Judge
         position=np.median([one.position for one in contacts], axis=0),
         force=np.median([one.force for one in contacts], axis=0),
     )
-    extent = size(design.cell)
+    extent = geometry(design).cell
     off = np.abs(median.position - true.position)
     miss = float(np.linalg.norm(median.force - true.force) / np.linalg.norm(true.force))
     return JudgedTouch(
@@ -377,14 +375,14 @@ class _Page(Sink):
 
 def _shape(design: SkinDesign) -> SkinShape:
     """What the page draws of a design."""
-    sheet = build_sheet(design.cell, design.cells)
-    length, width = skin_extent(design).tolist()
+    sheet = geometry(design).sheet
+    length, width = geometry(design).extent.tolist()
     return SkinShape(
         vertices=sheet.vertices,
         facets=sheet.facets,
         chip_names=tuple(site.name for site in design.halls),
-        chips=hall_positions(design),
-        magnets=magnet_positions(design),
+        chips=geometry(design).chips,
+        magnets=geometry(design).magnets,
         magnet_radius=design.magnets[0].radius,
         magnet_height=design.magnets[0].height,
         board=-design.columns.height,

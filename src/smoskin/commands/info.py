@@ -16,7 +16,8 @@ from smoskin.mechanics.reduced.stiffness import (
     sheet_stiffness,
     stiffness_map,
 )
-from smoskin.origami.cell import dihedral_angles, poisson_ratios, size
+from smoskin.origami.cell import dihedral_angles, poisson_ratios
+from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.confidence import ambiguities
 from smoskin.units import from_si
 
@@ -108,7 +109,7 @@ def _derived(design: SkinDesign) -> list[Row]:
         return row(part, f"{name}_{suffix}", float(from_si(float(value), suffix)), why)
 
     extent, nu, dihedral = (
-        size(design.cell),
+        geometry(design).cell,
         poisson_ratios(design.cell),
         dihedral_angles(design.cell),
     )

@@ -20,8 +20,7 @@ from smoskin.errors import ArgumentError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.mechanics.sheet.compliance import grip_compliance
 from smoskin.mechanics.sheet.touches import Touches
-from smoskin.origami.cell import size
-from smoskin.origami.layout import skin_extent
+from smoskin.origami.geometry import geometry
 from smoskin.records import Motion
 from smoskin.sensing.response.fit import add_coupling, add_modes, add_warmth, fit_response_table
 from smoskin.sensing.response.table import ResponseTable
@@ -172,7 +171,7 @@ def _draw_presses(
     design: SkinDesign, work: Effort, rng: np.random.Generator, count: int
 ) -> tuple[Floats, Floats]:
     """Places (B, 2) and forces (B, 3) all over the skin; two in five are straight."""
-    place = rng.uniform(0, skin_extent(design), (count, 2))
+    place = rng.uniform(0, geometry(design).extent, (count, 2))
     force = np.zeros((count, 3))
     force[:, 2] = -rng.uniform(*work.force, count)
     drag = work.drag * np.sqrt(rng.uniform(0, 1, count)) * (rng.uniform(0, 1, count) > 0.4)
@@ -185,9 +184,9 @@ def _draw_pairs(
     design: SkinDesign, work: Effort, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
     """Places (B, 2, 2) and forces (B, 2, 3) of straight pairs, more than a cell apart."""
-    cell = size(design.cell)
+    cell = geometry(design).cell
     apart = float(max(cell.length, cell.width))
-    place = far_pairs(skin_extent(design), apart, work.pairs, rng)
+    place = far_pairs(geometry(design).extent, apart, work.pairs, rng)
     force = np.zeros((work.pairs, 2, 3))
     force[..., 2] = -rng.uniform(*work.force, (work.pairs, 2))
     return place, force

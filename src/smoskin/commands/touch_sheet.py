@@ -20,7 +20,7 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import RecordingError
-from smoskin.origami.layout import skin_extent
+from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, HeldTouch, Reading
 from smoskin.sensing.response.calibrate import Target
 from smoskin.units import from_si, to_si
@@ -201,7 +201,7 @@ def _row(where: str, line: int, values: dict[str, float], design: SkinDesign) ->
     place, force = (np.array([values[name] for name in names]) for names in (_PLACE, _FORCE))
     contact = None
     if np.isfinite(place).any():
-        if not ((place >= -_ROUNDED) & (place <= skin_extent(design) + _ROUNDED)).all():
+        if not ((place >= -_ROUNDED) & (place <= geometry(design).extent + _ROUNDED)).all():
             raise RecordingError(f"{where}: line {line}: the touch must lie on the skin")
         if not (np.isfinite(force).all() and force[2] < 0):
             raise RecordingError(f"{where}: line {line}: the touch must press, force_z_N < 0")

@@ -28,7 +28,7 @@ from smoskin.mechanics.sheet.touches import (
     Sticking,
     Touches,
 )
-from smoskin.origami.layout import places_to_the_rim, skin_extent
+from smoskin.origami.geometry import geometry, places_to_the_rim
 from smoskin.units import from_si, to_si
 
 LARGEST_FORCE: Final = 50.0
@@ -199,7 +199,7 @@ class Random:
 
     def touches(self, design: SkinDesign, index: Ints, rng: np.random.Generator) -> Touches:
         """As many presses as numbers are given."""
-        extent = skin_extent(design)
+        extent = geometry(design).extent
         if 2 * self.margin > extent.min():
             raise ArgumentError(
                 f"margin must be at most half the skin, {extent.min() / 2} m; got {self.margin}"
@@ -453,7 +453,7 @@ def _read(value: Any, suffix: str | None) -> Any:
 
 def _places(design: SkinDesign, places: tuple[int, int]) -> Floats:
     """Of a grid, shape (P, 2), m; y changes fastest."""
-    return places_to_the_rim(skin_extent(design), places)
+    return places_to_the_rim(geometry(design).extent, places)
 
 
 def _check_places(places: tuple[int, int]) -> None:

@@ -22,7 +22,7 @@ from smoskin.magnetics.centripetal import (
 )
 from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
 from smoskin.magnetics.sector import field
-from smoskin.origami.layout import chip_offset, hall_positions, magnet_positions
+from smoskin.origami.geometry import geometry
 
 _STEPS = 2
 """Newton steps from the corrected inverse; the second moves less than a nanometre in the stroke."""
@@ -44,7 +44,7 @@ class Displacements(NamedTuple):
 
 def rest_cross_talk(design: SkinDesign) -> Floats:
     """Field of all magnets but its own at each chip at rest, in the skin's frame, (S, 3), T."""
-    chips, magnets = hall_positions(design), magnet_positions(design)
+    chips, magnets = geometry(design).chips, geometry(design).magnets
     fields = np.zeros_like(chips)
     for magnet, place in zip(design.magnets, magnets, strict=True):
         others = [s for s, site in enumerate(design.halls) if site.magnet != magnet.name]
@@ -69,8 +69,7 @@ class FieldInverse:
     ) -> None:
         magnets = [design.magnet(site.magnet) for site in design.halls]
         self._stroke = stroke
-        self._rest = np.zeros((len(magnets), 3))
-        self._rest[:, 2] = [chip_offset(design, site) for site in design.halls]
+        self._rest = geometry(design).rest
         self._places, self._charges = point_charges(magnets)
         fitted: dict[tuple[object, ...], tuple[LinearCorrection, float]] = {}
         for magnet, site in zip(magnets, design.halls, strict=True):

@@ -12,7 +12,7 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
-from smoskin.origami.layout import chip_offset
+from smoskin.origami.geometry import geometry
 
 _STEP: Final = 1e-5
 """m, of the differences of the gradient."""
@@ -39,8 +39,7 @@ def field_curvature(design: SkinDesign) -> Floats:
     """
     magnets = [design.magnet(site.magnet) for site in design.halls]
     places, charges = point_charges(magnets)
-    rest = np.zeros((len(magnets), 3))
-    rest[:, 2] = [chip_offset(design, site) for site in design.halls]
+    rest = geometry(design).rest
 
     def gradient(shift: Floats) -> Floats:
         return charge_field_and_gradient(places, charges, rest + shift)[1]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from smoskin.arrays import Bools, Floats, Ints
-from smoskin.design.skin import MiuraCell, SkinDesign
+from smoskin.design.skin import MiuraCell
 from smoskin.origami.cell import size
 
 
@@ -49,11 +49,6 @@ def vertex_positions(cell: MiuraCell, cells: tuple[int, int]) -> Floats:
     return np.stack(
         [i * length / 2, j * width / 2 + (i % 2 == 0) * zigzag, (j % 2 == 1) * height], axis=-1
     )
-
-
-def loaded_positions(design: SkinDesign) -> Floats:
-    """Where each cell's loaded vertex lies in the plane, shape (N, M, 2), m."""
-    return vertex_positions(design.cell, design.cells)[1::2, 1::2, :2]
 
 
 def column_multiplicity(cells: tuple[int, int]) -> Ints:

@@ -19,7 +19,7 @@ from smoskin.magnetics.temperature import temperature_factor
 from smoskin.measurement import TouchTable
 from smoskin.mechanics.reduced.stiffness import cell_layers, sheet_stiffness
 from smoskin.mechanics.sheet.touches import touches_of
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Contact, Reading
 from smoskin.twin.reduced import ReducedTwin
 
@@ -195,7 +195,7 @@ def load_contact(design: SkinDesign, load: Load) -> Contact:
         raise ArgumentError(
             f"load.cell must lie in (0..{columns - 1}, 0..{rows - 1}); got {load.cell}"
         )
-    return Contact(position=loaded_positions(design)[load.cell], force=load.force)
+    return Contact(position=geometry(design).tops[load.cell], force=load.force)
 
 
 def made_skin(design: SkinDesign, rng: np.random.Generator) -> MadeSkin:

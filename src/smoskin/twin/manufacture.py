@@ -16,7 +16,7 @@ from smoskin.errors import ArgumentError
 from smoskin.magnetics.chip import ChipErrors, ChipPose
 from smoskin.mechanics.sheet.lattice import Lattice, build_lattice, springs_of
 from smoskin.mechanics.viscoelasticity import modulus_factor
-from smoskin.origami.sheet import build_sheet
+from smoskin.origami.geometry import geometry
 
 _CUT = 3.0
 """Standard deviations beyond which a part is thrown away."""
@@ -148,7 +148,7 @@ def draw(
     def factor(spread: float, *shape: int) -> Floats:
         return frozen("deviation", 1.0 + scatter(spread, *shape), shape)
 
-    sheet = build_sheet(design.cell, design.cells)
+    sheet = geometry(design).sheet
     chips, magnets = len(design.halls), len(design.magnets)
     rubber = float(factor(limits.stiffness_variation))
     height = 1.0 + scatter(limits.column_height, *sheet.columns.shape) / design.columns.height

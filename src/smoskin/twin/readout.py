@@ -20,7 +20,7 @@ from smoskin.magnetics.temperature import (
     check_temperature,
     temperature_factor,
 )
-from smoskin.origami.layout import hall_positions, magnet_positions, skin_extent
+from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Motion, Reading
 from smoskin.twin.manufacture import Deviations, as_designed
 from smoskin.twin.surroundings import Surroundings
@@ -51,15 +51,15 @@ class Readout:
             for magnet, factor in zip(design.magnets, made.remanence, strict=True)
         ]
         self._on_base = np.array([magnet.mount == "base" for magnet in design.magnets])
-        self._places = magnet_positions(design) + made.magnet_place
+        self._places = geometry(design).magnets + made.magnet_place
         self._turns = rotation_matrix(made.magnet_turn)
-        self._chips = hall_positions(design) + made.chip_pose.offset
+        self._chips = geometry(design).chips + made.chip_pose.offset
         self._to_skin = mounting(design.halls, made.chip_pose)
         self._errors = made.chip_errors
-        self._middle = np.append(skin_extent(design) / 2, 0.0)
+        self._middle = np.append(geometry(design).extent / 2, 0.0)
         self._earth = around.earth
         self._neighbours = [
-            (one.place + magnet_positions(design) @ turn.T, turn)
+            (one.place + geometry(design).magnets @ turn.T, turn)
             for one in around.neighbours
             for turn in (rotation_matrix(one.turn),)
         ]

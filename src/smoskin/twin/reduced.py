@@ -29,7 +29,7 @@ from smoskin.mechanics.reduced.stiffness import (
 )
 from smoskin.mechanics.sheet.touches import Touches, touches_of, vertex_shares
 from smoskin.mechanics.viscoelasticity import modulus_factor
-from smoskin.origami.sheet import vertex_positions
+from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Motion, Reading
 from smoskin.roles import VirtualSkin
 from smoskin.twin.manufacture import Deviations
@@ -152,7 +152,8 @@ class ReducedTwin(VirtualSkin):
         directions; the SI fixes heights only for the cells in line with the load.
         """
         cells, touches = self.design.cells, touches_of([contacts])
-        vertices = vertex_positions(self.design.cell, cells)
+        at_rest = geometry(self.design).sheet.vertices
+        vertices = at_rest.reshape(2 * cells[0] + 1, 2 * cells[1] + 1, 3).copy()
         depths = self.press_depths(touches, temperature=temperature)[0]
         v_x, v_y = self.design.coefficients.attenuation
         rows, lines = np.arange(2 * cells[0] + 1), np.arange(cells[1])

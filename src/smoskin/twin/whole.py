@@ -22,7 +22,7 @@ from smoskin.magnetics.mlx90393 import HallSample
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, check_temperature
 from smoskin.mechanics.sheet.holders import holder_matrix
 from smoskin.mechanics.sheet.touches import Grip, Sticking, Touches, patch_shares, touches_of
-from smoskin.origami.sheet import build_sheet
+from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Motion, Reading
 from smoskin.roles import VirtualSkin
 from smoskin.twin.manufacture import Tolerances, as_designed, draw, made_mechanics
@@ -110,7 +110,7 @@ class Twin(VirtualSkin):
         self._readout = Readout(design, self.deviations, surroundings)
         holders = holder_matrix(design)
         self._holders = holders.reshape(-1, holders.shape[2] * 3).T.copy()
-        self._sheet = build_sheet(design.cell, design.cells)
+        self._sheet = geometry(design).sheet
         self._grip: Grip = grip or Sticking()
         self._solver = functools.lru_cache(maxsize=_SOLVERS)(self._build_solver)
         self._solver(REFERENCE_TEMPERATURE)

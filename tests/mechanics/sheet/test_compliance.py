@@ -7,8 +7,7 @@ import pytest
 
 from smoskin.mechanics.sheet.lattice import build_lattice, springs_of
 from smoskin.mechanics.sheet.touches import Frictionless, Touches
-from smoskin.origami.layout import skin_extent
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 
 pytest.importorskip("jax")
 from smoskin.mechanics.sheet.compliance import grip_compliance
@@ -25,8 +24,8 @@ def test_small_forces_move_vertices_as_the_whole_sheet_says(small, soft):
     compliance = grip_compliance(small, lattice)
     assert compliance.shape == (9, 2, 9, 3)
     model = BarHinge(small, grip=Frictionless(), lattice=lattice)
-    places = loaded_positions(small).reshape(-1, 2)
-    arms = places - skin_extent(small) / 2
+    places = geometry(small).tops.reshape(-1, 2)
+    arms = places - geometry(small).extent / 2
     force = 1e-6
     for vertex, axis in ((0, 0), (0, 1), (5, 0), (5, 2), (7, 1)):
         push = np.zeros(3)

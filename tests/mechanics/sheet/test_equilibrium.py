@@ -16,7 +16,8 @@ from smoskin.design.skin import MiuraCell
 from smoskin.mechanics.reduced.stiffness import board_stiffness
 from smoskin.mechanics.sheet.lattice import build_lattice, springs_of
 from smoskin.mechanics.sheet.touches import Frictionless, Sticking, Touches
-from smoskin.origami.cell import dihedral_angles, size
+from smoskin.origami.cell import dihedral_angles
+from smoskin.origami.geometry import geometry
 from smoskin.origami.sheet import vertex_positions
 from textbook_sheet import inner_force, outer_force
 
@@ -124,7 +125,7 @@ def test_the_rigid_limit_is_the_closed_form(planar, count, expected):
         panel_membrane=1e11,
     )
     model = BarHinge(design, grip=Frictionless(), lattice=build_lattice(design, springs))
-    extent = size(design.cell)
+    extent = geometry(design).cell
     force = -5e-7 * expected
     for n, m in ((0, 0), (count // 2, count // 2)):
         position = [[((n + 0.5) * float(extent.length), (m + 0.5) * float(extent.width))]]

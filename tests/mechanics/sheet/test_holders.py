@@ -15,8 +15,7 @@ from smoskin.mechanics.reduced.attenuation import (
     profiles,
 )
 from smoskin.mechanics.sheet.holders import holder_columns, holder_matrix, magnet_motion
-from smoskin.origami.layout import magnet_positions
-from smoskin.origami.sheet import build_sheet
+from smoskin.origami.geometry import geometry
 
 SHEET = [1, 2]
 """Which of the reference design's magnets hang on the sheet."""
@@ -24,7 +23,7 @@ SHEET = [1, 2]
 
 def on_vertices(design, loaded, attenuation):
     """The reduced model's column displacements as a field over all vertices."""
-    sheet = build_sheet(design.cell, design.cells)
+    sheet = geometry(design).sheet
     parts = profiles(design.cell, design.cells, (attenuation, attenuation), -1e-3)
     moved = np.zeros_like(sheet.vertices)
     moved[sheet.columns, :2] = column_displacements(parts, loaded)
@@ -33,7 +32,7 @@ def on_vertices(design, loaded, attenuation):
 
 def rigid_motion(design, g, shift, turn):
     """Of all vertices with magnet g."""
-    away = build_sheet(design.cell, design.cells).vertices - magnet_positions(design)[g]
+    away = geometry(design).sheet.vertices - geometry(design).magnets[g]
     return np.asarray(shift) + np.cross(turn, away)
 
 
@@ -78,26 +77,26 @@ def test_with_attenuation_y_is_that_of_the_reduced_model_and_x_its_mean_over_bot
 
 
 def test_a_magnet_hangs_on_the_three_columns_round_it(planar):
-    sheet = build_sheet(planar.cell, planar.cells)
+    sheet = geometry(planar).sheet
     for g in SHEET:
         gripping, bearing = holder_columns(planar, planar.magnets[g])
         p, q = planar.magnets[g].corner
         assert set(gripping) == {sheet.columns[2 * p - 1, q], sheet.columns[2 * p + 1, q]}
         distance = np.linalg.norm(
-            sheet.vertices[sheet.columns, :2] - magnet_positions(planar)[g, :2], axis=-1
+            sheet.vertices[sheet.columns, :2] - geometry(planar).magnets[g, :2], axis=-1
         )
         assert set(bearing) == set(sheet.columns.ravel()[np.argsort(distance, axis=None)[:3]])
 
 
 def test_a_tilt_shifts_a_magnet_by_its_lever(planar):
     """Lowering the column on the far side tips the magnet below back under it."""
-    sheet = build_sheet(planar.cell, planar.cells)
+    sheet = geometry(planar).sheet
     p, q = planar.magnets[1].corner
     moved = np.zeros_like(sheet.vertices)
     moved[sheet.columns[2 * p + 1, q], 2] = -1e-4
     motion = magnet_motion(planar, moved)[1]
     tilt = 1e-4 / (sheet.vertices[sheet.columns[2, 0], 0] - sheet.vertices[sheet.columns[0, 0], 0])
-    depth = -magnet_positions(planar)[1, 2]
+    depth = -geometry(planar).magnets[1, 2]
     assert motion[4] == pytest.approx(tilt, rel=1e-12)
     assert motion[0] == pytest.approx(-tilt * depth, rel=1e-12)
     assert motion[2] == pytest.approx(-0.5e-4, rel=1e-12)

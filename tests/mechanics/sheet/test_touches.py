@@ -18,8 +18,7 @@ from smoskin.mechanics.sheet.touches import (
     touches_of,
     vertex_shares,
 )
-from smoskin.origami.layout import skin_extent
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.records import Contact
 
 PRESS = (0.0, 0.0, -0.5)
@@ -41,7 +40,7 @@ def test_a_patch_shares_its_touch_out_whole(planar, position, radius):
 def test_the_loads_of_a_touch_have_its_moment(planar, position, radius):
     """On the vertices they turn the skin as the touch does, even past the outermost vertices."""
     shares = patch_shares(planar, one(position, radius))[0, 0]
-    middle = np.einsum("nm,nmk->k", shares, loaded_positions(planar))
+    middle = np.einsum("nm,nmk->k", shares, geometry(planar).tops)
     np.testing.assert_allclose(middle, position, atol=1e-12)
 
 
@@ -73,14 +72,14 @@ def test_a_patch_is_the_mean_over_its_disc(planar):
 def test_a_patch_inside_keeps_its_middle(planar, position):
     """Shares that are linear between vertices do not move the centre of a symmetric patch much."""
     shares = patch_shares(planar, one(position))[0, 0]
-    middle = np.einsum("nm,nmd->d", shares, loaded_positions(planar))
+    middle = np.einsum("nm,nmd->d", shares, geometry(planar).tops)
     np.testing.assert_allclose(middle, position, atol=2e-5 + 1e-12)
 
 
 def test_mirrored_patches_have_mirrored_shares(planar):
     shares = patch_shares(planar, one((0.037, 0.052)))[0, 0]
     other = patch_shares(planar, one((0.120 - 0.037, 0.160 - 0.052)))[0, 0]
-    extent = loaded_positions(planar)[-1, -1] + loaded_positions(planar)[0, 0]
+    extent = geometry(planar).tops[-1, -1] + geometry(planar).tops[0, 0]
     np.testing.assert_allclose(extent, [0.120, 0.160], atol=1e-5)
     np.testing.assert_allclose(shares, other[::-1, ::-1], atol=1e-3)
 
@@ -143,7 +142,7 @@ def test_touches_off_the_skin_are_refused(planar, weigh):
 @pytest.mark.parametrize("end", [0.0, 1.0])
 def test_the_skin_ends_at_its_rim(planar, axis, end):
     """A micrometre off is rounding, more is not."""
-    rim = skin_extent(planar) / 2
+    rim = geometry(planar).extent / 2
     rim[axis] *= 2 * end
     out = np.zeros(2)
     out[axis] = 2 * end - 1

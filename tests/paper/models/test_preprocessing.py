@@ -19,7 +19,7 @@ from paper.models.preprocessing import (
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.inversion import FieldInverse
 from smoskin.mechanics.reduced.stiffness import folding_correction_map
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.twin.readout import Readout
 from tables_of_response import motions, plain, presses, signals
@@ -86,7 +86,7 @@ def test_a_ready_inverse_gives_the_same(planar):
 
 def test_folding_correction_is_that_of_the_cell_below(planar):
     table = folding_correction_map(planar.cells, planar.coefficients)
-    middle = loaded_positions(planar)
+    middle = geometry(planar).tops
     found = folding_corrections(middle.reshape(-1, 2), planar, table)
     assert_allclose(found.reshape(6, 6, 2), table)
     beyond = [[-1e-3, -1e-3], [0.121, 0.161]]

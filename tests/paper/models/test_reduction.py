@@ -27,7 +27,7 @@ from smoskin.mechanics.reduced.attenuation import (
 from smoskin.mechanics.reduced.stiffness import column_stiffness, relative_stiffness_map
 from smoskin.mechanics.sheet.lattice import build_lattice, springs_of
 from smoskin.mechanics.sheet.touches import Covered
-from smoskin.origami.sheet import build_sheet, loaded_positions
+from smoskin.origami.geometry import geometry
 
 ATTENUATIONS = st.tuples(st.floats(0.02, 0.99), st.floats(0.02, 0.99))
 
@@ -132,13 +132,11 @@ def test_a_rigid_sheet_on_rigid_columns_is_the_reduced_model(planar):
     assert presses.folding.min() > 0.99
     assert signs_agree(presses).all()
     # What is left is the sheet's turn about the pressed vertex, which S10 does not have.
-    places = build_sheet(planar.cell, planar.cells).vertices[
-        build_sheet(planar.cell, planar.cells).columns, :2
-    ]
+    places = geometry(planar).sheet.vertices[geometry(planar).sheet.columns, :2]
     theory = reduced_presses(planar, (1.0, 1.0)).columns[..., :2]
     left = presses.columns[..., :2] - theory
     for n, m in np.ndindex(planar.cells):
-        away = places - loaded_positions(planar)[n, m]
+        away = places - geometry(planar).tops[n, m]
         turn = np.stack([-away[..., 1], away[..., 0]], axis=-1)
         left[n, m] -= np.vdot(turn, left[n, m]) / np.vdot(turn, turn) * turn
     assert np.linalg.norm(left) < 0.01 * np.linalg.norm(theory)

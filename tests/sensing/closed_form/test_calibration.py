@@ -12,7 +12,7 @@ from smoskin.commands.fit_paper import calibrate, report, residual_figure, write
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.measurement import TouchTable
 from smoskin.mechanics.reduced.stiffness import board_stiffness, sheet_stiffness
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Reading, Status
 from smoskin.sensing.closed_form.calibration import (
     Calibration,
@@ -214,7 +214,7 @@ def force_errors(skin, estimator, touches, seed):
 def vertex_touches(skin):
     cells = [(n, m) for n in range(6) for m in range(6)]
     return [
-        Contact(position=loaded_positions(skin.design)[cell], force=force)
+        Contact(position=geometry(skin.design).tops[cell], force=force)
         for cell in cells
         for force in ((0.0, 0.0, -0.4), (0.25, -0.1, -0.7))
     ]

@@ -13,8 +13,7 @@ from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
 from smoskin.magnetics.inversion import rest_cross_talk
 from smoskin.mechanics.reduced.stiffness import stiffness_map
 from smoskin.mechanics.sheet.touches import touches_of
-from smoskin.origami.layout import chip_offset
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Status
 from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.closed_form.confidence import ambiguities, confidence, faces, readout_noise
@@ -61,7 +60,7 @@ def test_stated_confidence_is_how_often_the_decision_stands(planar, magnets, tab
 
 def test_presses_on_vertices_are_right_more_often_than_stated(planar):
     design = replace(planar, hall_setting=FAST)
-    cell, noisy = solved(design, loaded_positions(design).reshape(-1, 2), 0.012, 1000, 3)
+    cell, noisy = solved(design, geometry(design).tops.reshape(-1, 2), 0.012, 1000, 3)
     np.testing.assert_array_equal(cell[::1000], np.argwhere(np.ones((6, 6))))
     right = (noisy.cell == cell).all(axis=1)
     assert right.mean() < 0.98
@@ -72,13 +71,13 @@ def test_presses_on_vertices_are_right_more_often_than_stated(planar):
 
 def test_rated_presses_are_sure_and_no_cell_has_none(planar):
     twin, estimator = ReducedTwin(planar, seed=None), ClosedFormEstimator(planar)
-    places = loaded_positions(planar).reshape(-1, 2)
+    places = geometry(planar).tops.reshape(-1, 2)
     presses = touches_of([[Contact(position=p, force=(0, 0, -0.5))] for p in places])
     solution = estimator.solve(twin.field(twin.motions(presses)) - rest_cross_talk(planar))
     assert (solution.confidence > 0.9999).all()
     # Right of magnet 2 yet left of magnet 3: the chips' motions are the reverse of the magnets'.
     moved, charges = np.zeros((3, 3)), point_charges([planar.magnet(n) for n in ("M1", "M2", "M3")])
-    moved[:, 2] = [chip_offset(planar, site) for site in planar.halls]
+    moved[:, 2] = geometry(planar).rest[:, 2]
     moved[1:, 0] = 2e-4, -2e-4
     moved[1:, 1] = 1e-4
     unfit = estimator.solve(charge_field_and_gradient(*charges, moved)[0][None])

@@ -10,8 +10,7 @@ from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
 from smoskin.magnetics.inversion import FieldInverse
 from smoskin.mechanics.sheet.touches import touches_of
-from smoskin.origami.layout import chip_offset
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Reading, Status
 from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.closed_form.confidence import ambiguities
@@ -25,7 +24,7 @@ SHEARS = [(0.0, 0.0), (0.5, 0.0), (0.0, -0.5), (-0.35, 0.35)]
 
 def touches(design, force, shear):
     """One contact on each cell's vertex."""
-    places = loaded_positions(design).reshape(-1, 2)
+    places = geometry(design).tops.reshape(-1, 2)
     return [Contact(position=place, force=(*shear, -force)) for place in places]
 
 
@@ -204,7 +203,7 @@ def test_a_table_that_does_not_separate_is_judged_as_a_whole(planar):
     places, charges = point_charges([planar.magnet(site.magnet) for site in planar.halls])
     for n, m in np.ndindex(6, 6):
         chips = np.zeros((3, 3))
-        chips[:, 2] = [chip_offset(planar, site) for site in planar.halls]
+        chips[:, 2] = geometry(planar).rest[:, 2]
         chips += 0.4 * table.press[n, m]
         field = charge_field_and_gradient(places, charges, chips)[0]
         solution = estimator.solve(field[None])

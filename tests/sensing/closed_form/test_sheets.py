@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smoskin.mechanics.sheet.touches import vertex_shares
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.closed_form.confidence import motion_noise
 from smoskin.sensing.closed_form.sheets import IdealSheet, MeasuredSheet
@@ -68,7 +68,7 @@ def test_forces_scatter_by_the_place_as_stated(planar, way):
     ways, table = sheets(planar)
     rng = np.random.default_rng(1)
     off = rng.uniform(-0.4, 0.4, (2000, 2)) * (0.02, 0.16 / 6)
-    places = loaded_positions(planar)[3, 2] + off
+    places = geometry(planar).tops[3, 2] + off
     answers = table.answers[..., 0] * -STRAIGHT[2]
     seen = np.einsum("tnm,nmk->tk", vertex_shares(planar, places), answers)
     found = ways[way].solve(seen, np.ones(len(seen), dtype=bool))

@@ -12,7 +12,7 @@ from smoskin.magnetics import mlx90393
 from smoskin.measurement import TouchTable
 from smoskin.mechanics.reduced.stiffness import board_stiffness, sheet_stiffness, stiffness_map
 from smoskin.mechanics.sheet.touches import Touches
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.records import Reading, Status
 from smoskin.sensing.closed_form.calibration import Calibration, read_calibration
 from smoskin.sensing.closed_form.confidence import ambiguities
@@ -173,7 +173,7 @@ def states(motion, repeats):
 def right_cells(twin, calibrations, motion, repeats, rng):
     """Share of readings, for each calibration, that name the cell pressed, and their forces."""
     design = twin.design
-    cells = loaded_positions(design).reshape(-1, 2).repeat(repeats, axis=0)
+    cells = geometry(design).tops.reshape(-1, 2).repeat(repeats, axis=0)
     untouched = twin.motions(Touches(position=np.full((1, 1, 2), 0.05), force=np.zeros((1, 1, 3))))
     zero = readings(twin, states(untouched, 20), rng, -10.0)
     seen = readings(twin, states(motion, repeats), rng, 0.0)
@@ -194,7 +194,7 @@ def right_cells(twin, calibrations, motion, repeats, rng):
 
 def pressed(twin, force):
     """The same touch on every cell."""
-    places = loaded_positions(twin.design).reshape(-1, 1, 2)
+    places = geometry(twin.design).tops.reshape(-1, 1, 2)
     return twin.motions(Touches(position=places, force=np.broadcast_to(force, (len(places), 1, 3))))
 
 

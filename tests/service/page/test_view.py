@@ -18,9 +18,7 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.feasibility import load_design
-from smoskin.origami.cell import size
-from smoskin.origami.layout import hall_positions, magnet_positions
-from smoskin.origami.sheet import build_sheet, loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
 from smoskin.service.page.scene import ESTIMATED, SkinShape, camera, pick
 from smoskin.service.page.view import View
@@ -30,13 +28,13 @@ NOTHING = Estimate(time=0.0, status=Status.NO_CONTACT)
 
 
 def shape_of(design: SkinDesign) -> SkinShape:
-    sheet, extent = build_sheet(design.cell, design.cells), size(design.cell)
+    sheet, extent = geometry(design).sheet, geometry(design).cell
     return SkinShape(
         vertices=sheet.vertices,
         facets=sheet.facets,
         chip_names=tuple(site.name for site in design.halls),
-        chips=hall_positions(design),
-        magnets=magnet_positions(design),
+        chips=geometry(design).chips,
+        magnets=geometry(design).magnets,
         board=-design.columns.height,
         extent=(design.cells[0] * extent.length, design.cells[1] * extent.width),
     )
@@ -293,10 +291,10 @@ def test_a_mouse_presses_the_skin() -> None:
         opened.page.wait_for_timeout(1500)  # The panels slide in and the canvas shrinks.
         opened.dismiss_notices()
         canvas = opened.canvas()
-        top = build_sheet(PLANAR.cell, PLANAR.cells).vertices[:, 2].max()
+        top = geometry(PLANAR).sheet.vertices[:, 2].max()
 
         for cell in ((0, 0), (3, 2), (5, 4)):
-            place = loaded_positions(PLANAR)[cell]
+            place = geometry(PLANAR).tops[cell]
             presses.clear()
             opened.page.mouse.click(*pixels(np.array([*place, top]), canvas))
             opened.wait_until(lambda: len(presses) == 2)
@@ -316,7 +314,7 @@ def test_a_mouse_presses_the_skin() -> None:
         opened.wait_until(lambda: presses[-1] is None)
 
         presses.clear()
-        along = loaded_positions(PLANAR)[1:5, 1]
+        along = geometry(PLANAR).tops[1:5, 1]
         opened.page.keyboard.down("Shift")
         for number, place in enumerate(along):
             opened.page.mouse.move(*pixels(np.array([*place, top]), canvas), steps=8)
@@ -365,7 +363,7 @@ def test_closing_lets_go_of_a_press_and_of_the_browser() -> None:
         inside = set(threading.enumerate())
         opened.page.get_by_label("Keep pressing until released").check()
         opened.page.wait_for_timeout(1500)
-        middle = loaded_positions(PLANAR)[2, 2]
+        middle = geometry(PLANAR).tops[2, 2]
         opened.page.mouse.click(*pixels(np.array([*middle, 8e-3]), opened.canvas()))
         opened.wait_until(lambda: presses)
         view.close()

@@ -17,8 +17,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import DesignError
 from smoskin.feasibility import MARGIN, check_design
 from smoskin.magnetics import mlx90393
-from smoskin.origami.layout import magnet_positions, skin_extent
-from smoskin.origami.sheet import vertex_positions
+from smoskin.origami.geometry import geometry
 from smoskin.records import Motion
 from smoskin.twin.manufacture import Deviations, Tolerances
 from smoskin.twin.readout import Readout
@@ -241,11 +240,12 @@ def _feasible(design: SkinDesign) -> Reached:
 
 def _walls(design: SkinDesign) -> dict[str, float]:
     """Room round each magnet that is left for its holder, m; of the sheet's magnets."""
-    feet = vertex_positions(design.cell, design.cells)[:, ::2, :2].reshape(-1, 2)
-    extent = skin_extent(design)
+    sheet = geometry(design).sheet
+    feet = sheet.vertices[sheet.columns.ravel(), :2]
+    extent = geometry(design).extent
     gaps = {site.magnet: site.gap for site in design.halls}
     walls = {}
-    for magnet, place in zip(design.magnets, magnet_positions(design)[:, :2], strict=True):
+    for magnet, place in zip(design.magnets, geometry(design).magnets[:, :2], strict=True):
         if magnet.mount != "sheet":
             continue
         beside = np.linalg.norm(feet - place, axis=1).min() - design.columns.radius

@@ -27,7 +27,7 @@ from smoskin.commands.optimise.slopes import PressedSheet
 from smoskin.design.skin import HallSetting, HallSite, SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
-from smoskin.origami.cell import size
+from smoskin.origami.geometry import geometry
 from smoskin.records import Motion
 
 _EXTREME: Final = 8
@@ -133,7 +133,7 @@ def exchange(
 
     Each chip is taken to see its own magnet alone, so that what chips tell adds up.
     """
-    cell, reach = size(design.cell), limits.wall + max(m.radius for m in design.magnets)
+    cell, reach = geometry(design).cell, limits.wall + max(m.radius for m in design.magnets)
     within = [math.ceil(reach / float(length)) for length in (cell.length, cell.width)]
     corners = [
         (p, q)

@@ -19,7 +19,7 @@ from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.mechanics.sheet.holders import holder_matrix
 from smoskin.mechanics.sheet.model import BarHinge
 from smoskin.mechanics.sheet.touches import Touches
-from smoskin.origami.layout import skin_extent
+from smoskin.origami.geometry import geometry
 from smoskin.records import Motion
 from smoskin.sensing.response.bound import BoundMap, bound_of_slopes
 from smoskin.sensing.signals.signals import signal_noise
@@ -227,7 +227,7 @@ def rated_touches(where: Floats) -> tuple[Floats, Floats]:
 
 def _lines(design: SkinDesign, places: Places) -> tuple[Floats, Floats]:
     """Of places along x and y, m."""
-    extent = skin_extent(design)
+    extent = geometry(design).extent
     return np.linspace(0.0, extent[0], places[0]), np.linspace(0.0, extent[1], places[1])
 
 
@@ -236,7 +236,7 @@ def _near(design: SkinDesign, at: Floats, force: float) -> tuple[Floats, Floats,
 
     To either side in x and in y, the place itself, then with a little more of each force.
     """
-    extent = skin_extent(design)
+    extent = geometry(design).extent
     where, push = np.tile(at, (8, 1, 1)), np.tile([0.0, 0.0, -force], (8, len(at), 1))
     for row, axis, side in ((0, 0, 1), (1, 0, -1), (2, 1, 1), (3, 1, -1)):
         where[row, :, axis] = np.clip(at[:, axis] + side * _STEP, 0.0, extent[axis])

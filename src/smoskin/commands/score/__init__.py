@@ -30,7 +30,7 @@ from smoskin.commands.score.report import Case, Count, ScoreSheet, case_of
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.feasibility import load_design
-from smoskin.origami.layout import skin_extent
+from smoskin.origami.geometry import geometry
 from smoskin.roles import Estimator, Progress, unheard
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.bayes.priors import TouchPriors
@@ -295,7 +295,7 @@ def examine(
             bound = None
             if entrant.table is not None and case != "pairs":
                 bound = _bounds(entrant.table, noise, exam, session, drags=free)
-            sat.append(_Sitting(case, judged, marks_of(judged, skin_extent(design), bound)))
+            sat.append(_Sitting(case, judged, marks_of(judged, geometry(design).extent, bound)))
     return ScoreSheet(
         design=design.name,
         design_hash=design.content_hash,

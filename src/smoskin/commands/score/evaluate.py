@@ -15,7 +15,7 @@ from smoskin.arrays import Bools, Floats, Ints
 from smoskin.datasets.patterns import far_pairs
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.mechanics.viscoelasticity import elastomer_prony
-from smoskin.origami.layout import places_to_the_rim, skin_extent
+from smoskin.origami.geometry import geometry, places_to_the_rim
 from smoskin.records import Contact, Motion, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.response.calibrate import LabelledTouches, Target
@@ -138,7 +138,7 @@ def grid_sessions(
     count : int, optional
         Number of places, drawn anew for each force; all by default.
     """
-    grid = places_to_the_rim(skin_extent(twin.design), places)[:, None]
+    grid = places_to_the_rim(geometry(twin.design).extent, places)[:, None]
     for force in forces:
         push = np.zeros((len(grid), 1, 3))
         push[..., 2] = -force
@@ -158,7 +158,7 @@ def pair_session(
     temperature: float = 25.0,
 ) -> Session:
     """Pairs of straight touches at once, anywhere but so far apart."""
-    position = far_pairs(skin_extent(twin.design), apart, count, rng)
+    position = far_pairs(geometry(twin.design).extent, apart, count, rng)
     push = np.zeros((count, 2, 3))
     push[..., 2] = -rng.uniform(*forces, (count, 2))
     return press(twin, Touches(position=position, force=push), temperature)

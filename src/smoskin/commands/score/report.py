@@ -12,8 +12,7 @@ from smoskin.commands.score.evaluate import FORCES
 from smoskin.commands.score.plan import HEADLINE, Exam
 from smoskin.design.skin import SkinDesign
 from smoskin.mechanics.sheet.touches import FINGERTIP
-from smoskin.origami.layout import magnet_positions
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -304,11 +303,11 @@ def case_of(
 
 def regions(design: SkinDesign, position: Floats) -> dict[str, Bools]:
     """Which places (B, 2) lie past the outermost vertices, near a magnet, or elsewhere."""
-    vertices = loaded_positions(design)[..., :2]
+    vertices = geometry(design).tops[..., :2]
     low, high = vertices[0, 0], vertices[-1, -1]
     rim = ((position < low) | (position > high)).any(axis=1)
     over = np.zeros(len(position), dtype=np.bool_)
-    for magnet, middle in zip(design.magnets, magnet_positions(design), strict=True):
+    for magnet, middle in zip(design.magnets, geometry(design).magnets, strict=True):
         away = np.hypot(*(position - middle[:2]).T)
         over |= ~rim & (away <= magnet.radius + FINGERTIP)
     return {"rim": rim, "over magnets": over, "inside": ~rim & ~over}

@@ -15,8 +15,7 @@ from smoskin.mechanics.reduced.stiffness import board_stiffness
 from smoskin.mechanics.sheet.lattice import Lattice, build_lattice
 from smoskin.mechanics.sheet.model import yaw_stiffness
 from smoskin.mechanics.sheet.tangent import Tangent
-from smoskin.origami.layout import skin_extent
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 
 _SIGNS: Final = (1.0, 1.0, -1.0)
 """Of the forces asked for: along x, along y, and pressing."""
@@ -50,7 +49,7 @@ def grip_compliance(design: SkinDesign, lattice: Lattice | None = None) -> Float
         right[top, axis, np.arange(count), axis] = sign
     place = tangent.at(np.zeros_like(made.nodes))
     moved = tangent.solve(place, right)[top, :2]
-    arms = loaded_positions(design).reshape(-1, 2) - skin_extent(design) / 2
+    arms = geometry(design).tops.reshape(-1, 2) - geometry(design).extent / 2
     turned = np.stack([-arms[:, 1], arms[:, 0]], axis=-1)
     moved[..., :2] += np.eye(2)[None, :, None] / board_stiffness(design)
     moved[..., :2] += turned[:, :, None, None] * turned / yaw_stiffness(design)

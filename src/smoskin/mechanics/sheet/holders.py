@@ -12,9 +12,7 @@ from numpy.typing import ArrayLike
 
 from smoskin.arrays import Floats, Ints, floats
 from smoskin.design.skin import Magnet, SkinDesign
-from smoskin.origami.cell import size
-from smoskin.origami.layout import magnet_positions
-from smoskin.origami.sheet import build_sheet
+from smoskin.origami.geometry import geometry
 
 
 def holder_columns(design: SkinDesign, magnet: Magnet) -> tuple[Ints, Ints]:
@@ -27,7 +25,7 @@ def holder_columns(design: SkinDesign, magnet: Magnet) -> tuple[Ints, Ints]:
     bearing : Ints, shape (3,)
         Those that carry it in z; the gripping ones are among them.
     """
-    sheet, extent = build_sheet(design.cell, design.cells), size(design.cell)
+    sheet, extent = geometry(design).sheet, geometry(design).cell
     (columns, rows), (p, q) = design.cells, magnet.corner
     place = np.array([p * extent.length, q * extent.width])
     beside = [(i, q) for i in (2 * p - 1, 2 * p + 1) if 0 <= i <= 2 * columns]
@@ -52,9 +50,9 @@ def holder_matrix(design: SkinDesign) -> Floats:
     Floats, shape (G, 6, V, 3)
         As `magnet_motion` applies it; zero for a magnet on the base.
     """
-    vertices = build_sheet(design.cell, design.cells).vertices
+    vertices = geometry(design).sheet.vertices
     matrix = np.zeros((len(design.magnets), 6, len(vertices), 3))
-    middles = magnet_positions(design)
+    middles = geometry(design).magnets
     for g, magnet in enumerate(design.magnets):
         if magnet.mount != "sheet":
             continue

@@ -16,7 +16,8 @@ from smoskin.design.materials import ELASTOMERS, FILMS
 from smoskin.design.skin import Columns, Creases, MiuraCell, Panels, SkinDesign
 from smoskin.errors import DesignError
 from smoskin.mechanics.reduced.stiffness import column_stiffness, pillar_stiffness
-from smoskin.origami.sheet import Sheet, build_sheet
+from smoskin.origami.geometry import geometry
+from smoskin.origami.sheet import Sheet
 
 BOND_STRENGTH: Final = 20e3
 """Pa: pull at which a column leaves its base. Assumed: silicone poured on to a primed face peels
@@ -210,7 +211,7 @@ def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice
         value = getattr(springs, part.name)
         if not (np.isfinite(value) and value >= 0.0):
             raise DesignError(f"springs.{part.name} must be finite and >= 0; got {value}")
-    cell, sheet = design.cell, build_sheet(design.cell, design.cells)
+    cell, sheet = design.cell, geometry(design).sheet
     diagonals = _panel_hinges(sheet)
     bars, bar_stiffness = _bars(sheet, diagonals, cell, design.panels)
     creases = _crease_hinges(sheet, diagonals)

@@ -35,8 +35,7 @@ from smoskin.mechanics.sheet.touches import (
     patch_shares,
     patch_slopes,
 )
-from smoskin.origami.layout import skin_extent
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 
 STIFFNESSES: Final = (
     "column_shear",
@@ -250,7 +249,7 @@ class BarHinge:
             share[k, :, 5 * k : 5 * k + 2] = slopes[k].T
             drag[k, :, 5 * k + 2 : 5 * k + 4] = np.eye(2)
             normal[k, 5 * k + 4] = 1.0
-        arm = np.einsum("ktp,td->kdp", share, loaded_positions(self.design).reshape(-1, 2))
+        arm = np.einsum("ktp,td->kdp", share, geometry(self.design).tops.reshape(-1, 2))
 
         def right_side(place: Place, sideways: Floats, change: Floats) -> Floats:
             """What unbalances the nodes, when touches push by `sideways` and `change` more."""
@@ -320,8 +319,8 @@ class BarHinge:
         covered = isinstance(self.grip, Covered)
         weigh = cover_shares if covered else patch_shares
         shares = weigh(self.design, touches).reshape(rows, places, -1)
-        middle = skin_extent(self.design) / 2
-        arms = shares @ (loaded_positions(self.design).reshape(-1, 2) - middle)
+        middle = geometry(self.design).extent / 2
+        arms = shares @ (geometry(self.design).tops.reshape(-1, 2) - middle)
         link = np.broadcast_to(_PAD * np.eye(2 * places), (rows, 2 * places, 2 * places)).copy()
         if not covered:
             turned = _turned(arms).reshape(rows, 2 * places)
@@ -402,7 +401,7 @@ def yaw_stiffness(design: SkinDesign) -> float:
     >>> round(yaw_stiffness(read_design("planar")), 3)
     6.283
     """
-    x, y = skin_extent(design)
+    x, y = geometry(design).extent
     return float(board_stiffness(design) * (x**2 + y**2) / 12)
 
 

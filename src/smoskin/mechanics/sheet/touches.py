@@ -17,9 +17,7 @@ from numpy.typing import ArrayLike
 from smoskin.arrays import Bools, Floats, Ints, assign, floats, frozen
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.origami.cell import size
-from smoskin.origami.layout import skin_extent
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.records import Contact
 
 _SLACK = 1e-6
@@ -164,7 +162,7 @@ def vertex_shares(design: SkinDesign, positions: ArrayLike) -> Floats:
     """
     where = floats("positions", positions, (2,))
     _check_on_skin(design, where)
-    places = loaded_positions(design)
+    places = geometry(design).tops
     along = _line_shares(places[:, 0, 0], where[..., 0])
     across = _line_shares(places[0, :, 1], where[..., 1])
     return np.asarray(along[..., :, None] * across[..., None, :])
@@ -215,7 +213,7 @@ def cover_shares(design: SkinDesign, touches: Touches) -> Floats:
         If the middle of a touch lies off the skin.
     """
     _check_on_skin(design, touches.position[touches.pressed])
-    extent = size(design.cell)
+    extent = geometry(design).cell
     cells = np.array(design.cells)
     cell = (touches.position / [extent.length, extent.width]).astype(np.int64)
     cell = np.clip(cell, 0, cells - 1)
@@ -233,7 +231,7 @@ def _patch_points(design: SkinDesign, touches: Touches) -> tuple[Floats, tuple[F
     reach = np.sqrt((ring + 0.5) / _RINGS)
     angle = 2 * np.pi * (spoke + 0.5 * (ring % 2)) / _SPOKES
     offset = np.stack([reach * np.cos(angle), reach * np.sin(angle)], axis=-1)
-    places = loaded_positions(design)
+    places = geometry(design).tops
     points = touches.position[:, :, None] + touches.radius[..., None, None] * offset
     return points, (places[:, 0, 0], places[0, :, 1])
 
@@ -267,7 +265,7 @@ def _before(vertices: Floats, where: Floats) -> Ints:
 
 def _check_on_skin(design: SkinDesign, where: Floats) -> None:
     """Refuse positions off the skin."""
-    whole = skin_extent(design)
+    whole = geometry(design).extent
     off = ~((where >= -_SLACK) & (where <= whole + _SLACK)).all(axis=-1)
     if off.any():
         x, y = where[off][0] * 1e3

@@ -15,7 +15,7 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.nonlinearity import field_curvature, straightened
 from smoskin.mechanics.viscoelasticity import Prony
-from smoskin.origami.layout import middles_of_fields
+from smoskin.origami.geometry import middles_of_fields
 from smoskin.records import Contact, Estimate, Status
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
 from smoskin.sensing.bayes.solver import TouchSolver

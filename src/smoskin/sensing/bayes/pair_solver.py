@@ -14,7 +14,7 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.magnetics.nonlinearity import straightened
-from smoskin.origami.layout import middles_of_fields
+from smoskin.origami.geometry import middles_of_fields
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
 from smoskin.sensing.response.pair_point import PairPoint
 from smoskin.sensing.response.pairs import mutual_drags

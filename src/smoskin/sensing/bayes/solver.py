@@ -14,7 +14,7 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
-from smoskin.origami.layout import places_to_the_rim
+from smoskin.origami.geometry import places_to_the_rim
 from smoskin.sensing.bayes.pair_solver import PairSolver
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
 from smoskin.sensing.response.table import ResponseTable

@@ -21,7 +21,7 @@ from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
 from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
 from smoskin.mechanics.reduced.stiffness import stiffness_map
-from smoskin.origami.layout import chip_offset
+from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.closed_form.location import (
     Divisions,
@@ -46,8 +46,7 @@ def motion_noise(design: SkinDesign) -> Floats:
     of_chip = mlx90393.noise(setting) ** 2 + mlx90393.sensitivity(setting) ** 2 / 12
     turned = np.stack([np.abs(mlx90393.rotation(site)) @ of_chip for site in design.halls])
     magnets = [design.magnet(site.magnet) for site in design.halls]
-    rest = np.zeros((len(magnets), 3))
-    rest[:, 2] = [chip_offset(design, site) for site in design.halls]
+    rest = geometry(design).rest
     slope = charge_field_and_gradient(*point_charges(magnets), rest)[1]
     return np.asarray((turned / np.einsum("sii->si", slope) ** 2).ravel())
 

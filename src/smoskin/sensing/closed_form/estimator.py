@@ -13,8 +13,7 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.inversion import FieldInverse
-from smoskin.origami.cell import size
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.closed_form.calibration import Calibration
@@ -99,8 +98,8 @@ class ClosedFormEstimator(Estimator):
             else MeasuredSheet(design, table, calibration.coefficients)
         )
         self._least_confidence = least_confidence
-        self._places = loaded_positions(design)
-        extent = size(design.cell)
+        self._places = geometry(design).tops
+        extent = geometry(design).cell
         self._covariance = np.zeros((*design.cells, 5, 5))
         self._covariance[..., 0, 0] = extent.length**2 / 12
         self._covariance[..., 1, 1] = extent.width**2 / 12

@@ -20,7 +20,7 @@ from smoskin.magnetics.temperature import temperature_factor
 from smoskin.measurement import TouchTable
 from smoskin.mechanics.reduced.attenuation import magnet_displacements, profiles
 from smoskin.mechanics.reduced.stiffness import cell_layers, stiffness_map
-from smoskin.origami.layout import chip_offset, hall_positions, magnet_positions
+from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.calibration import Calibration, Triple
 
 _STEP: Final = 1e-5
@@ -202,8 +202,7 @@ class PressModel:
         design, touches = self.design, self.touches
         magnets = [design.magnet(site.magnet) for site in design.halls]
         self._places, self._charges = point_charges(magnets)
-        self._rest = np.zeros((len(magnets), 3))
-        self._rest[:, 2] = [chip_offset(design, site) for site in design.halls]
+        self._rest = geometry(design).rest
         mounts = mlx90393.rotations(design.halls)
         warmth = temperature_factor(touches.temperature)[..., None]
         seen = np.where(self.read[..., None], touches.field, 0.0)
@@ -215,8 +214,8 @@ class PressModel:
         # d(field of magnet g at chip s)/d(chip s against magnet g) in the plane, (S, G, 3, 2).
         self._cross_slope = np.zeros((len(magnets), len(names), 3, 2))
         step = 1e-4
-        for s, chip in enumerate(hall_positions(design)):
-            for g, place in enumerate(magnet_positions(design)):
+        for s, chip in enumerate(geometry(design).chips):
+            for g, place in enumerate(geometry(design).magnets):
                 if g != self._watched[s]:
                     around = chip - place + step * np.eye(3)[:2, None] * [[1.0], [-1.0]]
                     near = sector.field(design.magnets[g], around.reshape(2, 2, 3))

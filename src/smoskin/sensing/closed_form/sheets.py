@@ -18,8 +18,7 @@ from smoskin.mechanics.reduced.stiffness import (
     stiffness_map,
 )
 from smoskin.mechanics.sheet.touches import vertex_shares
-from smoskin.origami.cell import size
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.closed_form.confidence import confidence, faces, motion_noise, readout_noise
 from smoskin.sensing.closed_form.location import decide, ideal_rule, readout, unit_press
@@ -178,10 +177,10 @@ def _anywhere(design: SkinDesign, press: Floats, loads: Floats) -> Floats:
     loads : Floats, shape (N, M, 3, K)
         Times that, the force on the cell.
     """
-    extent = size(design.cell)
+    extent = geometry(design).cell
     inside = np.linspace(-0.4, 0.4, 5)
     steps = np.stack(np.meshgrid(inside, inside, indexing="ij"), axis=-1).reshape(-1, 2)
-    places = loaded_positions(design)[..., None, :] + steps * (extent.length, extent.width)
+    places = geometry(design).tops[..., None, :] + steps * (extent.length, extent.width)
     given = np.einsum("nmpij,ijk->nmpk", vertex_shares(design, places), press)
     off = np.einsum("nmfk,nmpk->nmpf", loads, given)
     off[..., 2] += 1.0

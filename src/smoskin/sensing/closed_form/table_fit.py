@@ -20,7 +20,7 @@ from smoskin.magnetics.inversion import FieldInverse, rest_cross_talk
 from smoskin.magnetics.temperature import temperature_factor
 from smoskin.measurement import TouchTable
 from smoskin.mechanics.reduced.stiffness import cell_layers, folding_correction_map, shear_gain
-from smoskin.origami.layout import chip_offset
+from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.calibration import (
     Calibration,
     Evidence,
@@ -448,8 +448,7 @@ def _residual(
     given = np.column_stack([loads.press / given_gain, loads.drag])
     left = loads.motion - np.einsum("rkl,rl->rk", answers, given)
     magnets = [design.magnet(site.magnet) for site in design.halls]
-    rest = np.zeros((len(magnets), 3))
-    rest[:, 2] = [chip_offset(design, site) for site in design.halls]
+    rest = geometry(design).rest
     slope = charge_field_and_gradient(*point_charges(magnets), rest)[1]
     field = np.einsum("sij,rsj->rsi", slope, left.reshape(len(left), -1, 3))
     residual = np.full((count, 4 + loads.motion.shape[1]), np.nan)

@@ -20,8 +20,7 @@ from smoskin.arrays import Floats, Ints, assign, floats, freeze
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.mechanics.sheet.touches import FINGERTIP
-from smoskin.origami.layout import skin_extent
-from smoskin.origami.sheet import loaded_positions
+from smoskin.origami.geometry import geometry
 
 _EXPONENTS: Final = np.array(
     [
@@ -82,9 +81,9 @@ class TouchBasis:
     @classmethod
     def of(cls, design: SkinDesign, radius: float = FINGERTIP) -> "TouchBasis":
         """The functions for a design."""
-        places = loaded_positions(design)
+        places = geometry(design).tops
         return cls(
-            extent=skin_extent(design),
+            extent=geometry(design).extent,
             lines_x=places[:, 0, 0],
             lines_y=places[0, :, 1],
             radius=radius,

@@ -15,7 +15,7 @@ import numpy as np
 
 from smoskin.arrays import Bools, Floats, floats
 from smoskin.errors import ArgumentError
-from smoskin.origami.layout import places_to_the_rim
+from smoskin.origami.geometry import places_to_the_rim
 from smoskin.sensing.response.table import ResponseTable
 
 _BLIND: Final = 5e-3

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from smoskin.arrays import Floats, assign, floats, freeze
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
-from smoskin.origami.layout import places_to_the_rim
+from smoskin.origami.geometry import places_to_the_rim
 from smoskin.sensing.response.fit import table_curvature
 from smoskin.sensing.response.table import ResponseTable
 

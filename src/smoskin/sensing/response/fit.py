@@ -21,7 +21,7 @@ from smoskin.magnetics.nonlinearity import cross_signals
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.mechanics.sheet.touches import FINGERTIP
 from smoskin.mechanics.viscoelasticity import modulus_factor
-from smoskin.origami.layout import middles_of_fields
+from smoskin.origami.geometry import middles_of_fields
 from smoskin.sensing.response.basis import TouchBasis, touch_arrays
 from smoskin.sensing.response.table import ResponseTable
 

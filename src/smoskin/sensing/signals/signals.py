@@ -27,7 +27,7 @@ from smoskin.magnetics.inversion import rest_cross_talk
 from smoskin.magnetics.nonlinearity import bent, field_curvature, straightened
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, temperature_factor
 from smoskin.mechanics.viscoelasticity import Prony
-from smoskin.origami.layout import chip_offset
+from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Reading, Status
 from smoskin.sensing.signals.settling import Settling
 from smoskin.sensing.signals.zero import IdleTest, Zero, ZeroTracking
@@ -278,8 +278,8 @@ def rest_field(design: SkinDesign) -> Floats:
     """Field of each chip's own magnet at rest, in the skin's frame, (S, 3), T."""
     return np.stack(
         [
-            sector.field(design.magnet(site.magnet), [0.0, 0.0, chip_offset(design, site)])
-            for site in design.halls
+            sector.field(design.magnet(site.magnet), rest)
+            for site, rest in zip(design.halls, geometry(design).rest, strict=True)
         ]
     )
 

@@ -1,0 +1,77 @@
+"""Where magnets, chips and vertices stand, against the drawing; one object for everyone."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from smoskin.origami.geometry import geometry, middles_of_fields, places_to_the_rim
+
+
+@pytest.mark.parametrize("skin", ["planar", "long_planar"])
+def test_places_are_those_of_the_drawing(skin, request):
+    design = request.getfixturevalue(skin)
+    places, cell = geometry(design), geometry(design).cell
+    columns, rows = design.cells
+    assert_allclose(places.extent, [columns * cell.length, rows * cell.width], rtol=1e-15)
+    assert places.tops.shape == (columns, rows, 2)
+    for n, m in np.ndindex(columns, rows):
+        assert_allclose(places.tops[n, m], [(n + 0.5) * cell.length, (m + 0.5) * cell.width])
+    for magnet, place in zip(design.magnets, places.magnets, strict=True):
+        p, q = magnet.corner
+        assert_allclose(place[:2], [p * cell.length, q * cell.width], rtol=1e-15)
+
+
+def test_a_magnet_of_the_sheet_hangs_above_its_chip_and_one_of_the_base_lies_below(planar):
+    places, board = geometry(planar), planar.board
+    faces = {"sheet": -planar.columns.height, "base": -planar.columns.height - board.thickness}
+    mounts = set()
+    for s, site in enumerate(planar.halls):
+        magnet = planar.magnet(site.magnet)
+        side = 1 if magnet.mount == "sheet" else -1
+        mounts.add(magnet.mount)
+        # From the board's face out: the sensing point, then the gap, then half the magnet.
+        point = faces[magnet.mount] + side * board.sensing_height
+        middle = point + side * (site.gap + magnet.height / 2)
+        g = planar.magnets.index(magnet)
+        assert places.chips[s, 2] == pytest.approx(point, rel=1e-12)
+        assert places.magnets[g, 2] == pytest.approx(middle, rel=1e-12)
+        assert_allclose(places.rest[s], [0.0, 0.0, point - middle], rtol=1e-12)
+        assert_allclose(places.chips[s] - places.magnets[g], places.rest[s], atol=1e-15)
+    assert mounts == {"sheet", "base"}
+
+
+def test_a_magnet_that_no_chip_watches_lies_as_high_as_one_of_its_mount(planar):
+    watched = planar.magnet(planar.halls[-1].magnet)
+    extra = replace(watched, name="extra", corner=(1, 1))
+    places = geometry(replace(planar, magnets=(*planar.magnets, extra)))
+    assert places.magnets[-1, 2] == geometry(planar).magnets[planar.magnets.index(watched), 2]
+
+
+def test_the_reference_skin_is_as_large_as_printed(planar):
+    places = geometry(planar)
+    assert_allclose(places.extent, [0.120, 0.160], atol=1e-6)
+    assert_allclose(
+        places.tops[[0, 5], [0, 5]], [[0.010, 0.16 / 12], [0.110, 1.76 / 12]], atol=1e-6
+    )
+    assert places.chips[0, 2] < -planar.columns.height < places.chips[1, 2] < 0.0
+
+
+def test_it_is_computed_once_and_cannot_be_written_to(planar):
+    places = geometry(planar)
+    assert geometry(replace(planar, name=planar.name)) is places
+    assert geometry(replace(planar, cells=(5, 6))) is not places
+    arrays = [places.extent, places.tops, places.magnets, places.chips, places.rest]
+    for array in [*arrays, *(getattr(places.sheet, field.name) for field in fields(places.sheet))]:
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
+
+
+def test_grids_of_places():
+    extent = np.array([0.12, 0.16])
+    rim = places_to_the_rim(extent, (3, 2))
+    assert_allclose(rim * 1e3, [[0, 0], [0, 160], [60, 0], [60, 160], [120, 0], [120, 160]])
+    assert_array_equal(rim[:2, 0], 0.0)
+    middles = middles_of_fields(extent, (2, 2))
+    assert_allclose(middles * 1e3, [[30, 40], [30, 120], [90, 40], [90, 120]])
