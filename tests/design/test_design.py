@@ -1,6 +1,7 @@
 """Designs as records and as TOML documents."""
 
 import math
+import pickle
 from dataclasses import replace
 
 import pytest
@@ -10,8 +11,8 @@ from hypothesis import strategies as st
 from smoskin import units
 from smoskin.design.document import format_design, parse_design, read_design
 from smoskin.design.skin import HallSite, MiuraCell, SkinDesign
-from smoskin.errors import DesignError
-from smoskin.feasibility import check_design, load_design
+from smoskin.errors import DesignError, ModelError
+from smoskin.feasibility import load_design
 
 
 def test_every_physical_value_of_the_shipped_design_says_where_it_comes_from(planar):
@@ -130,40 +131,78 @@ def test_an_unknown_design_names_the_known_ones(tmp_path):
         read_design(bad)
 
 
-def with_magnet(planar: SkinDesign, **changes: object) -> SkinDesign:
-    magnets = tuple(replace(m, **changes) if m.name == "M2" else m for m in planar.magnets)
-    return replace(planar, magnets=magnets)
+def test_a_magnet_off_the_grid_is_refused(planar):
+    def with_corner(corner):
+        first, *others = planar.magnets
+        return replace(planar, magnets=(replace(first, corner=corner), *others))
+
+    for edge in ((0, 0), (6, 6)):
+        assert with_corner(edge).magnets[0].corner == edge
+    for wrong in ((7, 2), (2, 7), (-1, 2), (2, -1)):
+        with pytest.raises(DesignError, match=r"corner must lie in \(0..6, 0..6\); got"):
+            with_corner(wrong)
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "ends", "wrong"),
+    [
+        ("cell", "sector_angle", (0.9, math.pi / 2 - 1e-9), (math.pi / 2, 0.0, math.nan)),
+        ("cell", "fold_angle", (1e-9, 0.913), (0.0, 0.91313, math.nan)),
+        ("cell", "panel_a", (1e-9,), (0.0, math.inf)),
+        ("frame", "stiffness", (0.0,), (-1e-9, math.inf, math.nan)),
+        ("hall_setting", "gain_selection", (0, 7), (-1, 8)),
+        ("hall_setting", "resolution", (0, 3), (-1, 4)),
+        ("hall_setting", "oversampling", (0, 3), (-1, 4)),
+        ("hall_setting", "digital_filter", (0, 7), (-1, 8)),
+        ("coefficients", "attenuation", ((1e-9, 1.0), (1.0, 1e-9)), ((0.0, 1.0), (0.5, 1.0001))),
+        ("coefficients", "stiffness_variation", (1e-9,), (0.0, math.inf)),
+        ("coefficients", "folding_correction_x", ((1e-9, 1, 1),), ((0.0, 1, 1), (1.0, 1), ())),
+        ("coefficients", "folding_correction_y", ((1e-9, 1, 1),), ((0.0, 1, 1), (1.0, 1), ())),
+    ],
+)
+def test_numbers_are_taken_up_to_their_ends(planar, part, name, ends, wrong):
+    whole = getattr(planar, part)
+    for value in ends:
+        assert getattr(replace(whole, **{name: value}), name) == value
+    for value in wrong:
+        with pytest.raises(DesignError, match=r"must|cannot fold"):
+            replace(whole, **{name: value})
+
+
+def test_addresses_are_those_of_seven_bits(planar):
+    site = planar.halls[0]
+    for address in (0x08, 0x77):
+        assert replace(site, address=address).address == address
+    for address in (0x07, 0x78):
+        with pytest.raises(DesignError, match=r"7-bit I2C address in 0x08\.\.0x77; got 0x"):
+            replace(site, address=address)
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"radius": 9e-3}, r"'M2' overlaps a column: radius must be below 8.5\d mm"),
-        ({"height": 5e-3}, r"does not fit between chip and sheet: columns.height must exceed 11.1"),
-        ({"corner": (2, 4)}, "magnets 'M2' and 'M3' overlap"),
-        ({"remanence": 1.4e6}, r"\|B_z\| reaches .* a gap of at least \d\.\d mm would do"),
+        ({"cells": (0, 6)}, r"cells must be at least \(1, 1\); got \(0, 6\)"),
+        ({"cells": (6, 0)}, r"cells must be at least \(1, 1\); got \(6, 0\)"),
+        ({"halls": ()}, "halls must name at least one chip"),
     ],
 )
-def test_a_design_that_cannot_work_is_refused_with_what_would(planar, changes, message):
+def test_a_skin_has_cells_and_chips(planar, changes, message):
     with pytest.raises(DesignError, match=message):
-        check_design(with_magnet(planar, **changes))
+        replace(planar, **changes)
 
 
-def test_a_magnet_off_the_grid_is_refused(planar):
-    with pytest.raises(DesignError, match=r"corner must lie in \(0..6, 0..6\); got \(7, 2\)"):
-        with_magnet(planar, corner=(7, 2))
+def test_a_design_is_pickled_whole(planar):
+    again = pickle.loads(pickle.dumps(planar))
+    assert again == planar
+    assert again.provenance == planar.provenance
 
 
-def test_a_range_that_the_field_overruns_is_refused(planar):
-    fine = replace(planar, hall_setting=replace(planar.hall_setting, resolution=0))
-    with pytest.raises(DesignError, match=r"'S1': .* choose a wider range|would do"):
-        check_design(fine)
-
-
-def test_columns_too_soft_for_the_rated_press_are_refused(planar):
-    soft = replace(planar, columns=replace(planar.columns, radius=0.3e-3))
-    with pytest.raises(DesignError, match="columns are too soft"):
-        check_design(soft)
+def test_what_belongs_to_another_design_is_refused_by_name(planar):
+    planar.check_own("table", planar.content_hash)
+    with pytest.raises(ModelError, match=r"table must be of the design 'planar' .*; got one of 0"):
+        planar.check_own("table", "0" * 64)
+    with pytest.raises(DesignError, match="magnet must be one of M1, M2, M3; got 'M4'"):
+        planar.magnet("M4")
 
 
 def test_fold_angle_message_is_the_documented_sentence():

@@ -1,0 +1,142 @@
+"""Whether designs can work: room for the magnets, and chips inside their range."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from smoskin.origami.layout import chip_offset
+
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import DesignError
+from smoskin.feasibility import MARGIN, RATED_PRESS, RATED_SHEAR, check_design, field_extent
+from smoskin.magnetics import mlx90393, sector
+from smoskin.mechanics.reduced.stiffness import board_stiffness, stiffness_map
+from smoskin.origami.cell import size
+
+
+def with_magnet(planar: SkinDesign, **changes: object) -> SkinDesign:
+    magnets = tuple(replace(m, **changes) if m.name == "M2" else m for m in planar.magnets)
+    return replace(planar, magnets=magnets)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"radius": 9e-3}, r"'M2' overlaps a column: radius must be below 8.5\d mm"),
+        ({"height": 5e-3}, r"does not fit between chip and sheet: columns.height must exceed 11.1"),
+        ({"corner": (2, 4)}, "magnets 'M2' and 'M3' overlap"),
+        ({"remanence": 1.4e6}, r"\|B_z\| reaches .* a gap of at least \d\.\d mm would do"),
+    ],
+)
+def test_a_design_that_cannot_work_is_refused_with_what_would(planar, changes, message):
+    with pytest.raises(DesignError, match=message):
+        check_design(with_magnet(planar, **changes))
+
+
+def test_a_range_that_the_field_overruns_is_refused(planar):
+    fine = replace(planar, hall_setting=replace(planar.hall_setting, resolution=0))
+    with pytest.raises(DesignError, match=r"'S1': .* choose a wider range|would do"):
+        check_design(fine)
+
+
+def test_columns_too_soft_for_the_rated_press_are_refused(planar):
+    soft = replace(planar, columns=replace(planar.columns, radius=0.3e-3))
+    with pytest.raises(DesignError, match="columns are too soft"):
+        check_design(soft)
+
+
+def refused(design, message):
+    with pytest.raises(DesignError, match=message):
+        check_design(design)
+
+
+def test_what_is_promised():
+    assert (RATED_PRESS, RATED_SHEAR, MARGIN) == (1.0, 0.5, 0.95)
+
+
+def test_a_magnet_has_room_up_to_the_nearest_column(planar):
+    """Its edge may come as near as a hundredth of a millimetre; the weak one keeps its field."""
+    weak = {"remanence": 1e5}
+    message = r"radius must be below (\d\.\d\d) mm at corner \(4, 2\)"
+    with pytest.raises(DesignError, match=message) as error:
+        check_design(with_magnet(planar, radius=9e-3, **weak))
+    room = 1e-3 * float(str(error.value).split("below ")[1].split(" mm")[0])
+    check_design(with_magnet(planar, radius=room - 1e-5, **weak))
+    refused(with_magnet(planar, radius=room + 1e-5, **weak), "overlaps a column")
+
+
+def test_magnets_of_one_mount_stay_apart(planar):
+    extent = size(planar.cell)
+    apart = float(math.hypot(2 * extent.length, 2 * extent.width))
+    other = planar.magnets[2].radius
+    touching = replace(planar.magnets[1], radius=apart - other, remanence=1.0)
+    design = replace(planar, magnets=(planar.magnets[0], touching, planar.magnets[2]))
+    slim = replace(design, columns=replace(planar.columns, radius=1e-6))
+    refused(slim, "overlaps a column|overlap: they must be more than")
+
+
+def test_a_magnet_fits_between_chip_and_sheet(planar):
+    site, magnet = planar.halls[1], planar.magnets[1]
+    needed = planar.board.sensing_height + site.gap + magnet.height
+    for height, fits in ((needed + 1e-6, True), (needed, False)):
+        columns = replace(planar.columns, height=height, radius=1.8e-3)
+        design = replace(planar, columns=columns)
+        if fits:
+            check_design(design)
+        else:
+            refused(design, r"columns.height must exceed 8\.10 mm .* got 8\.10 mm")
+
+
+def test_the_rated_press_may_not_sink_the_sheet_flat(planar):
+    height = float(size(planar.cell).height)
+    depth = RATED_PRESS / stiffness_map(planar, planar.coefficients).min()
+    for share, works in ((1.001, True), (0.999, False)):
+        # The columns' stiffness goes with the square of their radius.
+        radius = planar.columns.radius * math.sqrt(share * depth / height)
+        weak = tuple(replace(one, remanence=1e3) for one in planar.magnets)
+        design = replace(planar, columns=replace(planar.columns, radius=radius), magnets=weak)
+        if works:
+            check_design(design)
+        else:
+            refused(design, "columns are too soft: a press of 1 N must sink the sheet by less")
+
+
+def test_a_chip_keeps_five_percent_of_its_range(planar):
+    extent, limit = field_extent(planar, planar.halls[1]), mlx90393.full_scale(planar.hall_setting)
+    share = (extent.largest / (MARGIN * limit)).max()
+    for factor, works in ((0.999, True), (1.001, False)):
+        design = with_magnet(planar, remanence=planar.magnets[1].remanence * factor / share)
+        if works:
+            check_design(design)
+        else:
+            refused(design, r"hall site 'S2': \|B_z\| reaches .*95% of the range")
+
+
+def test_the_remedy_is_one(planar):
+    """The gap that the message names works, one a tenth of a millimetre smaller does not."""
+    strong = with_magnet(planar, remanence=1.4e6)
+    with pytest.raises(DesignError, match="a gap of at least") as error:
+        check_design(strong)
+    gap = 1e-3 * float(str(error.value).split("at least ")[1].split(" mm")[0])
+    for change, works in ((0.0, True), (-2e-4, False)):
+        halls = tuple(
+            replace(site, gap=gap + change) if site.name == "S2" else site for site in strong.halls
+        )
+        if works:
+            check_design(replace(strong, halls=halls))
+        else:
+            refused(replace(strong, halls=halls), "'S2'")
+
+
+def test_the_extent_is_that_of_the_fields_over_the_stroke(planar):
+    site = planar.halls[0]
+    extent = field_extent(planar, site)
+    assert extent.stroke == pytest.approx(RATED_SHEAR / board_stiffness(planar))
+    magnet, turned = planar.magnet(site.magnet), mlx90393.rotation(site)
+    places = np.random.default_rng(0).uniform(-extent.stroke, extent.stroke, (500, 3))
+    places[:, 2] = chip_offset(planar, site)
+    fields = np.abs(sector.field(magnet, places) @ turned)
+    assert (fields <= extent.largest * (1 + 1e-3)).all()
+    rest = sector.field(magnet, [0.0, 0.0, chip_offset(planar, site)]) @ turned
+    np.testing.assert_allclose(extent.rest, rest, atol=1e-15)
