@@ -26,10 +26,9 @@ from smoskin.commands.train import parse_chips
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.mlx90393 import conversion_time
 from smoskin.mechanics.viscoelasticity import elastomer_prony
-from smoskin.sensing.network.estimator import NetworkEstimator, PointNetwork
-from smoskin.sensing.network.lessons import TrainingEffort
-from smoskin.sensing.network.model import NetworkModel, load_network
-from smoskin.sensing.network.samples import TouchSpread
+from smoskin.sensing.network.estimator import NetworkEstimator
+from smoskin.sensing.network.model import Ensemble, NetworkModel, load_network
+from smoskin.sensing.network.samples import TouchSpread, TrainingEffort
 from smoskin.sensing.network.training import train_network
 from smoskin.sensing.response.calibrate import calibrate_touches, plan_touches
 from smoskin.sensing.response.table import load_response_table
@@ -76,9 +75,9 @@ def tell_latency(design: SkinDesign, model: NetworkModel, twin: Twin) -> None:
         begin = time.perf_counter()
         if estimator.step(reading).contacts:
             taken.append(time.perf_counter() - begin)
-    point, signals = PointNetwork(model), np.full(3 * len(model.chips), 1e-3)
+    point, signals = Ensemble(model), np.full((1, 3 * len(model.chips)), 1e-3)
     unit, _ = microseconds(lambda: signals + signals)
-    network, least = microseconds(lambda: point.at(signals, 25.0))
+    network, least = microseconds(lambda: point.predict(signals, 25.0))
     conversion = conversion_time(design.hall_setting) * 1e6
     step = float(np.median(taken)) * 1e6
     print(

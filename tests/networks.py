@@ -6,9 +6,8 @@ from functools import cache
 import numpy as np
 
 from smoskin.sensing.learned.gaussian_process import Metric
-from smoskin.sensing.network.lessons import TrainingEffort
 from smoskin.sensing.network.model import Layer, NetworkModel
-from smoskin.sensing.network.samples import TouchSpread
+from smoskin.sensing.network.samples import TouchSpread, TrainingEffort
 from tables_of_response import reduced_table
 
 TINY = TrainingEffort(

@@ -16,8 +16,8 @@ from smoskin.commands.train import checkpoint_of, parse_chips, train, write_netw
 from smoskin.design.document import format_design
 from smoskin.errors import ArgumentError, DesignError, ModelError
 from smoskin.mechanics.viscoelasticity import elastomer_prony
-from smoskin.sensing.network.lessons import TrainingEffort
 from smoskin.sensing.network.model import load_network
+from smoskin.sensing.network.samples import TrainingEffort
 from tables_of_response import plain, reduced_table
 
 SHORT = replace(TINY, epochs=2, steps=4)

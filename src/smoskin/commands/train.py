@@ -15,9 +15,8 @@ from smoskin.errors import ArgumentError
 from smoskin.feasibility import load_design
 from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.roles import Progress, unheard
-from smoskin.sensing.network.lessons import TrainingEffort
 from smoskin.sensing.network.model import NetworkModel, load_network
-from smoskin.sensing.network.samples import TouchSpread
+from smoskin.sensing.network.samples import TouchSpread, TrainingEffort
 from smoskin.sensing.response.table import ResponseTable, load_response_table
 
 if TYPE_CHECKING:

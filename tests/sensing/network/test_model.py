@@ -13,8 +13,8 @@ from networks import random_network, tiny_network
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.mechanics.viscoelasticity import ELASTIC
 from smoskin.records import Contact, Reading, Status
-from smoskin.sensing.network.estimator import NetworkEstimator, PointNetwork
-from smoskin.sensing.network.model import Layer, encode, load_network
+from smoskin.sensing.network.estimator import NetworkEstimator
+from smoskin.sensing.network.model import Ensemble, Layer, encode, load_network
 from smoskin.twin.reduced import ReducedTwin
 from tables_of_response import plain
 
@@ -81,12 +81,12 @@ def test_an_ensemble_says_the_moments_of_its_members_mixture(drag, temperature):
 def test_one_touch_at_a_time_is_the_same(drag, members, width, depth, chips, seed):
     model = random_network(drag, members, width, depth, chips, seed)
     signals = some_signals(3, 3 * len(chips), seed)
-    many, point = model.predict(signals, 31.0), PointNetwork(model)
+    many, ensemble = model.predict(signals, 31.0), Ensemble(model)
     for k, row in enumerate(signals):
-        values, covariance, novelty = point.at(row, 31.0)
+        values, covariance, novelty = (part[0] for part in ensemble.predict(row[None], 31.0))
         size = np.sqrt(np.diag(many.covariance[k]))
-        assert values == pytest.approx(many.values[k], rel=1e-4, abs=1e-5)
-        assert (np.abs(covariance - many.covariance[k]) <= 1e-3 * np.outer(size, size)).all()
+        assert values == pytest.approx(many.values[k], rel=1e-5, abs=1e-6)
+        assert (np.abs(covariance - many.covariance[k]) <= 1e-4 * np.outer(size, size)).all()
         assert novelty == pytest.approx(many.novelty[k])
         assert np.linalg.eigvalsh(covariance).min() >= -1e-9 * size.max() ** 2
 
@@ -183,9 +183,33 @@ def test_it_tells_touches_from_none(skin):
         assert said.step(twin.read(time=0.2 * k)).status is Status.NO_CONTACT
         estimate = said.step(twin.read([TOUCH], time=0.2 * k + 0.1))
         assert estimate.status is Status.CONTACT
-        assert np.abs(estimate.contacts[0].position - TOUCH.position).max() < 0.02
-        assert estimate.contacts[0].normal_force == pytest.approx(0.5, rel=0.3)
-        assert not estimate.covariance[0, 2:4].any()
+        (contact,), (spread,) = estimate.contacts, estimate.covariance
+        off = contact.position - TOUCH.position
+        assert np.abs(off).max() < 5e-3
+        assert contact.normal_force == pytest.approx(0.5, rel=0.08)
+        assert contact.force[:2].tolist() == [0.0, 0.0]
+        assert off @ np.linalg.solve(spread[:2, :2], off) < 16
+        assert not spread[2:4].any()
+        assert 0 < spread[4, 4] < 0.05**2
+
+
+def test_readings_are_believed_up_to_a_novelty_of_one(skin, monkeypatch):
+    model, reading = tiny_network(skin), ReducedTwin(skin, seed=None).read([TOUCH])
+    seen, whole = [], Ensemble.predict
+
+    def predict(self, *given):
+        seen.append(whole(self, *given))
+        return seen[-1]
+
+    monkeypatch.setattr(Ensemble, "predict", predict)
+    assert NetworkEstimator(skin, model, creep=ELASTIC).step(reading).status is Status.CONTACT
+    distance = seen[-1].novelty[0] * model.reach
+    for reach, status in ((1.001, Status.CONTACT), (0.999, Status.OUT_OF_RANGE)):
+        own = replace(model, reach=reach * distance)
+        estimator = NetworkEstimator(skin, own, creep=ELASTIC)
+        estimate = estimator.step(reading)
+        assert estimate.status is status
+        assert len(estimate.contacts) == (status is Status.CONTACT)
 
 
 def test_signals_unlike_those_of_training_are_not_believed(skin):

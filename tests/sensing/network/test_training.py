@@ -9,9 +9,7 @@ from scipy.stats import multivariate_normal
 
 from networks import TINY, random_network, tiny_network
 from smoskin.errors import ArgumentError, ModelError
-from smoskin.sensing.network.lessons import Lessons, TrainingEffort
-from smoskin.sensing.network.model import spread_factors
-from smoskin.sensing.network.samples import TouchSource, TouchSpread
+from smoskin.sensing.network.samples import Lessons, TouchSource, TouchSpread, TrainingEffort
 from smoskin.sensing.network.training import likelihood_loss, train_network
 from smoskin.sensing.signals.signals import signal_noise
 from tables_of_response import plain, reduced_table, table_with_modes
@@ -61,11 +59,12 @@ def test_the_loss_is_the_normal_likelihood(drag):
             sums = hidden @ layer.weights[member] + layer.bias[member]
             hidden = sums / (1 + np.exp(-sums))
         said = hidden @ model.layers[-1].weights[member] + model.layers[-1].bias[member]
-        factors = spread_factors(said, count)
-        for row, factor, target in zip(said, factors, targets, strict=True):
-            white = np.linalg.solve(factor, target - row[:count])
-            size = np.log(np.diag(factor)).sum()
-            expected.append(size - multivariate_normal.logpdf(white, np.zeros(count)))
+        for row, target in zip(said, targets, strict=True):
+            factor = np.eye(count)
+            factor[np.tril_indices(count, -1)] = row[2 * count :]
+            factor *= np.exp(np.clip(row[count : 2 * count], -9, 2))[:, None]
+            normal = multivariate_normal(row[:count], factor @ factor.T)
+            expected.append(-normal.logpdf(target))
     found = float(likelihood_loss([tuple(layer) for layer in model.layers], inputs, targets))
     assert found == pytest.approx(np.mean(expected), rel=1e-4)
 

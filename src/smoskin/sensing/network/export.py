@@ -1,8 +1,8 @@
 """Networks as ONNX files, for robots and runtimes that know no Python.
 
-The graph takes raw signals and the rubber's temperature and gives what `NetworkModel.predict`
-gives, the layout of inputs and the ensemble's covariance included, in float32. Decides the names
-of its inputs and outputs; hides how it is put together. Needs the extra `onnx`.
+The graph takes raw signals and the rubber's temperature and takes the steps of
+`smoskin.sensing.network.model.Ensemble`, with its arrays, in float32. Decides the names of its
+inputs and outputs; hides how it is put together. Needs the extra `onnx`.
 """
 
 from pathlib import Path
@@ -13,12 +13,12 @@ from numpy.typing import ArrayLike, DTypeLike
 
 from smoskin.errors import MissingExtraError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
-from smoskin.sensing.network.model import SPREADS, NetworkModel
+from smoskin.sensing.network.model import SPREADS, Ensemble, NetworkModel
 
 _OPSET: Final = 17
-"""Of the operators: known to every runtime of the last years."""
+"""Version of the operators: known to every runtime of the last years."""
 _IR: Final = 8
-"""Of the file, which goes with them."""
+"""Version of the file, which goes with them."""
 
 
 def export_onnx(model: NetworkModel, path: Path | str) -> None:
@@ -32,7 +32,9 @@ def export_onnx(model: NetworkModel, path: Path | str) -> None:
     Parameters
     ----------
     model : NetworkModel
+        Network to write.
     path : Path or str
+        ONNX file.
 
     Raises
     ------
@@ -44,10 +46,9 @@ def export_onnx(model: NetworkModel, path: Path | str) -> None:
     except ImportError as error:
         raise MissingExtraError("writing ONNX files", "onnx") from error
     graph = _Graph(onnx)
-    _write_layout(graph, model)
-    _write_members(graph, model)
-    _write_moments(graph, model)
-    _write_units(graph, model)
+    ensemble = Ensemble(model)
+    length = _write_members(graph, ensemble)
+    _write_moments(graph, ensemble, length)
     whole = onnx.helper.make_graph(
         graph.nodes,
         "smoskin_network",
@@ -92,20 +93,26 @@ class _Graph:
         self.constants.append(self._onnx.numpy_helper.from_array(array, name))
         return name
 
-    def add(self, kind: str, *inputs: str, out: str = "", **attributes: int | list[int]) -> str:
-        """The name of a new node's output."""
+    def add(self, kind: str, *inputs: Any, out: str = "", **attributes: int | list[int]) -> str:
+        """The name of a new node's output; inputs are names, or arrays as constants."""
+        names = [one if isinstance(one, str) else self.constant(one) for one in inputs]
         name = out or f"n{len(self.nodes)}"
-        self.nodes.append(self._onnx.helper.make_node(kind, list(inputs), [name], **attributes))
+        self.nodes.append(self._onnx.helper.make_node(kind, names, [name], **attributes))
         return name
 
-    def part(self, value: str, first: int, after: int) -> str:
-        """Columns of the last axis."""
-        ends = (self.constant([one], np.int64) for one in (first, after, -1))
+    def part(self, value: str, axis: int, first: int, after: int) -> str:
+        """Part of an axis."""
+        ends = (self.constant([end], np.int64) for end in (first, after, axis))
         return self.add("Slice", value, *ends)
 
-    def total(self, value: str, axis: int, *, keep: bool) -> str:
+    def total(self, value: str, axis: int, *, keep: bool, out: str = "") -> str:
         """Sum along an axis."""
-        return self.add("ReduceSum", value, self.constant([axis], np.int64), keepdims=int(keep))
+        axes = self.constant([axis], np.int64)
+        return self.add("ReduceSum", value, axes, keepdims=int(keep), out=out)
+
+    def reshaped(self, value: str, shape: list[int]) -> str:
+        """The same in another shape."""
+        return self.add("Reshape", value, self.constant(shape, np.int64))
 
     def declared(self, name: str, shape: list[str | int]) -> Any:
         """An input or output of the graph."""
@@ -113,91 +120,63 @@ class _Graph:
         return helper.make_tensor_value_info(name, self._onnx.TensorProto.FLOAT, shape)
 
 
-def _write_layout(graph: _Graph, model: NetworkModel) -> None:
-    """From `signals` to `inputs`, their `length`, and `novelty`."""
+def _write_members(graph: _Graph, ensemble: Ensemble) -> str:
+    """From `signals` to the members' `numbers`, (M, ..., B), and `novelty`; returns the length."""
+    model, width = ensemble.model, ensemble.width
     # In units of the floor no square underflows float32.
-    unit = graph.constant(model.floor)
-    scaled = graph.add("Div", "signals", unit)
-    squared = graph.total(graph.add("Mul", scaled, scaled), 1, keep=True)
-    long = graph.add("Sqrt", graph.add("Add", squared, graph.constant(1.0)))
-    graph.add("Mul", long, unit, out="length")
-    direction = graph.add("Div", scaled, long)
-    strength = graph.add("Add", graph.add("Log", long), graph.constant(np.log(model.floor)))
-    both = graph.add("Concat", direction, strength, axis=1)
-    centred = graph.add("Sub", both, graph.constant(model.centre))
-    graph.add("Div", centred, graph.constant(model.scale), out="inputs")
-    far = graph.add("MatMul", "inputs", graph.constant(model.whitener / model.reach))
-    graph.add("Sqrt", graph.total(graph.add("Mul", far, far), 1, keep=False), out="novelty")
+    scaled = graph.add("Div", graph.add("Transpose", "signals", perm=[1, 0]), model.floor)
+    squared = graph.total(graph.add("Mul", scaled, scaled), 0, keep=True)
+    ratio = graph.add("Sqrt", graph.add("Add", squared, 1.0))
+    direction = graph.add("Div", scaled, ratio)
+    logarithm = graph.add("Add", graph.add("Log", ratio), np.log(model.floor))
+    # The inputs are centred before they are multiplied: float32 would lose them otherwise.
+    inputs = graph.add("Concat", direction, logarithm, axis=0)
+    inputs = graph.add("Sub", inputs, model.centre[:, None])
+    both = graph.add("MatMul", ensemble.first, inputs)
+    both = graph.add("Add", both, ensemble.first_bias + ensemble.first @ model.centre[:, None])
+    far = graph.part(both, 0, width, width + len(model.centre))
+    far = graph.total(graph.add("Mul", far, far), 0, keep=False)
+    graph.add("Sqrt", far, out="novelty")
+    half = graph.part(both, 0, 0, width)
+    half = graph.reshaped(half, [model.members, width // model.members, -1])
+    for k, (weights, bias) in enumerate([*ensemble.hidden, ensemble.last]):
+        hidden = graph.add("Mul", graph.add("Add", graph.add("Tanh", half), 1.0), half)
+        end = "numbers" if k == len(ensemble.hidden) else ""
+        half = graph.add("Add", graph.add("MatMul", weights, hidden), bias, out=end)
+    return graph.add("Mul", ratio, model.floor)
 
 
-def _write_members(graph: _Graph, model: NetworkModel) -> None:
-    """From `inputs` to all that members `said`, (M, B, ...)."""
-    axes = graph.constant([0], np.int64)
-    hidden = graph.add("Unsqueeze", "inputs", axes)
-    for layer in model.layers[:-1]:
-        sums = graph.add("MatMul", hidden, graph.constant(layer.weights))
-        sums = graph.add("Add", sums, graph.constant(layer.bias))
-        hidden = graph.add("Mul", sums, graph.add("Sigmoid", sums))
-    last = model.layers[-1]
-    sums = graph.add("MatMul", hidden, graph.constant(last.weights))
-    graph.add("Add", sums, graph.constant(last.bias), out="said")
-
-
-def _write_moments(graph: _Graph, model: NetworkModel) -> None:
-    """From `said` to the ensemble's standardised `mean` (B, O) and `spread` (B, O, O)."""
-    count = len(model.middle)
-    members = graph.constant(model.members)
-    each = graph.part("said", 0, count)
-    sizes = graph.add("Clip", graph.part("said", count, 2 * count), *map(graph.constant, SPREADS))
-    # Shares stand row by row below a diagonal of ones: put there by two constant products.
-    numbers = count * (count - 1) // 2
-    place = np.zeros((numbers, count * count))
-    lower = np.tril_indices(count, -1)
-    place[range(numbers), lower[0] * count + lower[1]] = 1.0
-    shares = graph.add(
-        "MatMul", graph.part("said", 2 * count, 2 * count + numbers), graph.constant(place)
+def _write_moments(graph: _Graph, ensemble: Ensemble, length: str) -> None:
+    """From `numbers`, `temperature` and the length to `values` and `covariance`."""
+    model, ends = ensemble.model, ensemble.deviations
+    many = ensemble.last[0].shape[1]
+    sizes = graph.add("Clip", graph.part("numbers", 1, ends.start, ends.stop), *SPREADS)
+    parts = [
+        graph.part("numbers", 1, 0, ends.start),
+        graph.add("Exp", sizes),
+        graph.part("numbers", 1, ends.stop, many),
+    ]
+    picks = graph.reshaped(graph.add("Concat", *parts, axis=1), [model.members * many, -1])
+    left, right = (
+        graph.add("Gather", picks, graph.constant(rows, np.int64), axis=0)
+        for rows in (ensemble.left, ensemble.right)
     )
-    shares = graph.add("Add", shares, graph.constant(np.eye(count).ravel()))
-    square = graph.constant([model.members, -1, count, count], np.int64)
-    shares = graph.add("Reshape", shares, square)
-    last = graph.constant([-1], np.int64)
-    deviations = graph.add("Unsqueeze", graph.add("Exp", sizes), last)
-    mean = graph.add("Div", graph.total(each, 0, keep=False), members, out="mean")
-    factor = graph.add("Mul", deviations, shares)
-    apart = graph.add("Unsqueeze", graph.add("Sub", each, mean), last)
-    beside = graph.add("Concat", factor, apart, axis=3)
-    turned = graph.add("Transpose", beside, perm=[0, 1, 3, 2])
-    squares = graph.total(graph.add("MatMul", beside, turned), 0, keep=False)
-    graph.add("Div", squares, members, out="spread")
-
-
-def _write_units(graph: _Graph, model: NetworkModel) -> None:
-    """From `mean`, `spread`, `length` and `temperature` to `values` and `covariance`."""
-    count = len(model.middle)
-    warmer = graph.add("Sub", "temperature", graph.constant([REFERENCE_TEMPERATURE]))
-    stiffer = graph.add("Mul", warmer, graph.constant([model.softening]))
-    stiffer = graph.add("Add", stiffer, graph.constant([1.0]))
-    strength = graph.add("Mul", "length", stiffer)
-    sized = graph.add("Mul", "mean", graph.constant(model.size))
-    natural = graph.add("Add", sized, graph.constant(model.middle))
-    place = graph.part(natural, 0, 2)
-    weight = graph.add("Exp", graph.part(natural, count - 1, count))
+    factor = graph.add("Mul", left, right)
+    mean = graph.total(graph.add("Mul", factor, ensemble.means[:, None]), 1, keep=False)
+    natural = graph.add("Add", graph.add("Mul", mean, ensemble.size), ensemble.middle)
+    warmer = graph.add("Sub", "temperature", [REFERENCE_TEMPERATURE])
+    stiffer = graph.add("Add", graph.add("Mul", warmer, [model.softening]), [1.0])
+    strength = graph.add("Mul", length, stiffer)
+    weight = graph.add("Exp", graph.part(natural, 0, 4, 5))
     push = graph.add("Neg", graph.add("Mul", weight, strength))
-    one = graph.add("Exp", graph.add("Mul", place, graph.constant(0.0)))
-    values, turn = [place, push], [one, push]
-    if model.drag:
-        drags = graph.add("Mul", graph.part(natural, 2, 4), strength)
-        values.insert(1, drags)
-        turn[1:1] = [strength, strength]
-    rows = np.zeros((count, 5))
-    rows[range(count), list(model.rows)] = 1.0
-    spread_out = graph.constant(rows)
-    joined = graph.add("Concat", *values, axis=1)
-    graph.add("MatMul", joined, spread_out, out="values")
-    turned = graph.add("Mul", graph.add("Concat", *turn, axis=1),
-                       graph.constant(model.size * model.stretch))  # fmt: skip
-    left = graph.add("Unsqueeze", turned, graph.constant([2], np.int64))
-    right = graph.add("Unsqueeze", turned, graph.constant([1], np.int64))
-    small = graph.add("Mul", graph.add("Mul", "spread", left), right)
-    wide = graph.add("MatMul", small, spread_out)
-    graph.add("MatMul", graph.constant(rows.T), wide, out="covariance")
+    drags = graph.add("Mul", graph.part(natural, 0, 2, 4), strength)
+    values = graph.add("Concat", graph.part(natural, 0, 0, 2), drags, push, axis=0)
+    graph.add("Transpose", values, perm=[1, 0], out="values")
+    ones = graph.add("Div", strength, strength)
+    units = graph.add("Concat", ones, ones, strength, strength, push, axis=0)
+    units = graph.reshaped(graph.add("Mul", units, ensemble.stretch), [5, 1, -1])
+    beside = (ensemble.means > 0)[:, None].astype(np.float32)
+    apart = graph.add("Mul", graph.reshaped(mean, [5, 1, -1]), beside)
+    factor = graph.add("Mul", graph.add("Sub", factor, apart), units)
+    root, turned = (graph.add("Transpose", factor, perm=perm) for perm in ([2, 0, 1], [2, 1, 0]))
+    graph.add("MatMul", root, turned, out="covariance")

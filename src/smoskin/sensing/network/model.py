@@ -1,11 +1,11 @@
 """Ensembles of small neural networks that tell a touch from signals: what such a model is.
 
-A model reads the signals of some chips and says place and force with their covariance, in one
+A model reads the signals of some chips and gives place and force with their covariance, in one
 pass without search. Signals span decades with force, while where a touch is shows in their
 direction: so the direction and the logarithm of the length are fed, and forces come out in units
 of that length. Decides this layout, what is believed (a range of validity), and the model's file;
-hides how members are taken together. Needs NumPy alone; files need `safetensors`. Readings are
-met in `smoskin.sensing.network.estimator`; training lives in `smoskin.sensing.network.training`.
+hides how all members run at once in a few steps, and how their answers are taken together. Needs
+NumPy alone; files need `safetensors`. Training lives in `smoskin.sensing.network.training`.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from smoskin.arrays import Floats, floats, frozen
+from smoskin.arrays import Floats, assign, floats, freeze
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.sensing.files import NETWORK, TensorFile
@@ -29,6 +29,8 @@ _TENSORS: Final = ("centre", "scale", "middle", "size", "stretch", "whitener")
 _PARTS: Final = tuple(
     f"{name}_{kind}" for name in ("first", "hidden", "last") for kind in ("weights", "bias")
 )
+_DRAGGED: Final = (0, 1, 2, 3, 4)
+_STRAIGHT: Final = (0, 1, 4)
 SPREADS: Final = (-9.0, 2.0)
 """Least and largest logarithm of a stated standard deviation, in units of the target's own."""
 
@@ -43,24 +45,25 @@ class Layer(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """What a model says of B touches."""
+    """A model's answers to B touches."""
 
     values: Floats
     """(B, 5): x, y, m, and Fx, Fy, Fz, N."""
     covariance: Floats
     """(B, 5, 5), likewise; zero along a drag that is known to be none."""
     novelty: Floats
-    """(B,): how far the signals lie from those of training, over what is still believed."""
+    """(B,): distance of the signals from those of training, over the farthest that is believed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NetworkModel:
     """A trained ensemble, complete with what it may be used for.
 
-    Inputs are D = C + 1 numbers: the C signals over their length, and its logarithm. Hidden
-    layers pass x on as x / (1 + e^-x). Each member gives O numbers: x, y, then Fx and Fy over the
-    length where it knows drags, and the logarithm of the normal force over the length; and the
-    factor of their covariance.
+    Inputs are D = C + 1 numbers: the C signals over their length l, and log l. Hidden layers pass
+    x on as x / (1 + e^-x). Each member gives O means: x, y, then Fx / l and Fy / l where it knows
+    drags, and log(-Fz / l); O logarithms of deviations; and for each pair how much of what an
+    earlier target is off a later one is off too, both in their deviations: row by row below the
+    diagonal of a factor L_k of their covariance L_k L_k^T.
 
     Raises
     ------
@@ -71,56 +74,52 @@ class NetworkModel:
     design_hash: str
     """Content hash of the design."""
     chips: tuple[int, ...]
-    """Which of the skin's chips it reads, by their place in a reading."""
+    """Chips that are read, by their place in a reading."""
     layers: tuple[Layer, ...]
-    """From inputs to outputs, all M members."""
+    """Layers from inputs to outputs, of all M members."""
     centre: Floats
-    """(D,): of the inputs."""
+    """(D,): mean of the inputs."""
     scale: Floats
-    """(D,): their spread."""
+    """(D,): spread of the inputs."""
     middle: Floats
-    """(O,): of what it gives, in m, N/T and log(N/T)."""
+    """(O,): mean of the targets, in m, N/T and log(N/T)."""
     size: Floats
-    """(O,): its spread."""
+    """(O,): spread of the targets."""
     stretch: Floats
-    """(O,): by which stated deviations are multiplied so that they hold what they should."""
+    """(O,): factors on stated deviations with which regions hold what they should."""
     whitener: Floats
     """(D, D): turns inputs, centred and scaled, into distances from those of training."""
     reach: float
     """Distance up to which it is believed."""
     forces: tuple[float, float]
-    """N: least and largest normal force of training."""
+    """Least and largest normal force of training, N."""
     drag: float
-    """N: largest drag of training; 0 where touches are known to be straight."""
+    """Largest drag of training, N; 0 where touches are known to be straight."""
     floor: float
-    """T, added to the length in quadrature, so that its logarithm is finite."""
+    """Length added to the signals' in quadrature, T, so that its logarithm is finite."""
     softening: float
-    """1/K: how much stiffer a degree makes the rubber."""
+    """Relative stiffening of the rubber by a degree, 1/K."""
     data_sha256: str
-    """Of the response table and of how touches were drawn from it."""
+    """Hash of the response table and of how touches were drawn from it."""
     split: str
     """How held-out touches were chosen, in words."""
     metrics: tuple[Metric, ...]
     """Figures on them."""
 
     def __post_init__(self) -> None:
-        inputs, outputs = 3 * len(self.chips) + 1, 5 if self.drag else 3
+        inputs, outputs = 3 * len(self.chips) + 1, len(self.rows)
         shapes: dict[str, tuple[int | None, ...]] = {
-            "centre": (inputs,),
-            "scale": (inputs,),
-            "middle": (outputs,),
-            "size": (outputs,),
-            "stretch": (outputs,),
+            **dict.fromkeys(("centre", "scale"), (inputs,)),
+            **dict.fromkeys(("middle", "size", "stretch"), (outputs,)),
             "whitener": (inputs, inputs),
         }
-        for name, shape in shapes.items():
-            try:
-                array = frozen(name, getattr(self, name), shape)
-            except ArgumentError as error:
-                raise ModelError(f"network: {error}") from error
-            if not np.isfinite(array).all():
+        try:
+            freeze(self, **shapes)
+        except ArgumentError as error:
+            raise ModelError(f"network: {error}") from error
+        for name in shapes:
+            if not np.isfinite(getattr(self, name)).all():
                 raise ModelError(f"network: {name} must be finite")
-            object.__setattr__(self, name, array)
         numbers = outputs * (outputs + 3) // 2
         layers = tuple(Layer(*(_read_only(part) for part in layer)) for layer in self.layers)
         widths = [inputs, *[layer.bias.shape[-1] for layer in layers]]
@@ -141,16 +140,16 @@ class NetworkModel:
                 raise ModelError(f"network: {name} must be positive")
         if not (0 < self.forces[0] < self.forces[1] and self.drag >= 0):
             raise ModelError(f"network: forces must rise from above 0; got {self.forces} N")
-        object.__setattr__(self, "layers", layers)
+        assign(self, layers=layers)
 
     @property
     def rows(self) -> tuple[int, ...]:
-        """Where what it gives stands among x, y, Fx, Fy, Fz."""
-        return (0, 1, 2, 3, 4) if self.drag else (0, 1, 4)
+        """Places of the targets among x, y, Fx, Fy, Fz."""
+        return _DRAGGED if self.drag else _STRAIGHT
 
     @property
     def members(self) -> int:
-        """How many networks there are, M."""
+        """Number of networks, M."""
         return len(self.layers[0].weights)
 
     def predict(self, signals: ArrayLike, temperature: float = REFERENCE_TEMPERATURE) -> Prediction:
@@ -159,52 +158,19 @@ class NetworkModel:
         Parameters
         ----------
         signals : array_like, shape (B, 3 S)
-            T, of the model's chips, as `smoskin.sensing.response.table.ResponseTable` defines them.
+            Signals of the model's chips, T, as `smoskin.sensing.response.table.ResponseTable`
+            defines them.
         temperature : float, optional
-            degC, of the rubber.
+            Temperature of the rubber, degC.
 
         Raises
         ------
         ArgumentError
             If there is another number of signals.
-
-        Notes
-        -----
-        Of members with means m_k and covariances S_k the mean is that of m_k, and the covariance
-        the mean of S_k + (m_k - m)(m_k - m)^T.
         """
         count = len(self.centre) - 1
-        inputs, length = encode(floats("signals", signals, (count,)).reshape(-1, count), self.floor)
-        inputs = (inputs - self.centre) / self.scale
-        hidden = inputs.astype(np.float32)
-        for layer in self.layers[:-1]:
-            half = 0.5 * (hidden @ layer.weights + layer.bias)
-            # x / (1 + e^-x), which does not overflow so.
-            hidden = half + half * np.tanh(half)
-        last = self.layers[-1]
-        said = (hidden @ last.weights + last.bias).astype(np.float64)
-        count, rows = len(self.middle), list(self.rows)
-        each = said[..., :count]
-        mean = each.mean(axis=0)
-        factor, apart = spread_factors(said, count), each - mean
-        spread = (factor @ factor.swapaxes(-1, -2)).mean(axis=0)
-        spread += np.einsum("mbi,mbj->bij", apart, apart) / self.members
-        natural = self.middle + self.size * mean
-        strength = length * self.stiffening(temperature)
-        values, turn = np.zeros((len(mean), 5)), np.ones((len(mean), 5))
-        values[:, rows] = natural
-        values[:, 2:4] *= strength
-        turn[:, 2:4] = strength
-        turn[:, 4:] = values[:, 4:] = -strength * np.exp(natural[:, -1:])
-        turn = turn[:, rows] * self.size * self.stretch
-        covariance = np.zeros((len(mean), 5, 5))
-        covariance[:, np.array(rows)[:, None], rows] = spread * turn[:, :, None] * turn[:, None]
-        distance = np.sqrt(((inputs @ self.whitener) ** 2).sum(axis=1))
-        return Prediction(values, covariance, distance / self.reach)
-
-    def stiffening(self, temperature: float) -> float:
-        """By which the rubber is stiffer at this temperature, degC, than at reference."""
-        return 1 + self.softening * (temperature - REFERENCE_TEMPERATURE)
+        rows = floats("signals", signals, (count,)).reshape(-1, count)
+        return Ensemble(self).predict(rows, temperature)
 
     def save(self, path: Path | str) -> None:
         """Write the model file: arrays, and what they mean as JSON in the file's header.
@@ -219,8 +185,7 @@ class NetworkModel:
         for name, layers in ends.items():
             arrays[f"{name}_weights"] = np.stack([layer.weights for layer in layers])
             arrays[f"{name}_bias"] = np.stack([layer.bias for layer in layers])
-        outputs = ["x / m", "y / m", *(["Fx / length", "Fy / length"] if self.drag else []),
-                   "log(-Fz / length)"]  # fmt: skip
+        drags = ["Fx / length", "Fy / length"] if self.drag else []
         header = {
             "design": self.design_hash,
             "input": {
@@ -230,7 +195,7 @@ class NetworkModel:
                 "form": "signals over their length, then the logarithm of that length over 1 T",
                 "floor_T": self.floor,
             },
-            "output": outputs,
+            "output": ["x / m", "y / m", *drags, "log(-Fz / length)"],
             "reach": self.reach,
             "forces_N": list(self.forces),
             "drag_N": self.drag,
@@ -240,6 +205,99 @@ class NetworkModel:
             "metrics": [metric._asdict() for metric in self.metrics],
         }
         _FILE.write(path, arrays, header)
+
+
+class Ensemble:
+    """A model laid out for use: all members side by side, in few large steps.
+
+    Members with means m_k and covariances L_k L_k^T are taken as a mixture: its mean m is that of
+    the m_k, its covariance the mean of L_k L_k^T + (m_k - m)(m_k - m)^T. So the columns of all L_k
+    and m_k - m, over the root of M, stand side by side as one factor of it.
+
+    Parameters
+    ----------
+    model : NetworkModel
+        Model to run.
+    """
+
+    def __init__(self, model: NetworkModel) -> None:
+        self.model = model
+        members, inputs, outputs = model.members, len(model.centre), len(model.middle)
+        # One product gives the first layer of all members and, below, the distance from training.
+        # Before hidden units come halves: x / (1 + e^-x) is h + h tanh(h) with h = x / 2.
+        first, *hidden, last = model.layers
+        rows = 0.5 * first.weights.transpose(0, 2, 1).reshape(-1, inputs).astype(np.float64)
+        rows = np.concatenate([rows, model.whitener.T / model.reach]) / model.scale
+        bias = np.concatenate([0.5 * first.bias.ravel(), np.zeros(inputs)])
+        self.first, self.first_bias = rows, (bias - rows @ model.centre)[:, None]
+        self.width = members * first.bias.shape[-1]
+        """Hidden units of a layer, of all members."""
+        self.hidden = [_columns(layer, 0.5) for layer in hidden]
+        # The last layer gives a 0 and a 1 too, of which factors are made by picking.
+        numbers = last.bias.shape[-1]
+        blank = np.zeros((members, last.weights.shape[1], 2), np.float32)
+        constant = np.broadcast_to(np.array([0.0, 1.0], np.float32), (members, 1, 2))
+        weights = np.concatenate([last.weights, blank], axis=-1)
+        self.last = _columns(Layer(weights, np.concatenate([last.bias, constant], axis=-1)))
+        left, right = np.full((2, members, 5, outputs + 1), numbers)
+        scales = np.zeros((3, 5, 1))
+        for row, at in enumerate(model.rows):
+            shares = 2 * outputs + row * (row - 1) // 2
+            left[:, at, : row + 1] = outputs + row
+            right[:, at, :row] = range(shares, shares + row)
+            left[:, at, -1] = row
+            right[:, at, [row, -1]] = numbers + 1
+            size = model.size[row]
+            scales[:, at, 0] = model.middle[row], size, size * model.stretch[row]
+        # (5, M (O + 1)): picks of the factor of all members' second moments, of M.
+        offset = (numbers + 2) * np.arange(members)[:, None, None]
+        self.left, self.right = (
+            (picks + offset).transpose(1, 0, 2).reshape(5, -1) for picks in (left, right)
+        )
+        self.middle, self.size, self.stretch = *scales[:2], scales[2] / np.sqrt(members)
+        self.deviations = slice(outputs, 2 * outputs)
+        """Rows of each member's numbers that are logarithms of deviations."""
+        self.beside = slice(outputs, None, outputs + 1)
+        """Columns of the factor that hold the members' means."""
+        self.means = np.zeros(members * (outputs + 1))
+        self.means[self.beside] = 1 / members
+
+    def predict(self, signals: Floats, temperature: float = REFERENCE_TEMPERATURE) -> Prediction:
+        """The touches behind B rows of signals, (B, C), T, on rubber at a temperature, degC."""
+        model, count = self.model, len(signals)
+        length = np.sqrt(np.add.reduce(signals * signals, axis=1) + model.floor**2)
+        inputs = np.empty((signals.shape[1] + 1, count))
+        np.divide(signals.T, length, out=inputs[:-1])
+        np.log(length, out=inputs[-1])
+        both = self.first @ inputs
+        both += self.first_bias
+        far = both[self.width :]
+        novelty = np.sqrt(np.add.reduce(far * far, axis=0))
+        half = both[: self.width].astype(np.float32).reshape(model.members, -1, count)
+        for weights, bias in self.hidden:
+            half = weights @ _passed(half)
+            half += bias
+        weights, bias = self.last
+        numbers = (weights @ _passed(half) + bias).astype(np.float64)
+        logarithms = numbers[:, self.deviations]
+        np.maximum(logarithms, SPREADS[0], out=logarithms)
+        np.minimum(logarithms, SPREADS[1], out=logarithms)
+        np.exp(logarithms, out=logarithms)
+        picks = numbers.reshape(-1, count)
+        factor = picks.take(self.left, axis=0)
+        factor *= picks.take(self.right, axis=0)
+        mean = self.means @ factor
+        values = self.middle + self.size * mean
+        strength = length * (1 + model.softening * (temperature - REFERENCE_TEMPERATURE))
+        values[2:4] *= strength
+        values[4] = -strength * np.exp(values[4])
+        units = self.stretch.repeat(count, axis=1)
+        units[2:4] *= strength
+        units[4] *= values[4]
+        factor[:, self.beside] -= mean[:, None]
+        factor *= units[:, None]
+        root = factor.transpose(2, 0, 1)
+        return Prediction(values.T, root @ root.transpose(0, 2, 1), novelty)
 
 
 def load_network(path: Path | str) -> NetworkModel:
@@ -258,7 +316,7 @@ def load_network(path: Path | str) -> NetworkModel:
 def _network(arrays: dict[str, NDArray[Any]], header: dict[str, Any]) -> NetworkModel:
     """The model of a file's arrays and header."""
     given = header["input"]
-    low, high = (float(one) for one in header["forces_N"])
+    low, high = (float(force) for force in header["forces_N"])
     layers = [
         Layer(weights, bias)
         for name in ("first", "hidden", "last")
@@ -275,7 +333,7 @@ def _network(arrays: dict[str, NDArray[Any]], header: dict[str, Any]) -> Network
         softening=float(header["softening_per_K"]),
         data_sha256=str(header["data_sha256"]),
         split=str(header["split"]),
-        metrics=tuple(Metric(**one) for one in header["metrics"]),
+        metrics=tuple(Metric(**metric) for metric in header["metrics"]),
         **{name: arrays[name] for name in _TENSORS},
     )
 
@@ -286,27 +344,22 @@ def encode(signals: Floats, floor: float) -> tuple[Floats, Floats]:
     return np.concatenate([signals / length, np.log(length)], axis=1), length
 
 
+def _passed(half: Singles) -> Singles:
+    """Outputs x / (1 + e^-x) of hidden units, from x / 2, without overflow."""
+    hidden = np.tanh(half)
+    hidden += 1
+    hidden *= half
+    return hidden
+
+
+def _columns(layer: Layer, factor: float = 1.0) -> tuple[Singles, Singles]:
+    """Weights (M, outputs, inputs) and bias (M, outputs, 1) times a factor, for columns."""
+    weights, bias = (np.float32(factor) * part.swapaxes(1, 2) for part in layer)
+    return np.ascontiguousarray(weights), np.ascontiguousarray(bias)
+
+
 def _read_only(part: Singles) -> Singles:
     """A copy that nobody changes."""
     copy = np.array(part, dtype=np.float32)
     copy.flags.writeable = False
     return copy
-
-
-def spread_factors(said: Floats, count: int) -> Floats:
-    """Lower triangular factors (..., O, O) of the covariances that members state.
-
-    Parameters
-    ----------
-    said : Floats, shape (..., O (O + 3) / 2)
-        O means, O logarithms of deviations, and for each pair how much of what an earlier target
-        is off a later one is off too, both in their deviations: row by row below the diagonal.
-    count : int
-        O.
-    """
-    size = np.exp(np.clip(said[..., count : 2 * count], *SPREADS))
-    # Residuals are made independent by forward substitution: (1 + N) white = apart / size.
-    shares = np.zeros((*said.shape[:-1], count, count))
-    shares[..., *np.tril_indices(count, -1)] = said[..., 2 * count :]
-    shares[..., range(count), range(count)] = 1.0
-    return np.asarray(size[..., :, None] * shares)

@@ -3,24 +3,32 @@
 Every draw is another skin: the table's modes with random weights, at a random temperature, with
 all that spoils a reading (what the table misses, the chips' noise, drift, the creep that undoing
 it leaves). A table of a design gives all skins made of it; one calibrated to a skin gives what is
-still open of that skin. Decides how touches and disturbances are spread; needs NumPy alone.
+still open of that skin. Decides how touches and disturbances are spread, how touches become centred
+and scaled examples, and which are held out: skins of their own that no lesson sees. Needs NumPy
+alone.
 """
 
 import hashlib
-from dataclasses import dataclass
-from typing import Final, NamedTuple, TypeAlias
+from dataclasses import dataclass, fields, replace
+from itertools import pairwise
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smoskin.arrays import Floats
-from smoskin.errors import ArgumentError
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.mechanics.viscoelasticity import Prony
+from smoskin.sensing.network.model import Layer, NetworkModel, Singles, encode
 from smoskin.sensing.response.table import ResponseTable
 
-Singles: TypeAlias = NDArray[np.float32]
-
+FLOOR: Final = 1e-6
+"""Length added to the signals' in quadrature, T: a fraction of the chips' noise."""
+SKINS: Final = 128
+"""Skins of each held-out set."""
+TOUCHES: Final = 96
+"""Touches of each of them."""
 _FEW: Final = 16
 """Skins whose touches are laid out at once."""
 _NOTHING: Final = 1e-9
@@ -38,18 +46,18 @@ class TouchSpread:
     """
 
     margin: float = 2.5e-3
-    """m: how far past the rim places are drawn, so that the rim itself is not the limit of all
-    that was ever seen."""
+    """Distance past the rim up to which places are drawn, m, so that the rim itself is not the
+    limit of all that was ever seen."""
     drag: float = 0.0
-    """N: largest drag, of any direction, evenly spread; 0: touches are straight."""
+    """Largest drag, N, of any direction, evenly spread; 0: touches are straight."""
     straight: float = 0.4
     """Share of touches without drag, where others have one."""
     uneven: float = 0.5
     """Share of normal forces that are even in their logarithm; the others are even."""
     temperatures: tuple[float, float] = (15.0, 35.0)
-    """degC, from and to, even."""
+    """Range of temperatures, degC, even."""
     drift: float = 0.5e-6
-    """T: standard deviation on each axis of the zero that has not been followed."""
+    """Standard deviation on each axis of the zero that has not been followed, T."""
 
     def __post_init__(self) -> None:
         for name in ("margin", "drag", "drift"):
@@ -77,11 +85,13 @@ class TouchSource:
     Parameters
     ----------
     table : ResponseTable
+        Table whose skins are drawn.
     noise : Floats, shape (C, C)
-        T^2: covariance of the signals' noise (`smoskin.sensing.signals.signals.signal_noise`).
+        Covariance of the signals' noise, T^2 (`smoskin.sensing.signals.signals.signal_noise`).
     spread : TouchSpread, optional
+        How touches and disturbances are spread.
     creep : Prony, optional
-        Of the rubber, where the estimator undoes its creep: what that leaves is drawn too.
+        Creep of the rubber, where the estimator undoes it: what that leaves is drawn too.
 
     Notes
     -----
@@ -104,13 +114,12 @@ class TouchSource:
         self._noise = noise + self.spread.drift**2 * np.eye(table.count)
         self._noise_root = np.linalg.cholesky(self._noise).astype(np.float32)
         # What the table misses may be nothing at all, which has no Cholesky factor.
-        power, ways = np.linalg.eigh(table.misfit)
-        self._misfit_root = (ways * np.sqrt(np.maximum(power, 0.0))).astype(np.float32)
+        power, modes = np.linalg.eigh(table.misfit)
+        self._misfit_root = (modes * np.sqrt(np.maximum(power, 0.0))).astype(np.float32)
         flat = len(table.modes), table.mean.size
         self._modes = table.modes.reshape(flat).astype(np.float32)
-        self._mean, self._warmth = (
-            one.ravel().astype(np.float32) for one in (table.mean, table.warmth)
-        )
+        self._mean = table.mean.ravel().astype(np.float32)
+        self._warmth = table.warmth.ravel().astype(np.float32)
 
     def draw(self, rng: np.random.Generator, skins: int, touches: int) -> Drawn:
         """So many touches of each of so many skins."""
@@ -173,3 +182,165 @@ class TouchSource:
             angle = rng.uniform(0, 2 * np.pi, count)
             push[:, 0], push[:, 1] = drag * np.cos(angle), drag * np.sin(angle)
         return push
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainingEffort:
+    """How large an ensemble is, and how long it learns.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is not positive.
+    """
+
+    members: int = 4
+    """Networks, each from weights of its own."""
+    width: int = 64
+    """Units of every hidden layer."""
+    depth: int = 3
+    """Hidden layers, at least two."""
+    epochs: int = 60
+    """Most epochs."""
+    steps: int = 200
+    """Steps in an epoch."""
+    batch: int = 1024
+    """Touches in a step."""
+    touches: int = 64
+    """Touches of each skin that is drawn."""
+    rate: float = 1e-2
+    """Rate of learning at the start; it falls to nothing along half a cosine."""
+    patience: int = 12
+    """Epochs without anything gained after which training ends."""
+    seconds: float = np.inf
+    """Time that training may take, s, over all its resumptions."""
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            least = {"seed": 0, "depth": 2}.get(field.name, 1 if field.type is int else 0)
+            if not value >= least or (field.type is float and not value > 0):
+                raise ArgumentError(f"{field.name} must be at least {least}; got {value}")
+        if (self.steps * self.batch) % self.touches:
+            raise ArgumentError(
+                f"an epoch of {self.steps} x {self.batch} touches must be whole skins of "
+                f"{self.touches}"
+            )
+
+
+class Lesson(NamedTuple):
+    """Examples of an epoch."""
+
+    inputs: Singles
+    """(steps, batch, D)."""
+    targets: Singles
+    """(steps, batch, O)."""
+
+
+class Lessons:
+    """All that stays the same during a training.
+
+    Parameters
+    ----------
+    design : SkinDesign
+        Design of the table.
+    source : TouchSource
+        Touches to learn from.
+    effort : TrainingEffort
+        Sizes of the ensemble and of the lessons.
+    start : NetworkModel, optional
+        A network to go on from; its layout, sizes and weights are taken.
+
+    Raises
+    ------
+    ModelError
+        If the start is of another design, of other chips, or knows drags where touches have none.
+    """
+
+    def __init__(
+        self,
+        design: SkinDesign,
+        source: TouchSource,
+        effort: TrainingEffort,
+        start: NetworkModel | None = None,
+    ) -> None:
+        table = source.table
+        self.source, self.effort = source, effort
+        self.design_hash = design.content_hash
+        self.outputs = 5 if source.spread.drag else 3
+        first = self.held_out(0)
+        if start is None:
+            inputs, targets = self._natural(first)
+            self.centre, self.scale = inputs.mean(axis=0), inputs.std(axis=0)
+            self.middle, self.size = targets.mean(axis=0), targets.std(axis=0)
+            self.layers = self._random_layers(inputs.shape[1])
+        else:
+            if start.design_hash != design.content_hash or start.chips != table.chips:
+                raise ModelError(
+                    f"start must be of the same design and chips {table.chips}; got one of "
+                    f"{start.design_hash[:12]} and {start.chips}"
+                )
+            if bool(start.drag) is not bool(source.spread.drag):
+                raise ModelError(f"start must know drags as the touches do; got {start.drag} N")
+            self.centre, self.scale = start.centre, start.scale
+            self.middle, self.size = start.middle, start.size
+            self.layers = start.layers
+        self.judges = self._standard(first)
+        """Examples on which a training is judged, and ended."""
+        # A training may be given more time, or more patience, when it goes on.
+        same = replace(effort, seconds=np.inf, patience=1)
+        digest = hashlib.sha256(repr((source.sha256(), same)).encode())
+        for layer in self.layers:
+            digest.update(layer.weights.tobytes() + layer.bias.tobytes())
+        self.key = digest.hexdigest()
+        """Hash of all that a training depends on."""
+
+    def epoch(self, number: int) -> Lesson:
+        """Examples of one epoch, the same whenever they are drawn."""
+        effort = self.effort
+        rng = np.random.default_rng([effort.seed, 1, number])
+        total = effort.steps * effort.batch
+        drawn = self.source.draw(rng, total // effort.touches, effort.touches)
+        inputs, targets = self._standard(drawn)
+        order = rng.permutation(total).reshape(effort.steps, effort.batch)
+        return Lesson(inputs[order], targets[order])
+
+    def held_out(self, which: int) -> Drawn:
+        """Touches of skins that no lesson holds; 0: to end training, 1: spread, 2: figures."""
+        rng = np.random.default_rng([self.effort.seed, 2, which])
+        return self.source.draw(rng, SKINS, TOUCHES)
+
+    def standard_inputs(self, drawn: Drawn) -> Floats:
+        """Inputs of touches, (B, D), centred and scaled."""
+        return np.asarray((self._natural(drawn)[0] - self.centre) / self.scale)
+
+    def _natural(self, drawn: Drawn) -> tuple[Floats, Floats]:
+        """Inputs (B, D) and targets (B, O) in their own units."""
+        inputs, length = encode(drawn.signals.astype(np.float64), FLOOR)
+        values = drawn.values.astype(np.float64)
+        drags = [values[:, 2:4] / length] if self.outputs == 5 else []
+        targets = [values[:, :2], *drags, np.log(-values[:, 4:] / length)]
+        return inputs, np.concatenate(targets, axis=1)
+
+    def _standard(self, drawn: Drawn) -> tuple[Singles, Singles]:
+        """The same, centred and scaled."""
+        inputs, targets = self._natural(drawn)
+        return (
+            ((inputs - self.centre) / self.scale).astype(np.float32),
+            ((targets - self.middle) / self.size).astype(np.float32),
+        )
+
+    def _random_layers(self, inputs: int) -> tuple[Layer, ...]:
+        """Weights to begin with."""
+        effort = self.effort
+        rng = np.random.default_rng([effort.seed, 0])
+        last = self.outputs * (self.outputs + 3) // 2
+        layers = []
+        for before, after in pairwise([inputs, *[effort.width] * effort.depth, last]):
+            weights = rng.standard_normal((effort.members, before, after)) * np.sqrt(2 / before)
+            bias = np.zeros((effort.members, 1, after), np.float32)
+            layers.append(Layer(weights.astype(np.float32), bias))
+        # Statements begin near the middle, with a spread like the targets' own.
+        layers[-1] = Layer(layers[-1].weights * np.float32(0.1), layers[-1].bias)
+        return tuple(layers)

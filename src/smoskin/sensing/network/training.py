@@ -2,9 +2,9 @@
 
 Held-out touches come from skins of their own, whose draws training never sees; when they stop
 getting better, training ends, and on others of them the stated spread is set. Decides the loss
-(the likelihood of the truth under what members state), how the rate falls, and what a checkpoint
-holds: a training that was killed goes on to the same numbers as one that was not. Needs the extra
-`train`.
+(the likelihood of the truth under what members state), how the rate falls, what a checkpoint
+holds (a training that was killed goes on to the same numbers as one that was not), and how weights
+become a model with its range of validity. Needs the extra `train`.
 """
 
 import json
@@ -12,19 +12,31 @@ import os
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
+from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import MissingExtraError, ModelError
 from smoskin.mechanics.viscoelasticity import Prony
+from smoskin.roles import Progress, unheard
 from smoskin.sensing.files import TensorFile
-from smoskin.sensing.network.lessons import Lesson, Lessons, TrainingEffort
-from smoskin.sensing.network.model import SPREADS, NetworkModel
-from smoskin.sensing.network.samples import TouchSource, TouchSpread
+from smoskin.sensing.learned.gaussian_process import Metric
+from smoskin.sensing.network.model import SPREADS, Layer, NetworkModel, Prediction
+from smoskin.sensing.network.samples import (
+    FLOOR,
+    SKINS,
+    TOUCHES,
+    Drawn,
+    Lesson,
+    Lessons,
+    TouchSource,
+    TouchSpread,
+    TrainingEffort,
+)
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.signals import signal_noise
 
@@ -37,14 +49,20 @@ try:
 except ImportError as error:
     raise MissingExtraError("training networks", "train") from error
 
-Progress: TypeAlias = Callable[[str, float], None]
-"""Called with what is being done and the share of it that is done, 0 to 1."""
 State: TypeAlias = Any
 """Weights, their running average and the optimiser's memory: a tree of arrays."""
 
 _CHECKPOINT: Final = TensorFile("a training checkpoint", "smoskin_training", 1)
 _CLIP: Final = 5.0
 """Length of the gradient above which it is shortened."""
+_HOLDS: Final = 0.9
+"""Share of truths that stated regions of so much shall hold."""
+_NORMAL: Final = {2: 4.605170185988092, 1: 2.705543454095404}
+"""Squared deviations that hold 90 % of a normal of so many dimensions."""
+_BEYOND: Final = 1.3
+"""A model is believed to this multiple of the distance at which held-out touches lie at most."""
+_FIRM: Final = 0.3
+"""Normal force from which touches count for the figures, N."""
 _MEMORY: Final = 0.99
 """Share of the running mean of squared gradients that a step keeps."""
 _STEP: Final = 0.2
@@ -57,15 +75,15 @@ class Epoch(NamedTuple):
     """A point of the learning curve."""
 
     epoch: int
-    """How many were done."""
+    """Number of epochs that were done."""
     seconds: float
-    """Spent so far."""
+    """Time spent so far."""
     rate: float
-    """Of learning."""
+    """Rate of learning."""
     training: float
     """Loss, mean over the epoch: negative log likelihood, nats a touch."""
     held_out: float
-    """Of the running average on skins that training never sees."""
+    """Loss of the running average on skins that training never sees."""
 
 
 class Trained(NamedTuple):
@@ -74,7 +92,7 @@ class Trained(NamedTuple):
     model: NetworkModel
     curve: tuple[Epoch, ...]
     ended: str
-    """Why, in words."""
+    """Why it ended, in words."""
 
 
 def train_network(
@@ -87,7 +105,7 @@ def train_network(
     start: NetworkModel | None = None,
     checkpoint: Path | None = None,
     curve: Path | None = None,
-    progress: Progress | None = None,
+    progress: Progress = unheard,
     clock: Callable[[], float] = time.monotonic,
 ) -> Trained:
     """A network for skins of a table.
@@ -95,21 +113,24 @@ def train_network(
     Parameters
     ----------
     design : SkinDesign
+        Design of the table.
     table : ResponseTable
-        Of the design, for any skin made of it; or one calibrated to a skin. Of the chips that
+        Table of the design, for any skin made of it; or one calibrated to a skin. Of the chips that
         the network shall read.
     spread : TouchSpread, optional
-        Of touches and disturbances.
+        How touches and disturbances are spread.
     creep : Prony, optional
-        Of the rubber, where the estimator shall undo its creep.
+        Creep of the rubber, where the estimator shall undo it.
     effort : TrainingEffort, optional
+        Sizes and lengths.
     start : NetworkModel, optional
-        To go on from, such as the design's for one skin of it; its sizes are kept.
+        A network to go on from, such as the design's for one skin of it; its sizes are kept.
     checkpoint : Path, optional
-        Written after every epoch; where it exists, training goes on from there.
+        File that is written after every epoch; where it exists, training goes on from there.
     curve : Path, optional
-        The learning curve, a line of JSON for each epoch.
-    progress : callable, optional
+        File of the learning curve, a line of JSON for each epoch.
+    progress : Progress, optional
+        Listener.
     clock : callable
         Seconds that pass.
 
@@ -119,35 +140,29 @@ def train_network(
         If the table or the start belong to another design, or the checkpoint to another
         training.
     """
-    work, report = effort or TrainingEffort(), progress or (lambda what, share: None)
+    effort = effort or TrainingEffort()
     design.check_own("table", table.design_hash)
     source = TouchSource(table, signal_noise(design, table.chips), spread, creep)
-    lessons = Lessons(design, source, work, start)
+    lessons = Lessons(design, source, effort, start)
     with jax.enable_x64(False), ThreadPoolExecutor(max_workers=1) as ahead:
-        course = (
-            _Course.begin(lessons) if checkpoint is None else _Course.resume(lessons, checkpoint)
-        )
-        before = clock() - course.seconds
+        course = _Course.resume(lessons, checkpoint)
+        began = clock() - course.seconds
         if curve is not None:
             _write_curve(curve, course.curve)
-        ended = course.ended()
-        coming = None if ended else ahead.submit(lessons.epoch, course.epochs)
-        while coming is not None:
-            share = max(course.epochs / work.epochs, course.seconds / work.seconds)
-            report(course.told(), share)
+        coming = ahead.submit(lessons.epoch, course.epochs)
+        while not (ended := course.ended()):
+            share = max(course.epochs / effort.epochs, course.seconds / effort.seconds)
+            progress(course.told(), share)
             lesson = coming.result()
             coming = ahead.submit(lessons.epoch, course.epochs + 1)
-            course = course.after(lesson, share, lambda: clock() - before)
+            course = course.after(lesson, share, lambda: clock() - began)
             if checkpoint is not None:
                 course.save(checkpoint)
             if curve is not None:
                 _write_curve(curve, course.curve)
-            ended = course.ended()
-            if ended:
-                coming.cancel()
-                coming = None
-        report(f"stopped: {ended}", 1.0)
-        return Trained(lessons.model(course.best), course.curve, ended)
+        coming.cancel()
+        progress(f"stopped: {ended}", 1.0)
+        return Trained(_finished(lessons, course.best), course.curve, ended)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,10 +183,10 @@ class _Course:
         return cls(lessons=lessons, state=state, best=weights, curve=())
 
     @classmethod
-    def resume(cls, lessons: Lessons, file: Path) -> "_Course":
-        """As a checkpoint left it; from the beginning where there is none."""
+    def resume(cls, lessons: Lessons, file: Path | None) -> "_Course":
+        """The course as a checkpoint left it; from the beginning where there is none."""
         fresh = cls.begin(lessons)
-        if not file.exists():
+        if file is None or not file.exists():
             return fresh
         leaves, shape = jax.tree.flatten((fresh.state, fresh.best))
 
@@ -193,17 +208,17 @@ class _Course:
 
     @property
     def epochs(self) -> int:
-        """How many are done."""
+        """Number of epochs that are done."""
         return len(self.curve)
 
     @property
     def seconds(self) -> float:
-        """Spent so far."""
+        """Time spent so far."""
         return self.curve[-1].seconds if self.curve else 0.0
 
     def after(self, lesson: Lesson, share: float, spent: Callable[[], float]) -> "_Course":
         """One epoch on."""
-        rate = self.lessons.work.rate * 0.5 * (1 + np.cos(np.pi * min(share, 1.0)))
+        rate = self.lessons.effort.rate * 0.5 * (1 + np.cos(np.pi * min(share, 1.0)))
         state, loss = _learn(self.state, lesson, np.float32(rate))
         inputs, targets = self.lessons.judges
         point = Epoch(
@@ -213,7 +228,7 @@ class _Course:
             rate=float(rate),
             seconds=spent(),
         )
-        better = point.held_out < min((one.held_out for one in self.curve), default=np.inf)
+        better = point.held_out < min((past.held_out for past in self.curve), default=np.inf)
         return _Course(
             lessons=self.lessons,
             state=state,
@@ -223,16 +238,16 @@ class _Course:
 
     def ended(self) -> str:
         """Why training is over; empty while it is not."""
-        work = self.lessons.work
-        losses = [one.held_out for one in self.curve]
-        if self.epochs >= work.epochs:
-            return f"all {work.epochs} epochs are done"
-        if self.seconds >= work.seconds:
-            return f"its {work.seconds:.0f} s are over"
+        effort = self.lessons.effort
+        losses = [point.held_out for point in self.curve]
+        if self.epochs >= effort.epochs:
+            return f"all {effort.epochs} epochs are done"
+        if self.seconds >= effort.seconds:
+            return f"its {effort.seconds:.0f} s are over"
         if losses and not np.isfinite(losses[-1]):
             return "the loss is no longer finite"
-        if losses and len(losses) - 1 - int(np.argmin(losses)) >= work.patience:
-            return f"{work.patience} epochs gained nothing on held-out skins"
+        if losses and len(losses) - 1 - int(np.argmin(losses)) >= effort.patience:
+            return f"{effort.patience} epochs gained nothing on held-out skins"
         return ""
 
     def told(self) -> str:
@@ -264,7 +279,7 @@ def _optimiser() -> optax.GradientTransformation:
     """
 
     def dimensions(weights: State) -> State:
-        """Of the matrices of hidden layers, (M, inputs, outputs); None for all else."""
+        """Axes of the matrices of hidden layers, (M, inputs, outputs); None for all else."""
         matrix = optax.contrib.MuonDimensionNumbers(reduction_axis=1, output_axis=2)
         inner = [(matrix, None) for _ in weights[1:-1]]
         return [(None, None), *inner, (None, None)]
@@ -296,25 +311,99 @@ def _learn(state: State, lesson: Lesson, rate: Array) -> tuple[State, Array]:
 def likelihood_loss(weights: State, inputs: Array, targets: Array) -> Array:
     """Negative log likelihood of targets (B, O), nats a touch, mean over members.
 
-    The factor of a covariance is lower triangular, so that residuals become independent by
-    forward substitution.
+    With residuals r = t - m of a normal with factor L of its covariance, whose diagonal holds the
+    deviations: sum_i (w_i^2 / 2 + log L_ii + log(2 pi) / 2), where w = L^-1 r, independent
+    residuals by forward substitution, as L is lower triangular.
     """
     count = targets.shape[-1]
     hidden = inputs
     for w, b in weights[:-1]:
         hidden = jax.nn.silu(hidden @ w + b)
-    said = hidden @ weights[-1][0] + weights[-1][1]
-    size = jnp.clip(said[..., count : 2 * count], *SPREADS)
-    shares = said[..., 2 * count :]
-    apart = (targets - said[..., :count]) * jnp.exp(-size)
+    numbers = hidden @ weights[-1][0] + weights[-1][1]
+    size = jnp.clip(numbers[..., count : 2 * count], *SPREADS)
+    shares = numbers[..., 2 * count :]
+    residuals = (targets - numbers[..., :count]) * jnp.exp(-size)
     white: list[Array] = []
     for row in range(count):
         first = row * (row - 1) // 2
-        known = sum((shares[..., first + k] * white[k] for k in range(row)), jnp.zeros(()))
-        white.append(apart[..., row] - known)
-    squared = sum((one * one for one in white), jnp.zeros(()))
+        shared = sum((shares[..., first + k] * white[k] for k in range(row)), jnp.zeros(()))
+        white.append(residuals[..., row] - shared)
+    squared = sum((w * w for w in white), jnp.zeros(()))
     loss: Array = (0.5 * squared + size.sum(axis=-1) + 0.5 * count * np.log(2 * np.pi)).mean()
     return loss
+
+
+def _finished(lessons: Lessons, weights: State) -> NetworkModel:
+    """The model of these weights, with its spread, reach and figures."""
+    inputs = lessons.standard_inputs(lessons.held_out(1))
+    # By their covariance: signals that are usual one by one may be unheard of together.
+    whitener = np.linalg.inv(np.linalg.cholesky(inputs.T @ inputs / len(inputs))).T
+    reach = _BEYOND * float(np.sqrt(((inputs @ whitener) ** 2).sum(axis=1)).max())
+    source = lessons.source
+    blank = NetworkModel(
+        design_hash=lessons.design_hash,
+        chips=source.table.chips,
+        layers=tuple(Layer(np.asarray(w), np.asarray(b)) for w, b in weights),
+        centre=lessons.centre,
+        scale=lessons.scale,
+        middle=lessons.middle,
+        size=lessons.size,
+        stretch=np.ones(lessons.outputs),
+        whitener=whitener,
+        reach=reach,
+        forces=source.table.forces,
+        drag=source.spread.drag,
+        floor=FLOOR,
+        softening=source.table.softening,
+        data_sha256=source.sha256(),
+        split=f"skins of their own: {SKINS} to end training, {SKINS} for the spread, "
+        f"{SKINS} for the figures, of {TOUCHES} touches each",
+        metrics=(),
+    )
+    stretched = replace(blank, stretch=_stretch(blank, lessons.held_out(1)))
+    return replace(stretched, metrics=_metrics(stretched, lessons.held_out(2)))
+
+
+def _stretch(model: NetworkModel, drawn: Drawn) -> Floats:
+    """Factors (O,) on stated deviations with which 90 % regions hold 90 % of these touches."""
+    predicted, residuals = _residuals(model, drawn)
+    factors: list[float] = []
+    for part in (slice(0, 2), *(slice(row, row + 1) for row in model.rows[2:])):
+        width = part.stop - part.start
+        squared = _squared(predicted, residuals, part)
+        factors += [float(np.sqrt(np.quantile(squared, _HOLDS) / _NORMAL[width]))] * width
+    return np.array(factors)
+
+
+def _metrics(model: NetworkModel, drawn: Drawn) -> tuple[Metric, ...]:
+    """Figures of touches from 0.3 N on."""
+    predicted, residuals = _residuals(model, drawn)
+    firm = drawn.values[:, 4] <= -_FIRM
+    place = np.hypot(residuals[:, 0], residuals[:, 1])
+    force = np.abs(residuals[:, 4] / drawn.values[:, 4].astype(np.float64))
+    inside = _squared(predicted, residuals, slice(0, 2)) <= _NORMAL[2]
+    figures = [
+        ("mean distance of the place", place, "m"),
+        ("mean error of the normal force", force, "1"),
+        ("truths in their stated 90 % region of place", inside, "1"),
+    ]
+    if model.drag:
+        drag = np.hypot(residuals[:, 2], residuals[:, 3])
+        figures.append(("mean error of the drag", drag, "N"))
+    return tuple(Metric(name, float(values[firm].mean()), unit) for name, values, unit in figures)
+
+
+def _residuals(model: NetworkModel, drawn: Drawn) -> tuple[Prediction, Floats]:
+    """A model's answers to touches, and what they are off, (B, 5)."""
+    predicted = model.predict(drawn.signals.astype(np.float64))
+    return predicted, predicted.values - drawn.values.astype(np.float64)
+
+
+def _squared(predicted: Prediction, residuals: Floats, part: slice) -> Floats:
+    """Squared deviations (B,) of residuals of some of the values in what was stated of them."""
+    off = residuals[:, part]
+    white = np.linalg.solve(predicted.covariance[:, part, part], off[..., None])[..., 0]
+    return np.asarray((off * white).sum(axis=1))
 
 
 def _write_curve(file: Path, curve: tuple[Epoch, ...]) -> None:
