@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter
 from paper.style import Plate, lay_out, quiet, styled
 from paper.touch_errors import DRAG, FORCE, TouchErrors
 from smoskin.arrays import Floats
-from smoskin.sensing.response.bound import SuperResolution
+from smoskin.sensing.response.bound import BoundMap, SuperResolution
 
 _MAP: Final = "cividis"
 _TICKS: Final = (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50)
@@ -48,7 +48,7 @@ def bound_plate(found: TouchErrors) -> Plate:
         for axis in axes[1]:
             axis.set_xlabel("x (mm)")
         lay_out(figure)
-    blind = bound.blind_regions()
+    blind = blind_regions(bound)
     return Plate(
         name="touch_bound",
         title="How well a touch could be told, and is",
@@ -68,6 +68,25 @@ def bound_plate(found: TouchErrors) -> Plate:
         f"{_factors(found.super_resolution)} reached.",
         figure=figure,
     )
+
+
+def blind_regions(bound: BoundMap) -> list[str]:
+    """Names of the strips along the rim, and of the rest, where the place cannot be told."""
+    if bound.blind.all():
+        return ["the whole skin"]
+    rows, columns = (np.asarray(bound.blind.all(axis=axis)) for axis in (1, 0))
+    named = []
+    for axis, line, dark in (("x", bound.x, rows), ("y", bound.y, columns)):
+        low = int(np.argmin(dark)) if not dark.all() else len(dark)
+        high = int(np.argmin(dark[::-1])) if not dark.all() else 0
+        if low:
+            named.append(f"{axis} <= {line[low - 1] * 1e3:.0f} mm")
+        if high:
+            named.append(f"{axis} >= {line[-high] * 1e3:.0f} mm")
+    inside = bound.blind & ~rows[:, None] & ~columns
+    if inside.any():
+        named.append(f"{inside.mean():.1%} of the skin elsewhere")
+    return named
 
 
 def _ends(values: Floats) -> tuple[float, float]:

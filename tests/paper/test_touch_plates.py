@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from paper.bound_plate import blind_regions
 from paper.shear_learning import (
     DRAGS,
     SHOWN,
@@ -24,7 +25,7 @@ from paper.touch_errors import (
 from paper.trial_skins import TrialSkin, bench_signals, trial_table
 from smoskin.errors import ModelError
 from smoskin.records import Motion
-from smoskin.sensing.response.bound import bound_map
+from smoskin.sensing.response.bound import bound_map, bound_of_slopes
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.readout import Readout
 from tables_of_response import plain, reduced_table
@@ -248,3 +249,14 @@ def test_rows_of_two_touches_judge_counts_and_rank(touches, pairs):
     solved, switch = touch_error_rows(replace(touches, idle=0.5), replace(pairs, told=0.9))
     assert (solved.verdict, switch.verdict) == ("unresolved", "unresolved")
     assert "50 % of the moments" in switch.computed
+
+
+def test_blind_strips_and_patches_are_named():
+    x, y = np.linspace(0.0, 0.1, 11), np.linspace(0.0, 0.2, 21)
+    slopes = np.zeros((11, 21, 3, 5))
+    slopes[..., 0, 0] = slopes[..., 1, 1] = slopes[..., 2, 4] = 1.0
+    slopes[0, :, 0, 0] = slopes[:, 19:, 1, 1] = slopes[5, 5, 0, 0] = 0.0
+    found = bound_of_slopes(x, y, slopes, 1e-12 * np.eye(3), drags=False)
+    assert blind_regions(found) == ["x <= 0 mm", "y >= 190 mm", "0.4% of the skin elsewhere"]
+    found = bound_of_slopes(x, y, 0 * slopes, 1e-12 * np.eye(3), drags=False)
+    assert blind_regions(found) == ["the whole skin"]

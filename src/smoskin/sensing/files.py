@@ -5,7 +5,8 @@ format is safetensors, which carries no code.
 """
 
 import json
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
@@ -22,7 +23,7 @@ _Content = TypeVar("_Content")
 
 
 class TensorFile(NamedTuple):
-    """One kind of file."""
+    """A kind of file."""
 
     kind: str
     """What people call it, with its article."""
@@ -57,7 +58,7 @@ class TensorFile(NamedTuple):
         names: Collection[str],
         build: Callable[[dict[str, NDArray[Any]], dict[str, Any]], _Content],
     ) -> _Content:
-        """What `build` makes of a file's arrays, which must have these names, and of its header.
+        """Read a file: what `build` makes of its arrays, which must have these names, and header.
 
         Raises
         ------
@@ -66,16 +67,9 @@ class TensorFile(NamedTuple):
         MissingExtraError
             If `safetensors` is not installed.
         """
-        try:
-            from safetensors import SafetensorError, safe_open
-        except ImportError as error:
-            raise MissingExtraError(f"reading {self.kind}", "learned") from error
-        try:
-            with safe_open(str(path), framework="numpy") as file:
-                text = (file.metadata() or {}).get(self.key)
-                arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        except (SafetensorError, OSError) as error:
-            raise ModelError(f"{path}: cannot be read as {self.kind}: {error}") from error
+        with _opened(path, self.kind) as file:
+            text = (file.metadata() or {}).get(self.key)
+            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
         if text is None or set(arrays) != set(names):
             raise ModelError(f"{path}: {self.kind} of this package must be given; got another")
         try:
@@ -99,12 +93,19 @@ def tensor_key(path: Path | str) -> str:
     MissingExtraError
         If `safetensors` is not installed.
     """
+    with _opened(path, "a tensor file") as file:
+        return next(iter(file.metadata() or {}), "")
+
+
+@contextmanager
+def _opened(path: Path | str, kind: str) -> Iterator[Any]:
+    """A tensor file, open for reading."""
     try:
         from safetensors import SafetensorError, safe_open
     except ImportError as error:
-        raise MissingExtraError("reading a tensor file", "learned") from error
+        raise MissingExtraError(f"reading {kind}", "learned") from error
     try:
         with safe_open(str(path), framework="numpy") as file:
-            return next(iter(file.metadata() or {}), "")
+            yield file
     except (SafetensorError, OSError) as error:
-        raise ModelError(f"{path}: cannot be read as a tensor file: {error}") from error
+        raise ModelError(f"{path}: cannot be read as {kind}: {error}") from error

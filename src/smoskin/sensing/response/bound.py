@@ -2,8 +2,8 @@
 
 The bound is the inverse of the information that the signals of one reading carry about a touch's
 place, drag and normal force; it needs the signals' slopes, from a response table or from whoever
-knows them for a design without one. Decides what is unknown and what counts as noise, and names
-regions blind where the signals leave the place open. Noise alone bounds far below what scatter of
+knows them for a design without one. Decides what is unknown and what counts as noise, and calls
+places blind where the signals leave the place open. Noise alone bounds far below what scatter of
 manufacture leaves after a calibration: a table's own misfit can be counted as noise too. The
 equations are those of "The bound" in `docs/derivations.md`.
 """
@@ -101,24 +101,6 @@ class BoundMap:
         # The mean distance of a round normal error is sqrt(pi) / 2 of its root mean square.
         mean = float(seen.mean()) * np.sqrt(np.pi) / 2
         return SuperResolution(float(taxel / np.mean(seen**2)), float(np.sqrt(taxel) / mean))
-
-    def blind_regions(self) -> list[str]:
-        """Names of the strips along the rim, and of the rest, where the place cannot be told."""
-        if self.blind.all():
-            return ["the whole skin"]
-        rows, columns = (np.asarray(self.blind.all(axis=axis)) for axis in (1, 0))
-        named = []
-        for axis, line, dark in (("x", self.x, rows), ("y", self.y, columns)):
-            low = int(np.argmin(dark)) if not dark.all() else len(dark)
-            high = int(np.argmin(dark[::-1])) if not dark.all() else 0
-            if low:
-                named.append(f"{axis} <= {line[low - 1] * 1e3:.0f} mm")
-            if high:
-                named.append(f"{axis} >= {line[-high] * 1e3:.0f} mm")
-        inside = self.blind & ~rows[:, None] & ~columns
-        if inside.any():
-            named.append(f"{inside.mean():.1%} of the skin elsewhere")
-        return named
 
 
 def bound_map(

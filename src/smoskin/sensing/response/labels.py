@@ -1,10 +1,11 @@
 """From touches that a rig has held to the labelled signals that a calibration is made of.
 
 Decides which readings of a touch count: the mean of those while it was held, less the mean of
-those of the rest just before it, creep undone, so that a slow drift takes no part. Hides what the
-rubber remembers from touch to touch.
+those of the rest just before it, creep undone, so that a slow drift takes no part ("Labels and
+creep undone" in `docs/derivations.md`). Hides what the rubber remembers from touch to touch.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,25 +20,25 @@ from smoskin.sensing.signals.signals import Signals
 
 
 class Label(NamedTuple):
-    """One touch and what it says."""
+    """One touch and its signals."""
 
     contact: Contact
     values: Floats
     """(S, 3), T: signals of all chips."""
     temperature: float
-    """degC, of the rubber as the chips report it."""
+    """Rubber temperature as the chips report it, degC; NaN where no reading was good."""
     status: Status | None
     """What forbids to use it; None where nothing does."""
 
 
 class Labeller:
-    """Signals of held touches of one skin, one after the other.
+    """Signals of held touches of one skin, one after the other: ``mean(held) - mean(rest)``.
 
     Parameters
     ----------
     design : SkinDesign
     creep : Prony, optional
-        Of the rubber, to undo its creep; by default touches are taken to have settled.
+        Solid of the rubber, to undo its creep; by default touches are taken to have settled.
     """
 
     def __init__(self, design: SkinDesign, creep: Prony | None = None) -> None:
@@ -45,9 +46,9 @@ class Labeller:
         self._level: Floats | None = None
 
     def label(self, touch: HeldTouch) -> Label:
-        """What a touch says; every touch must be given, in the order of time.
+        """The label of a touch; every touch must be given, in the order of time.
 
-        A rest without readings is that of the touch before.
+        A rest without good readings is that of the touch before.
 
         Raises
         ------
@@ -57,40 +58,40 @@ class Labeller:
         """
         if self._level is None:
             start, end = touch.rest
-            self._signals.zero([one for one in touch.readings if start <= one.time <= end])
+            self._signals.zero([r for r in touch.readings if start <= r.time <= end])
         rest: list[Floats] = []
         held: list[Floats] = []
         status: Status | None = None
-        degrees = np.nan
+        temperature = np.nan
         for reading in touch.readings:
             signal = self._signals.step(reading)
-            for (start, end), kept in ((touch.rest, rest), (touch.held, held)):
+            for (start, end), values in ((touch.rest, rest), (touch.held, held)):
                 if not start <= reading.time <= end:
                     continue
                 if signal.status is None:
-                    kept.append(signal.values)
-                    degrees = signal.temperature
-                elif kept is held:
+                    values.append(signal.values)
+                    temperature = signal.temperature
+                elif values is held:
                     # One saturated chip spoils the creep of the whole touch.
                     status = signal.status
         if rest:
             self._level = np.mean(rest, axis=0)
         if not held or self._level is None:
             nothing = np.full((len(touch.readings[0].field), 3), np.nan)
-            return Label(touch.contact, nothing, degrees, status or Status.CHIP_MISSING)
-        return Label(touch.contact, np.mean(held, axis=0) - self._level, degrees, status)
+            return Label(touch.contact, nothing, temperature, status or Status.CHIP_MISSING)
+        return Label(touch.contact, np.mean(held, axis=0) - self._level, temperature, status)
 
 
 def labelled_touches(
-    labels: list[Label], chips: tuple[int, ...], *, place_spread: float, force_spread: float
+    labels: Sequence[Label], chips: tuple[int, ...], *, place_spread: float, force_spread: float
 ) -> LabelledTouches:
     """The labels that can be used, of these chips alone.
 
     Parameters
     ----------
-    labels : list of Label
+    labels : sequence of Label
     chips : tuple of int
-        Of the table that they shall calibrate.
+        Chips of the table that they shall calibrate.
     place_spread, force_spread : float
         m and N: standard deviations of the labels' places and forces along each axis.
 

@@ -1,7 +1,8 @@
 """Signals of two touches at once and their slopes, one pair at a time and fast.
 
 The same as `ResponseTable.together`, with the derivatives that a descent needs. Decides nothing;
-hides how drags that two touches cause each other change with where both are.
+hides how drags that two touches cause each other change with where both are. The equations are
+those of "Pairs" in `docs/derivations.md`.
 """
 
 from typing import Final, NamedTuple
@@ -14,11 +15,11 @@ from smoskin.sensing.response.pairs import PAD
 from smoskin.sensing.response.table import PointTable, ResponseTable
 
 _SLOPES: Final = np.array([1, 2, 4, 5])
-"""Rows of both touches' shares that are slopes along x and y, of (shares, by x, by y) each."""
+"""Rows that are slopes along x and y, of both touches' (shares, slopes by x, slopes by y)."""
 _BY_PLACE: Final = np.array([0, 1, 3, 4])
-"""Likewise of both touches' unknowns, (x, y, force) each."""
+"""Rows that are places, of both touches' unknowns (x, y, force)."""
 _OF: Final = np.array([0, 0, 1, 1])
-"""Whose they are."""
+"""Touch that each of those rows belongs to."""
 _EACH: Final = np.arange(4)
 
 
@@ -28,17 +29,17 @@ class Paired(NamedTuple):
     values: Floats
     """(C,), T."""
     slopes: Floats
-    """(6, C): by x, y and the normal force of each, T/m and T/N."""
+    """(6, C): slopes by x, y and the normal force of each, T/m and T/N."""
 
 
 class PairPoint:
-    """Signals of one pair of straight touches at a time, with slopes.
+    """Signals ``y = s_1 + s_2 + kappa(s_1, s_2)`` of one pair of straight touches, with slopes.
 
     Parameters
     ----------
     table : ResponseTable
     point : PointTable
-        Of the same table, at the rubber's temperature.
+        The same table at the rubber's temperature.
     """
 
     def __init__(self, table: ResponseTable, point: PointTable) -> None:
@@ -61,8 +62,8 @@ class PairPoint:
         values, slopes = [], np.zeros((2, 6, 3 * chips))
         for k in (0, 1):
             force = np.array([drags[k, 0], drags[k, 1], -press[k]])
-            said, by = self._point.at(float(place[k, 0]), float(place[k, 1]), force)
-            values.append(said)
+            signals, by = self._point.at(float(place[k, 0]), float(place[k, 1]), force)
+            values.append(signals)
             slopes[k] = rates[:, k] @ by[2:4]
             slopes[k, 3 * k : 3 * k + 2] += by[:2]
             slopes[k, 3 * k + 2] -= by[4]
@@ -75,16 +76,16 @@ class PairPoint:
         return Paired(total, by_all)
 
     def _drags(self, place: Floats, press: Floats) -> tuple[Floats, Floats]:
-        """What the touches pull at each other (2, 2), and its slopes (6, 2, 2)."""
+        """What the touches pull at each other, t (2, 2), and its slopes (6, 2, 2)."""
         rows = np.concatenate([self._rates(float(x), float(y)) for x, y in place])
         half = (rows @ self._grip).reshape(36, self._vertices)
         # (6, 2, 3, 6): rows are each touch's shares and their slopes along x and y.
         moved = (half @ rows.T).reshape(6, 2, 3, 6)
         middle = moved[::3][..., ::3]
-        give = middle[:, :, :2].transpose(0, 1, 3, 2).reshape(4, 4) + PAD * np.eye(4)
-        pushed = middle[:, :, 2].reshape(4, 2)
-        inverse = np.linalg.inv(give)
-        both = -inverse @ (pushed @ press)
+        c = middle[:, :, :2].transpose(0, 1, 3, 2).reshape(4, 4) + PAD * np.eye(4)
+        s = middle[:, :, 2].reshape(4, 2)
+        inverse = np.linalg.inv(c)
+        both = -inverse @ (s @ press)
         drags, slopes = both.reshape(2, 2).copy(), np.zeros((6, 2, 2))
         # What moves where a touch is elsewhere: its own patch by all forces, all by its force.
         there, back = moved[_SLOPES][..., ::3], moved[::3][..., _SLOPES]
@@ -95,10 +96,10 @@ class PairPoint:
         own = there[_EACH, :, :, _OF] + back[_OF, :, :, _EACH]
         for k in (0, 1):
             part = slice(2 * k, 2 * k + 2)
-            stiff = np.linalg.inv(give[part, part])
-            alone = -stiff @ pushed[part, k] * press[k]
+            stiff = np.linalg.inv(c[part, part])
+            alone = -stiff @ s[part, k] * press[k]
             drags[k] -= alone
-            slopes[3 * k + 2] = -(inverse @ pushed[:, k]).reshape(2, 2)
+            slopes[3 * k + 2] = -(inverse @ s[:, k]).reshape(2, 2)
             slopes[3 * k + 2, k] -= alone / press[k]
             slopes[3 * k : 3 * k + 2, k] += own[part] @ np.append(alone, press[k]) @ stiff.T
         return drags, slopes
