@@ -1,6 +1,6 @@
 """The estimator that knows what it does not know: touches by their posterior on a response table.
 
-Decides how many touches there are (their evidence) and what is said of them. The table is of this
+Decides how many touches there are, by their evidence, and what is answered. The table is of this
 skin after a few-touch calibration (`smoskin.sensing.response.calibrate`), or of its design with
 all that made skins differ by as its uncertainty.
 """
@@ -19,20 +19,20 @@ from smoskin.origami.geometry import middles_of_fields
 from smoskin.records import Contact, Estimate, Status
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
 from smoskin.sensing.bayes.solver import TouchSolver
+from smoskin.sensing.bayes.starts import TYPICAL
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.estimator import SignalEstimator
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.sensing.signals.zero import ZeroTracking
 
 _WARMER: Final = 0.25
-"""degC: change of the rubber's temperature from which the table is taken anew."""
-_DOUBT: Final = 1e-35
-"""Chance of a single touch to fit so badly that two are tried. What a table misses has heavier
-tails than a normal: hard touches in a corner fit to 1e-30 on some skins, few pairs better."""
-_TYPICAL: Final = 0.5
-"""N: force at which the signals' curvature is taken."""
-_WORST: Final = 20.0
-"""Standard deviations a signal, root mean square, beyond which nothing on the table fits."""
+"""Change of the rubber's temperature, degC, from which the table is taken anew."""
+_DOUBT: Final = 25.0
+"""Misfit of a single touch over its expected value, one a signal, past which two are tried. What
+a table misses has heavier tails than a normal: hard touches in a corner come to 15 on some
+skins, few pairs to less than 25."""
+_WORST: Final = 400.0
+"""Misfit over its expected value past which nothing on the table fits."""
 
 
 class BayesEstimator(SignalEstimator):
@@ -42,7 +42,7 @@ class BayesEstimator(SignalEstimator):
     ----------
     design : SkinDesign
     table : ResponseTable
-        Of this skin or of its design; of some of its chips, where it shall use only those.
+        Table of this skin or of its design; of some of its chips, to use only those.
     priors : TouchPriors, optional
     creep : Prony, optional
         Solid of the skin's rubber, to undo its creep; that of the design's columns by default,
@@ -50,7 +50,8 @@ class BayesEstimator(SignalEstimator):
     false_alarms : float
         Chance of a reading of the untouched skin to count as touched.
     tracking : ZeroTracking, optional
-        How the zero follows drift while nothing touches.
+        How the zero follows drift while nothing touches;
+        `smoskin.sensing.signals.estimator.FOLLOWING` by default.
 
     Raises
     ------
@@ -61,8 +62,10 @@ class BayesEstimator(SignalEstimator):
 
     Notes
     -----
-    Two touches are taken as straight. One that was alone before the other came is taken to stand
-    about where it stood (`TouchPriors.slide`) and is said first.
+    Where one touch fits badly, the number K of touches is the one of greater evidence
+    p(s | K) p(K); see `smoskin.sensing.bayes.posterior.TouchProblem`. Two touches are taken as
+    straight. One that was alone before the other came is taken to stand about where it stood
+    (`TouchPriors.slide`) and comes first.
     """
 
     def __init__(
@@ -77,67 +80,65 @@ class BayesEstimator(SignalEstimator):
     ) -> None:
         design.check_own("table", table.design_hash)
         super().__init__(
-            design,
-            table.chips,
-            creep=creep,
-            false_alarms=false_alarms,
-            tracking=tracking,
+            design, table.chips, creep=creep, false_alarms=false_alarms, tracking=tracking
         )
-        # Here, so that whoever only imports the package does not wait for it.
-        from scipy.stats import chi2
-
         self.table = table
-        known = _with_creep_left(table, design, self.creep)
-        self._solver = TouchSolver(known, signal_noise(design, table.chips), priors)
-        self._doubtful = float(chi2.isf(_DOUBT, table.count))
-        self._pairs = (priors or TouchPriors()).chances[2] > 0
+        self._priors = priors or TouchPriors()
+        self._solver = TouchSolver(
+            _with_creep_left(table, design, self.creep),
+            signal_noise(design, table.chips),
+            self._priors,
+        )
         self._solved_at = np.nan
-        self._guess: Floats | None = None
-        self._slide = (priors or TouchPriors()).slide
-        self._alone: _Alone | None = None
+        self._last: Floats | None = None
+        self._alone: LoneTouch | None = None
+
+    @property
+    def misfit(self) -> Floats:
+        """Covariance of what is not known of a touch of a newton, (C, C), T^2/N^2."""
+        return self._solver.misfit
 
     def _forget(self) -> None:
-        self._guess = self._alone = None
+        self._last = self._alone = None
 
     def _read(self, time: float, signals: Floats, temperature: float) -> Estimate:
         if not abs(temperature - self._solved_at) < _WARMER:
             self._solver.warm_to(temperature)
             self._solved_at = temperature
-        return self._estimate(time, self._likeliest(time, signals))
-
-    def _likeliest(self, time: float, values: Floats) -> TouchPosterior:
-        """One touch, or two where one fits badly and two are likelier."""
-        last = self._guess
-        single = last is not None and len(last) == 1
-        found = self._solver.one(values, last[0] if last is not None and single else None)
-        if self._pairs and found.misfit > self._doubtful:
-            standing = None if self._alone is None else self._alone.standing(time, self._slide)
-            other = self._solver.two(values, None if single else last, standing)
-            if other.evidence > found.evidence:
-                return other
-        if found.misfit < self._doubtful:
-            self._alone = _Alone(time, found)
-        return found
-
-    def _estimate(self, time: float, found: TouchPosterior) -> Estimate:
-        """A posterior as an estimate."""
-        if found.misfit > _WORST**2 * self.table.count:
+        found = self._likeliest(time, signals)
+        if found.misfit > _WORST * self.table.count:
             self._forget()
             return Estimate(time=time, status=Status.OUT_OF_RANGE)
-        self._guess = found.values
+        self._last = found.values
         return Estimate(
             time=time,
             status=Status.CONTACT,
-            contacts=tuple(Contact(position=one[:2], force=one[2:]) for one in found.values),
+            contacts=tuple(Contact(position=row[:2], force=row[2:]) for row in found.values),
             covariance=found.covariance,
         )
 
+    def _likeliest(self, time: float, signals: Floats) -> TouchPosterior:
+        """One touch, or two where one fits badly and two are likelier."""
+        last = self._last
+        single = last is not None and len(last) == 1
+        one = self._solver.one(signals, last[0] if last is not None and single else None)
+        if one.misfit < _DOUBT * self.table.count:
+            self._alone = LoneTouch(time, one)
+        elif self._priors.chances[2] > 0:
+            standing = self._alone and self._alone.standing(time, self._priors.slide)
+            two = self._solver.two(signals, None if single else last, standing)
+            if two.evidence > one.evidence:
+                return two
+        return one
 
-class _Alone(NamedTuple):
+
+class LoneTouch(NamedTuple):
     """A touch while it was the only one."""
 
     time: float
+    """Time at which it was last alone, s."""
     found: TouchPosterior
+    """What was known of it."""
 
     def standing(self, time: float, slide: float) -> Standing | None:
         """Where it is at another time, as far as that is known."""
@@ -150,11 +151,11 @@ class _Alone(NamedTuple):
 def _with_creep_left(table: ResponseTable, design: SkinDesign, creep: Prony) -> ResponseTable:
     """The table with what undoing creep misses: it takes motions to be proportional to forces."""
     places = middles_of_fields(table.basis.extent, (7, 7))
-    force = np.tile([0.0, 0.0, -_TYPICAL], (len(places), 1))
+    force = np.tile([0.0, 0.0, -TYPICAL], (len(places), 1))
     curvature = field_curvature(design)[list(table.chips)]
     whole, half = (
         straightened(curvature, table.signals(places, part)) for part in (force, force / 2)
     )
     # Of a quadratic, half is missing where half the force is taken twice.
-    missed = float(creep.retardation_shares.sum()) * 2 * (whole - 2 * half) / _TYPICAL
+    missed = float(creep.retardation_shares.sum()) * 2 * (whole - 2 * half) / TYPICAL
     return replace(table, misfit=table.misfit + missed.T @ missed / len(missed))

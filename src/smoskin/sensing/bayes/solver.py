@@ -1,9 +1,8 @@
 """The touch, or the two touches, that best explain what chips read, and how sure that is.
 
-Unknown are place, drag and the logarithm of the normal force, in damped Gauss-Newton steps from
-the place of a coarse grid whose answers come nearest; the covariance is that of the linearised
-problem. Evidence for no, one or two touches is Laplace's approximation with stated priors. Hides
-starts, damping and whitening.
+Decides from where to search and when a search is over: from the touches of a moment ago, if they
+still fit; else from coarse places, the likeliest first, of which many take a few steps before the
+nearest are followed to the end.
 """
 
 import math
@@ -12,24 +11,32 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from smoskin.arrays import Floats
-from smoskin.errors import ArgumentError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.origami.geometry import places_to_the_rim
-from smoskin.sensing.bayes.pair_solver import PairSolver
+from smoskin.sensing.bayes.posterior import Answer, Descent, TouchProblem
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
-from smoskin.sensing.response.table import ResponseTable
+from smoskin.sensing.bayes.starts import TYPICAL, Starts, pair_starts, single_starts
+from smoskin.sensing.response.pair_point import PairPoint
+from smoskin.sensing.response.table import PointTable, ResponseTable
 
-_GRID: Final = (16, 20)
-"""Coarse places from rim to rim where a single touch may start."""
-_TYPICAL: Final = 0.5
-"""N: force at which coarse answers are compared."""
-_STEPS: Final = 25
-_SETTLED: Final = 1e-3
-"""Fall of half the squared residual at which steps end."""
-_REWEIGHED: Final = (2,)
-"""Steps before which the misfit is weighed by the force found so far."""
-_APART: Final = 0.02
-"""m: starts are tried this far apart."""
+_FITS: Final = 4.0
+"""Squared residual a signal up to which what follows from the last reading is believed."""
+_BRIEF: Final = 4
+"""Steps after which many starts are compared."""
+
+
+class _Search(NamedTuple):
+    """How K touches are searched."""
+
+    starts: int
+    """Number of coarse starts."""
+    followed: int
+    """Number of them that are followed to the end at least."""
+    enough: float
+    """Squared residual a signal at which no other is followed."""
+
+
+_SEARCHES: Final = {1: _Search(3, 1, 2.0), 2: _Search(14, 3, 0.5)}
 
 
 class TouchSolver:
@@ -38,10 +45,19 @@ class TouchSolver:
     Parameters
     ----------
     table : ResponseTable
-        Of the skin; modes that it still has count as misfit.
+        Table of the skin; modes that it still has count as misfit.
     noise : Floats, shape (C, C)
         T^2: covariance of signals of a skin at rest.
     priors : TouchPriors, optional
+
+    Raises
+    ------
+    ArgumentError
+        If the noise is no covariance.
+
+    Notes
+    -----
+    See `smoskin.sensing.bayes.posterior.TouchProblem` for what is solved.
     """
 
     def __init__(
@@ -49,211 +65,124 @@ class TouchSolver:
     ) -> None:
         self.table = table
         self.priors = priors or TouchPriors()
-        self._noise = noise
         self.misfit = table.misfit + _mode_energy(table)
-        self._extent = table.basis.extent
-        straight = self.priors.drag_spread == 0
-        self._free = np.array([0, 1, 4] if straight else [0, 1, 2, 3, 4])
-        self._block = np.ix_(self._free, self._free)
-        drag = 0.0 if straight else self.priors.drag_spread**-2
-        # A place is uniform on the skin; its variance's curvature keeps even a blind skin's finite.
-        place = 12 / self._extent**2
-        self._prior = np.array([*place, drag, drag, 0.0])[self._free]
-        self._force_range = math.log(table.forces[1] / table.forces[0])
-        self._limits = math.log(table.forces[0] / 5), math.log(table.forces[1] * 3)
-        sign, self._quiet = np.linalg.slogdet(2 * np.pi * noise)
-        if sign <= 0:
-            raise ArgumentError("noise must be a covariance that is positive definite")
-        self._calm = np.linalg.inv(noise)
-        # Along these ways noise and misfit are both apart, so that a force only scales them.
-        white = np.linalg.inv(np.linalg.cholesky(noise))
-        power, turn = np.linalg.eigh(white @ self.misfit @ white.T)
-        self._ways, self._power = turn.T @ white, np.maximum(power, 0.0)
-        self._whiten = self._whitener(_TYPICAL**2)
-        self._pairs: PairSolver | None = None
+        """Covariance M of what is not known of single touches' signals, T^2/N^2."""
+        self._noise = noise
+        self._pair_starts: Starts | None = None
         self.warm_to(REFERENCE_TEMPERATURE)
 
     def warm_to(self, temperature: float) -> None:
         """Take the rubber to be this warm, degC."""
         self._point = self.table.point_table(temperature)
-        self._starts = self._single_starts()
-        if self._pairs is not None:
-            self._pairs.warm_to(self._point)
-
-    def silence(self, signals: Floats) -> tuple[float, float]:
-        """Squared norm of signals in their noise, and the evidence that nothing touches.
-
-        The norm is chi-square of C where that is so.
-        """
-        squared = float(signals @ self._calm @ signals)
-        return squared, -0.5 * (squared + self._quiet) + math.log(self.priors.chances[0] or 1e-300)
+        self._single = self._problem(1)
+        self._single_starts = single_starts(
+            self.table, self._point, self._single, self.priors.drag_spread
+        )
+        self._pair: TouchProblem | None = None
 
     def one(self, signals: Floats, guess: Floats | None = None) -> TouchPosterior:
         """The single touch that explains signals (C,) best; from a guess (5,), where given."""
-        if guess is not None:
-            found = self._descend(signals, _to_unknowns(guess))
-            if found.cost < 4 * len(signals):
-                return self._posterior(found)
-        places, basis, loads = self._starts
-        inside = (basis @ (self._whiten @ signals)).reshape(-1, 3)
-        explained = (inside * inside).sum(axis=1)
-        explained[~((loads[:, 2] * inside).sum(axis=1) < 0)] = -np.inf
-        best: _Descent | None = None
-        for _ in range(3):
-            g = int(explained.argmax())
-            if not np.isfinite(explained[g]):
-                break
-            start = np.concatenate([places[g], loads[g] @ inside[g]])
-            found = self._descend(signals, _to_unknowns(start))
-            if best is None or found.cost < best.cost:
-                best = found
-            if best.cost < 2 * len(signals):
-                break
-            explained[np.hypot(*(places - places[g]).T) < _APART] = -np.inf
-        if best is None:
-            best = self._descend(signals, _to_unknowns(np.array([*self._extent / 2, 0, 0, -0.1])))
-        return self._posterior(best)
+        guesses = None if guess is None else guess[None]
+        return self._solve(1, self._single, self._single_starts, signals, guesses, None)
 
     def two(
         self, signals: Floats, guess: Floats | None = None, standing: Standing | None = None
     ) -> TouchPosterior:
-        """The two straight touches that explain signals (C,) best; see `PairSolver.solve`."""
-        if self._pairs is None:
-            self._pairs = PairSolver(self.table, self._noise, self.misfit, self.priors)
-            self._pairs.warm_to(self._point)
-        return self._pairs.solve(signals, guess, standing)
+        """The two straight touches that explain signals (C,) best.
 
-    def _whitener(self, squared: float) -> Floats:
-        """Turns signals into standard deviations at this squared force, N^2."""
-        return np.asarray(self._ways / np.sqrt(1 + squared * self._power)[:, None])
+        Parameters
+        ----------
+        signals : Floats, shape (C,)
+            T.
+        guess : Floats, shape (2, 5), optional
+            The touches a moment ago; the first of them is the one that stands.
+        standing : Standing, optional
+            What is known of one of them from when it was alone; then it comes first.
+        """
+        if self._pair is None:
+            self._pair = self._problem(2)
+        if self._pair_starts is None:
+            self._pair_starts = pair_starts(self.table, self._pair)
+        return self._solve(2, self._pair, self._pair_starts, signals, guess, standing)
 
-    def _single_starts(self) -> tuple[Floats, Floats, Floats]:
-        """Coarse places (G, 2), their answers' orthonormal bases (3 G, C) and loads (G, 3, 3)."""
-        places = places_to_the_rim(self._extent, _GRID)
-        force = np.array([0.0, 0.0, -_TYPICAL])
-        slopes = self._point.scan(places[:, 0], places[:, 1], force)[1][:, 2:]
-        white = slopes @ self._whiten.T
-        drags = np.zeros((3, 3))
-        spread = self.priors.drag_spread
-        drags[[0, 1], [0, 1]] = 1 / spread if spread else 1e6
-        both = np.concatenate([np.swapaxes(white, 1, 2), np.broadcast_to(drags, (len(white), 3, 3))]
-                              , axis=1)  # fmt: skip
-        bases, coordinates = np.linalg.qr(both)
-        basis = np.swapaxes(bases[:, : white.shape[2]], 1, 2)
-        return places, basis.reshape(-1, basis.shape[2]), np.linalg.inv(coordinates)
+    def _problem(self, touches: int) -> TouchProblem:
+        """What is solved for so many touches."""
+        table, priors = self.table, self.priors
+        if touches == 1:
+            answer = _single_answer(self._point, straight=priors.drag_spread == 0)
+            return TouchProblem(answer, 1, table, self._noise, self.misfit, priors)
+        answer = _pair_answer(PairPoint(table, self._point))
+        misfit = self.misfit + table.pair_misfit
+        return TouchProblem(answer, 2, table, self._noise, misfit, priors)
 
-    def _descend(self, signals: Floats, start: Floats) -> "_Descent":
-        """Damped Gauss-Newton steps of one touch from these unknowns."""
-        free, prior = self._free, self._prior
-        at = start.copy()
-        if len(free) == 3:
-            at[2:4] = 0.0
-        self._bound(at, *self._limits)
-        gap, slopes = self._single(signals, at)
-        damping = 1e-4
-        for step in range(_STEPS):
-            if step == 0 or step in _REWEIGHED:
-                whiten = self._whitener(_squared(at))
-                residual = whiten @ gap
-                cost = self._cost(residual, at)
-            inner = slopes[free] @ whiten.T
-            curve = inner @ inner.T
-            # The place's prior is level: it bends the covariance, not the steps.
-            pull = inner @ residual
-            pull[2:-1] -= prior[2:-1] * at[free[2:-1]]
-            diagonal = curve.ravel()[:: len(free) + 1]
-            diagonal += prior
-            diagonal *= 1 + damping
-            move = np.linalg.solve(curve, pull)
-            if 0.5 * float(move @ pull) < _SETTLED:
+    def _solve(
+        self,
+        touches: int,
+        problem: TouchProblem,
+        starts: Starts,
+        signals: Floats,
+        guess: Floats | None,
+        standing: Standing | None,
+    ) -> TouchPosterior:
+        """The likeliest of several descents."""
+        search, fits = _SEARCHES[touches], _FITS * len(signals)
+        if guess is not None:
+            found = problem.descend(signals, problem.unknowns(guess), standing)
+            if 2 * found.cost < fits:
+                return problem.posterior(found, standing)
+        begun = [problem.unknowns(one) for one in starts.best(signals, search.starts, standing)]
+        if len(begun) > search.followed > 1:
+            brief = [problem.descend(signals, one, standing, _BRIEF) for one in begun]
+            begun = [one.unknowns for one in sorted(brief, key=lambda one: one.cost)]
+        best: Descent | None = None
+        for tried, one in enumerate(begun):
+            enough = search.enough * len(signals)
+            if best is not None and tried >= search.followed and 2 * best.cost < enough:
                 break
-            new = at.copy()
-            new[free] += move
-            low, high = self._limits
-            self._bound(new, max(at[4] - 1.0, low), min(at[4] + 1.0, high))
-            new_gap, new_slopes = self._single(signals, new)
-            new_residual = whiten @ new_gap
-            new_cost = self._cost(new_residual, new)
-            if new_cost <= cost:
-                fell = cost - new_cost
-                at, gap, slopes, residual, cost = new, new_gap, new_slopes, new_residual, new_cost
-                damping = max(damping / 10, 1e-9)
-                if fell < _SETTLED and step > max(_REWEIGHED):
-                    break
-            else:
-                damping = max(damping * 10, 1e-3)
-                if damping > 1e6:
-                    break
-        return _Descent(at, slopes @ whiten.T, residual, 2 * cost, whiten)
-
-    def _bound(self, at: Floats, low: float, high: float) -> None:
-        """Put unknowns back on the skin, and the logarithm of the force between these."""
-        at[0] = min(max(at[0], 0.0), self._extent[0])
-        at[1] = min(max(at[1], 0.0), self._extent[1])
-        at[4] = min(max(at[4], low), high)
-
-    def _cost(self, residual: Floats, at: Floats) -> float:
-        """Half the squared misfit, and that of the drags to their prior."""
-        drags = at[self._free[2:-1]]
-        return 0.5 * float(residual @ residual + (self._prior[2:-1] * drags) @ drags)
-
-    def _single(self, signals: Floats, at: Floats) -> tuple[Floats, Floats]:
-        """What is left of the signals (C,), and slopes by the unknowns (5, C), T."""
-        force = np.array([at[2], at[3], -math.exp(at[4])])
-        value, slopes = self._point.at(at[0], at[1], force)
-        slopes[4] *= force[2]
-        return signals - value, slopes
-
-    def _posterior(self, found: "_Descent") -> TouchPosterior:
-        """What a descent has come to."""
-        free, at = self._free, found.at
-        curve = found.slopes[free] @ found.slopes[free].T
-        curve.ravel()[:: len(free) + 1] += self._prior
-        spread = np.zeros((5, 5))
-        spread[self._block] = np.linalg.inv(curve)
-        force = -math.exp(at[4])
-        drags = len(free) - 3
-        log_prior = -math.log(float(np.prod(self._extent)) * self._force_range)
-        if drags:
-            log_prior -= drags * 0.5 * math.log(2 * math.pi * self.priors.drag_spread**2)
-        evidence = (
-            -0.5 * found.cost
-            + float(np.linalg.slogdet(found.whiten / math.sqrt(2 * math.pi))[1])
-            + log_prior
-            + 0.5 * (len(free) * math.log(2 * math.pi) - np.linalg.slogdet(curve)[1])
-            + math.log(self.priors.chances[1] or 1e-300)
-        )
-        values = np.array([at[0], at[1], at[2], at[3], force])
-        turn = np.array([1.0, 1.0, 1.0, 1.0, force])
-        spread *= turn[:, None] * turn
-        return TouchPosterior(values[None], spread[None], found.cost, evidence)
+            found = problem.descend(signals, one, standing)
+            if best is None or found.cost < best.cost:
+                best = found
+        if best is not None and (standing is None or 2 * best.cost < fits):
+            return problem.posterior(best, standing)
+        if standing is not None:
+            return self._solve(touches, problem, starts, signals, None, None)
+        # Nothing that presses explains them; an answer is given all the same.
+        spread = (np.arange(touches) + 0.5) / touches
+        middle = np.zeros((touches, 5))
+        middle[:, :2] = spread[:, None] * self.table.basis.extent
+        middle[:, 4] = -0.1
+        return problem.posterior(problem.descend(signals, problem.unknowns(middle)))
 
 
-class _Descent(NamedTuple):
-    """Where steps have ended: unknowns, slopes, residual, squared misfit, whitener."""
+def _single_answer(point: PointTable, *, straight: bool) -> Answer:
+    """Signals of one touch by x, y, its drags and the logarithm of its press."""
 
-    at: Floats
-    slopes: Floats
-    residual: Floats
-    cost: float
-    whiten: Floats
+    def answer(at: Floats) -> tuple[Floats, Floats]:
+        press = -math.exp(at[-1])
+        drags = (0.0, 0.0) if straight else (at[2], at[3])
+        values, slopes = point.at(at[0], at[1], np.array([*drags, press]))
+        slopes[4] *= press
+        return values, slopes[[0, 1, 4]] if straight else slopes
 
-
-def _to_unknowns(values: Floats) -> Floats:
-    """(x, y, Fx, Fy, Fz) with the logarithm of the normal force."""
-    at = np.array(values, dtype=np.float64)
-    at[4] = math.log(max(-at[4], 1e-3))
-    return at
+    return answer
 
 
-def _squared(at: Floats) -> float:
-    """Squared force of one touch's unknowns, N^2."""
-    return float(at[2] ** 2 + at[3] ** 2 + math.exp(2 * at[4]))
+def _pair_answer(pair: PairPoint) -> Answer:
+    """Signals of two straight touches by x, y and the logarithm of the press of each."""
+
+    def answer(at: Floats) -> tuple[Floats, Floats]:
+        each = at.reshape(2, 3)
+        press = np.exp(each[:, 2])
+        both = pair.at(each[:, :2], press)
+        both.slopes[[2, 5]] *= press[:, None]
+        return both.values, both.slopes
+
+    return answer
 
 
 def _mode_energy(table: ResponseTable) -> Floats:
     """What the modes leave open in a touch of a newton, mean over the skin, (C, C), T^2/N^2."""
     places = places_to_the_rim(table.basis.extent, (7, 9))
-    force = np.tile([0.0, 0.0, -_TYPICAL], (len(places), 1))
-    open_ways = table.mode_signals(places, force) / _TYPICAL
-    return np.asarray(np.einsum("bkc,bkd->cd", open_ways, open_ways) / len(places))
+    force = np.tile([0.0, 0.0, -TYPICAL], (len(places), 1))
+    modes = table.mode_signals(places, force) / TYPICAL
+    return np.asarray(np.einsum("bkc,bkd->cd", modes, modes) / len(places))

@@ -1,0 +1,230 @@
+"""Posterior and evidence of K touches at once, given what chips read.
+
+Decides what is believed and what it costs; hides the descent to the likeliest touches and how
+misfit is weighed by their forces. One and two touches differ by their table's answer alone.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Final, NamedTuple, TypeAlias
+
+import numpy as np
+
+from smoskin.arrays import Floats
+from smoskin.errors import ArgumentError
+from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
+from smoskin.sensing.response.table import ResponseTable
+
+_STEPS: Final = 40
+_SETTLED: Final = 1e-3
+"""Fall of half the squared residual at which steps end."""
+_REWEIGHED: Final = 6
+"""First steps, before which the misfit is weighed by the forces found so far."""
+_DAMPING: Final = 1e-3
+_STRIDE: Final = (0.03, 1.0)
+"""Longest step of a place, m, and of the logarithm of a force."""
+_BLUR: Final = 1e-9
+"""Information on the logarithm of a force that keeps even a blind skin's covariance finite."""
+APART: Final = 0.02
+"""Distance, m, nearer than which two touches are one."""
+
+Answer: TypeAlias = Callable[[Floats], tuple[Floats, Floats]]
+"""Signals f(u) (C,), T, of unknowns u (U,), and their slopes J (U, C)."""
+
+
+class Descent(NamedTuple):
+    """Where damped steps have ended."""
+
+    unknowns: Floats
+    """Unknowns u, (U,)."""
+    squared: float
+    """Squared force by which the misfit is weighed, N^2."""
+    slopes: Floats
+    """Whitened slopes W J, (U, C)."""
+    misfit: float
+    """Squared length of the whitened residual, and of drags in their prior's spread."""
+    cost: float
+    """Half the misfit, and of what is known of a touch that stands."""
+
+
+class TouchProblem:
+    """K touches that explain signals.
+
+    Parameters
+    ----------
+    answer : Answer
+        Signals of K touches.
+    touches : int
+        Number of touches, K.
+    table : ResponseTable
+        Table of the skin, for its extent and forces.
+    noise : Floats, shape (C, C)
+        Covariance N of signals of a skin at rest, T^2.
+    misfit : Floats, shape (C, C)
+        Covariance M of what the table misses, T^2/N^2.
+    priors : TouchPriors
+
+    Raises
+    ------
+    ArgumentError
+        If the noise is no covariance.
+
+    Notes
+    -----
+    The unknowns u are x, y and log(-Fz) of each touch, with Fx and Fy before the last where a
+    single touch may drag. With W^T W = (N + F^2 M)^-1, F^2 the sum of all squared forces,
+
+        log p(s, u | K) = -1/2 |W (s - f(u))|^2 + log det(W / sqrt(2 pi)) + log p(u),
+
+    where p(u) is level in place and log force and normal in drags. Gauss-Newton steps, damped by
+    Levenberg's and Marquardt's rule, lead to its maximum; there the covariance is H^-1 with
+    H = (W J)(W J)^T - d^2 log p(u) / du^2, a level place counting as normal of its variance, and
+    Laplace's approximation of the evidence is
+
+        log p(s | K) = log p(s, u | K) + log K! + U/2 log(2 pi) - 1/2 log det H.
+    """
+
+    def __init__(
+        self,
+        answer: Answer,
+        touches: int,
+        table: ResponseTable,
+        noise: Floats,
+        misfit: Floats,
+        priors: TouchPriors,
+    ) -> None:
+        self._answer = answer
+        drags = touches == 1 and priors.drag_spread > 0
+        self.rows = np.array([0, 1, 2, 3, 4] if drags else [0, 1, 4])
+        """Which of (x, y, Fx, Fy, Fz) are unknown."""
+        self._count, each = touches, len(self.rows)
+        self._drags = [2, 3] if drags else []
+        self._presses = [each * k + each - 1 for k in range(touches)]
+        # Along these axes noise and misfit are both apart, so that a force only scales them.
+        sign, log_det = np.linalg.slogdet(2 * math.pi * noise)
+        if sign <= 0:
+            raise ArgumentError("noise must be a covariance that is positive definite")
+        white = np.linalg.inv(np.linalg.cholesky(noise))
+        power, axes = np.linalg.eigh(white @ misfit @ white.T)
+        self._axes, self._power = axes.T @ white, np.maximum(power, 0.0)
+        self._set_prior(table, priors, log_det)
+
+    def _set_prior(self, table: ResponseTable, priors: TouchPriors, log_det_noise: float) -> None:
+        """What is known before a reading, per unknown."""
+        extent, (least, most) = table.basis.extent, table.forces
+        drags = [1.0, 1.0] if self._drags else []
+        free, level = [math.inf for _ in drags], [0.0 for _ in drags]
+        low, high = math.log(least / 5), math.log(most * 3)
+        self._low = np.tile([0.0, 0.0, *(-one for one in free), low], self._count)
+        self._high = np.tile([*extent, *free, high], self._count)
+        self._stride = np.tile([_STRIDE[0], _STRIDE[0], *free, _STRIDE[1]], self._count)
+        precision = priors.drag_spread**-2 if drags else 0.0
+        self._drag_precision = np.tile([0.0, 0.0, *(precision * np.array(drags)), 0.0], self._count)
+        self._level = np.tile([*12 / extent**2, *level, _BLUR], self._count)
+        self._curvature = self._level + self._drag_precision
+        # All of the evidence that depends on neither signals nor unknowns.
+        volume = math.log(float(np.prod(extent)) * math.log(most / least))
+        self._constant = (
+            -0.5 * log_det_noise
+            - self._count * volume
+            + math.lgamma(self._count + 1)
+            + math.log(priors.chances[self._count] or 1e-300)
+            + 0.5 * len(self._low) * math.log(2 * math.pi)
+            - 0.5 * len(drags) * math.log(2 * math.pi / (precision or 1.0))
+        )
+
+    def whitener(self, squared: float) -> Floats:
+        """W (C, C), which turns signals into standard deviations at this squared force, N^2."""
+        return np.asarray(self._axes / np.sqrt(1 + squared * self._power)[:, None])
+
+    def descend(
+        self, signals: Floats, start: Floats, standing: Standing | None = None, steps: int = _STEPS
+    ) -> Descent:
+        """Damped Gauss-Newton steps from unknowns (U,), at most so many."""
+        at = np.minimum(np.maximum(start, self._low), self._high)
+        value, slopes = self._answer(at)
+        gap, damping = signals - value, _DAMPING
+        known = None if standing is None else np.asarray(np.linalg.inv(standing.spread))
+        for step in range(steps):
+            if step < _REWEIGHED:
+                squared = self._squared(at)
+                whiten = self.whitener(squared)
+                inner, residual = slopes @ whiten.T, whiten @ gap
+                misfit, cost = self._cost(residual, at, standing, known)
+            curve = inner @ inner.T
+            pull = inner @ residual - self._drag_precision * at
+            diagonal = curve.ravel()[:: len(at) + 1]
+            # A level place bends the covariance, not the steps.
+            diagonal += self._curvature
+            if standing is not None and known is not None:
+                curve[:2, :2] += known
+                pull[:2] -= known @ (at[:2] - standing.place)
+            diagonal *= 1 + damping
+            move = np.linalg.solve(curve, pull)
+            if 0.5 * float(move @ pull) < _SETTLED:
+                break
+            new = at + np.minimum(np.maximum(move, -self._stride), self._stride)
+            new = np.minimum(np.maximum(new, self._low), self._high)
+            value, new_slopes = self._answer(new)
+            new_gap = signals - value
+            new_residual = whiten @ new_gap
+            new_misfit, new_cost = self._cost(new_residual, new, standing, known)
+            if new_cost > cost:
+                damping = max(damping * 10, 1e-3)
+                if damping > 1e6:
+                    break
+                continue
+            fell = cost - new_cost
+            at, gap, slopes, residual = new, new_gap, new_slopes, new_residual
+            misfit, cost, inner = new_misfit, new_cost, slopes @ whiten.T
+            damping = max(damping / 10, 1e-9)
+            if fell < _SETTLED:
+                break
+        return Descent(at, squared, inner, misfit, cost)
+
+    def posterior(self, found: Descent, standing: Standing | None = None) -> TouchPosterior:
+        """What a descent has come to; how many touches there are is judged by the reading alone."""
+        count, rows = self._count, self.rows
+        information = found.slopes @ found.slopes.T
+        information.ravel()[:: len(information) + 1] += self._curvature
+        log_det = float(np.linalg.slogdet(information)[1])
+        if standing is not None:
+            information[:2, :2] += np.linalg.inv(standing.spread)
+        values, covariance = np.zeros((count, 5)), np.zeros((count, 5, 5))
+        values[:, rows] = found.unknowns.reshape(count, -1)
+        values[:, 4] = -np.exp(values[:, 4])
+        inverse = np.linalg.inv(information)
+        for k, value in enumerate(values):
+            scale = np.ones(len(rows))
+            scale[-1] = value[4]
+            part = slice(k * len(rows), (k + 1) * len(rows))
+            covariance[k][np.ix_(rows, rows)] = inverse[part, part] * scale[:, None] * scale
+        evidence = self._constant - 0.5 * (
+            found.misfit + float(np.log1p(found.squared * self._power).sum()) + log_det
+        )
+        if count == 2 and math.dist(values[0, :2], values[1, :2]) < APART:
+            evidence = -math.inf
+        return TouchPosterior(values, covariance, found.misfit, evidence)
+
+    def unknowns(self, values: Floats) -> Floats:
+        """Unknowns (U,) of touches (K, 5)."""
+        at = np.array(values, dtype=np.float64)
+        at[:, 4] = np.log(np.maximum(-at[:, 4], 1e-3))
+        return at[:, self.rows].ravel()
+
+    def _squared(self, at: Floats) -> float:
+        """Squared force F^2 of all touches, N^2."""
+        forces = [math.exp(at[k]) for k in self._presses] + [at[k] for k in self._drags]
+        return float(sum(force * force for force in forces))
+
+    def _cost(
+        self, residual: Floats, at: Floats, standing: Standing | None, known: Floats | None
+    ) -> tuple[float, float]:
+        """Squared misfit with that of drags, and half of it with that of a place that is known."""
+        misfit = float(residual @ residual)
+        if self._drags:
+            misfit += float((self._drag_precision * at) @ at)
+        if standing is None or known is None:
+            return misfit, 0.5 * misfit
+        away = at[:2] - standing.place
+        return misfit, 0.5 * misfit + 0.5 * float(away @ known @ away)

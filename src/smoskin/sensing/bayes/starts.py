@@ -1,0 +1,137 @@
+"""Where a search for touches starts: coarse places whose answers come nearest to the signals.
+
+Decides on which places and in which order; forces enter linearly, so that each place's best are
+known at once. Hides the bases in which answers are compared.
+"""
+
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+
+from smoskin.arrays import Floats
+from smoskin.magnetics.nonlinearity import straightened
+from smoskin.origami.geometry import middles_of_fields, places_to_the_rim
+from smoskin.sensing.bayes.posterior import APART, TouchProblem
+from smoskin.sensing.bayes.priors import Standing
+from smoskin.sensing.response.pairs import mutual_drags
+from smoskin.sensing.response.table import PointTable, ResponseTable
+
+TYPICAL: Final = 0.5
+"""Force at which answers are compared, N."""
+_TUG: Final = 0.2
+"""Drag, likewise."""
+_SINGLE_GRID: Final = (16, 20)
+"""Places from rim to rim where a single touch may start."""
+_PAIR_GRID: Final = (7, 9)
+"""Places, the middles of as many fields, of which two are where a pair may start."""
+
+
+class Starts:
+    """Places of K touches and their answers to forces.
+
+    Parameters
+    ----------
+    places : Floats, shape (G, K, 2)
+        m.
+    answers : Floats, shape (G, L, C)
+        Slopes of the signals by each load, T/N: the presses of K touches, or both drags and the
+        press of one.
+    ridge : Floats, shape (L,)
+        Precision root of each load beforehand, 1/N.
+    whiten : Floats, shape (C, C)
+        Turns signals into standard deviations.
+    least : float
+        Press that each touch must have to be a start, N.
+    curvature : Floats, shape (S, 3, 3, 3), optional
+        Curvature of the signals, 1/T, which they are freed of first.
+    """
+
+    def __init__(
+        self,
+        places: Floats,
+        answers: Floats,
+        ridge: Floats,
+        whiten: Floats,
+        least: float,
+        curvature: Floats | None = None,
+    ) -> None:
+        self._places, self._whiten, self._curvature = places, whiten, curvature
+        self._least, count = least, answers.shape[2]
+        loads = answers.shape[1]
+        columns = np.concatenate(
+            [
+                np.swapaxes(answers @ whiten.T, 1, 2),
+                np.broadcast_to(np.diag(ridge), (len(places), loads, loads)),
+            ],
+            axis=1,
+        )
+        bases, coordinates = np.linalg.qr(columns)
+        self._bases = np.swapaxes(bases[:, :count], 1, 2).reshape(-1, count)
+        self._loads = np.linalg.inv(coordinates)
+
+    def best(self, signals: Floats, count: int, standing: Standing | None) -> list[Floats]:
+        """Touches (K, 5) to start from, the likeliest first."""
+        places = self._places
+        if self._curvature is not None:
+            signals = straightened(self._curvature, signals)
+        inside = (self._bases @ (self._whiten @ signals)).reshape(len(places), -1)
+        explained = (inside * inside).sum(axis=1)
+        loads = np.einsum("gij,gj->gi", self._loads, inside)
+        single = places.shape[1] == 1
+        presses = loads[:, -1:] if single else loads
+        explained[~(presses > self._least).all(axis=1)] = -np.inf
+        first = np.zeros(len(places), dtype=np.int64)
+        if standing is not None:
+            away = np.hypot(*np.moveaxis(places - standing.place, -1, 0))
+            first = away.argmin(axis=1)
+            explained[away.min(axis=1) > APART] = -np.inf
+        out: list[Floats] = []
+        while len(out) < count and np.isfinite(explained[g := int(explained.argmax())]):
+            touches = np.zeros((places.shape[1], 5))
+            touches[:, :2], touches[:, 4] = places[g], -presses[g]
+            if single and loads.shape[1] == 3:
+                touches[0, 2:4] = loads[g, :2]
+            if standing is not None:
+                touches = touches[[first[g], 1 - first[g]]]
+                touches[0, :2] = standing.place
+            out.append(touches)
+            explained[np.abs(places - places[g]).max(axis=(1, 2)) < APART] = -np.inf
+        return out
+
+
+def single_starts(
+    table: ResponseTable, point: PointTable, problem: TouchProblem, drag_spread: float
+) -> Starts:
+    """Where one touch may start, from rim to rim."""
+    places = places_to_the_rim(table.basis.extent, _SINGLE_GRID)
+    typical = np.array([0.0, 0.0, -TYPICAL])
+    slopes = point.scan(places[:, 0], places[:, 1], typical)[1][:, problem.rows[2:]]
+    slopes[:, -1] *= -1
+    ridge = np.array([1 / drag_spread, 1 / drag_spread, 0.0] if drag_spread else [0.0])
+    return Starts(places[:, None], slopes, ridge, problem.whitener(TYPICAL**2), 0.0)
+
+
+def pair_starts(table: ResponseTable, problem: TouchProblem) -> Starts:
+    """Where two straight touches may start, freed of what bends their signals."""
+    grid = middles_of_fields(table.basis.extent, _PAIR_GRID)
+    tugs = [(_TUG, 0.0), (-_TUG, 0.0), (0.0, _TUG), (0.0, -_TUG)]
+    forces = np.array([[*tug, -TYPICAL] for tug in [(0.0, 0.0), *tugs]])
+    signals = table.signals(np.repeat(grid, len(forces), axis=0), np.tile(forces, (len(grid), 1)))
+    flat = straightened(table.curvature, signals).reshape(len(grid), len(forces), -1)
+    by_press = flat[:, 0] / TYPICAL
+    by_drag = (flat[:, 1::2] - flat[:, 2::2]) / (2 * _TUG)
+    pairs = np.array(list(combinations(range(len(grid)), 2)))
+    pairs = pairs[np.hypot(*(grid[pairs[:, 0]] - grid[pairs[:, 1]]).T) > APART]
+    shares = table.vertex_shares(grid)[pairs]
+    answers = []
+    for k in (0, 1):
+        press = np.zeros((len(pairs), 2))
+        press[:, k] = 1.0
+        drags = mutual_drags(table.grip, shares, press)
+        pulled = np.einsum("gkd,gkdc->gc", drags, by_drag[pairs])
+        answers.append(by_press[pairs[:, k]] + pulled)
+    whiten = problem.whitener(2 * TYPICAL**2)
+    least = table.forces[0] / 2
+    answer = np.stack(answers, axis=1)
+    return Starts(grid[pairs], answer, np.zeros(2), whiten, least, table.curvature)
