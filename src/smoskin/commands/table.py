@@ -3,7 +3,7 @@
 Decides which presses a table is made of: many of the skin as designed, with drags, with pairs and
 with warm and cold rubber; and one set on many made skins, from which come the modes in which skins
 differ. Each made sheet is read by chips and magnets of several draws, which cost next to nothing.
-The mathematics is that of the section "Fit" in `docs/derivations.md`.
+The equations are those of "Fit" and "Modes" in `docs/derivations.md`.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,6 @@ from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.mechanics.sheet.compliance import grip_compliance
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.geometry import geometry
-from smoskin.records import Motion
 from smoskin.sensing.response.fit import add_coupling, add_modes, add_warmth, fit_response_table
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.twin.manufacture import Tolerances, draw, made_mechanics
@@ -96,37 +95,52 @@ def make_table(
     rng = np.random.default_rng([work.seed, 1])
     twin, ideal = Twin(design, seed=0), Readout(design)
     progress("the skin as designed", 0.0)
-    place, force = _draw_presses(design, work, rng, work.presses)
-    table = fit_response_table(design, place, force, ideal.risen(_pressed(twin, place, force)))
+    presses = _draw_presses(design, work, rng, work.presses)
+    signals = ideal.risen(twin.motions(presses))
+    table = fit_response_table(design, presses.position[:, 0], presses.force[:, 0], signals)
     if work.pairs:
         progress("pairs of touches", 0.1)
-        places, forces = _draw_pairs(design, work, rng)
-        motion = twin.motions(Touches(position=places, force=forces))
-        kept = motion.valid
-        both = ideal.risen(motion)[kept]
-        table = add_coupling(table, grip_compliance(design), places[kept], forces[kept], both)
+        pairs = _draw_pairs(design, work, rng)
+        motion = twin.motions(pairs)
+        place, force = pairs.position[motion.valid], pairs.force[motion.valid]
+        signals = ideal.risen(motion)[motion.valid]
+        table = add_coupling(table, grip_compliance(design), place, force, signals)
     progress("warm and cold rubber", 0.2)
-    place, force = _draw_presses(design, work, rng, work.presses_a_skin)
+    presses = _draw_presses(design, work, rng, work.presses_a_skin)
+    place, force = presses.position[:, 0], presses.force[:, 0]
     cold, hot = (
-        ideal.risen(_pressed(twin, place, force, REFERENCE_TEMPERATURE + degrees))
+        ideal.risen(twin.motions(presses, temperature=REFERENCE_TEMPERATURE + degrees))
         for degrees in (-10.0, 10.0)
     )
     table = add_warmth(table, place, force, (hot - cold) / 20)
-    designed = ideal.risen(_pressed(twin, place, force))
-    deviations, grips = [], []
+    signals, grips = _made_skins(design, work, presses, rng, tolerances, progress)
+    if len(signals) > 1:
+        designed = ideal.risen(twin.motions(presses))
+        table = add_modes(table, place, force, signals - designed, grips)
+    return replace(table, origin={"smoskin": version("smoskin"), "effort": asdict(work)})
+
+
+def _made_skins(
+    design: SkinDesign,
+    work: Effort,
+    presses: Touches,
+    rng: np.random.Generator,
+    tolerances: Tolerances | None,
+    progress: Progress,
+) -> tuple[Floats, Floats]:
+    """Signals of L made skins in B presses, (L, B, S, 3), and their grips, (L, H, 2, H, 3)."""
+    signals, grips = [], []
     for skin in range(work.skins):
         progress("made skins", 0.3 + 0.7 * skin / work.skins)
-        made = Twin(design, seed=_skin_seed(work, skin), manufactured=True, tolerances=tolerances)
-        motion = _pressed(made, place, force)
-        mechanics = made_mechanics(design, made.deviations, REFERENCE_TEMPERATURE)
-        grip = grip_compliance(*mechanics)
+        # Seeds far from the small ones that people try.
+        seed = 1_000_000 * (work.seed + 1) + skin
+        made = Twin(design, seed=seed, manufactured=True, tolerances=tolerances)
+        motion = made.motions(presses)
+        grip = grip_compliance(*made_mechanics(design, made.deviations, REFERENCE_TEMPERATURE))
         for _ in range(work.draws):
-            readout = Readout(design, draw(design, rng, tolerances))
-            deviations.append(readout.risen(motion) - designed)
+            signals.append(Readout(design, draw(design, rng, tolerances)).risen(motion))
             grips.append(grip)
-    if len(deviations) > 1:
-        table = add_modes(table, place, force, np.stack(deviations), np.stack(grips))
-    return replace(table, origin={"smoskin": version("smoskin"), "effort": asdict(work)})
+    return np.stack(signals), np.stack(grips)
 
 
 def table_facts(table: ResponseTable) -> dict[str, object]:
@@ -162,39 +176,24 @@ def _misfit_microtesla(table: ResponseTable) -> Floats:
     return np.asarray(np.sqrt(np.diag(table.misfit)) * 1e6)
 
 
-def _skin_seed(work: Effort, skin: int) -> int:
-    """Seeds of made skins, far from the small ones that people try."""
-    return 1_000_000 * (work.seed + 1) + skin
-
-
 def _draw_presses(
     design: SkinDesign, work: Effort, rng: np.random.Generator, count: int
-) -> tuple[Floats, Floats]:
-    """Places (B, 2) and forces (B, 3) all over the skin; two in five are straight."""
+) -> Touches:
+    """Presses of one touch all over the skin; two in five are straight."""
     place = rng.uniform(0, geometry(design).extent, (count, 2))
     force = np.zeros((count, 3))
     force[:, 2] = -rng.uniform(*work.force, count)
     drag = work.drag * np.sqrt(rng.uniform(0, 1, count)) * (rng.uniform(0, 1, count) > 0.4)
     angle = rng.uniform(0, 2 * np.pi, count)
     force[:, 0], force[:, 1] = drag * np.cos(angle), drag * np.sin(angle)
-    return place, force
+    return Touches(position=place[:, None], force=force[:, None])
 
 
-def _draw_pairs(
-    design: SkinDesign, work: Effort, rng: np.random.Generator
-) -> tuple[Floats, Floats]:
-    """Places (B, 2, 2) and forces (B, 2, 3) of straight pairs, more than a cell apart."""
+def _draw_pairs(design: SkinDesign, work: Effort, rng: np.random.Generator) -> Touches:
+    """Presses of two straight touches, more than a cell apart."""
     cell = geometry(design).cell
     apart = float(max(cell.length, cell.width))
     place = far_pairs(geometry(design).extent, apart, work.pairs, rng)
     force = np.zeros((work.pairs, 2, 3))
     force[..., 2] = -rng.uniform(*work.force, (work.pairs, 2))
-    return place, force
-
-
-def _pressed(
-    twin: Twin, place: Floats, force: Floats, temperature: float = REFERENCE_TEMPERATURE
-) -> Motion:
-    return twin.motions(
-        Touches(position=place[:, None], force=force[:, None]), temperature=temperature
-    )
+    return Touches(position=place, force=force)

@@ -88,7 +88,7 @@ class BoundMap:
 
     @property
     def blind(self) -> Bools:
-        """Where the place cannot be told to 5 mm, (L, W)."""
+        """Whether the place cannot be told to 5 mm, (L, W)."""
         return np.asarray(self.location > _BLIND, dtype=np.bool_)
 
     @property
@@ -120,14 +120,13 @@ def bound_map(
     noise : Floats, shape (C, C)
         T^2: covariance of signals (`smoskin.sensing.signals.signals.signal_noise`).
     force : float
-        N, normal, of the touch; without drag.
+        Normal force of the touch, which has no drag, N.
     drags : bool
         Whether the drags are unknown too.
     misfit : bool
-        Whether what the table does not know counts as noise: then it bounds whoever knows no more
-        of the skin than the table.
+        Whether what the table does not know of the skin counts as noise.
     places : tuple of int
-        Along x and y.
+        Numbers of places along x and y.
 
     Raises
     ------
@@ -150,13 +149,8 @@ def bound_map(
     if misfit:
         modes = table.mode_signals(position, push)
         covariance = noise + force**2 * table.misfit + np.einsum("bkc,bkd->bcd", modes, modes)
-    return bound_of_slopes(
-        x,
-        y,
-        table.slopes(position, push).reshape(*places, table.count, 5),
-        covariance.reshape(*places, *noise.shape),
-        drags=drags,
-    )
+    slopes = table.slopes(position, push).reshape(*places, table.count, 5)
+    return bound_of_slopes(x, y, slopes, covariance.reshape(*places, *noise.shape), drags=drags)
 
 
 def bound_of_slopes(
@@ -183,8 +177,8 @@ def bound_of_slopes(
         If shapes do not fit each other.
     """
     slopes = floats("slopes", slopes, (len(x), len(y), None, 5))
-    told = information(slopes, noise)
-    return bound_of_information(x, y, told, slopes.shape[2] // 3, drags=drags)
+    fisher = information(slopes, noise)
+    return bound_of_information(x, y, fisher, slopes.shape[2] // 3, drags=drags)
 
 
 def information(slopes: Floats, noise: Floats) -> Floats:
@@ -209,7 +203,7 @@ def information(slopes: Floats, noise: Floats) -> Floats:
 
 
 def bound_of_information(
-    x: Floats, y: Floats, told: Floats, chips: int, *, drags: bool = True
+    x: Floats, y: Floats, fisher: Floats, chips: int, *, drags: bool = True
 ) -> BoundMap:
     """Bounds over the skin from the information (L, W, 5, 5) of so many chips.
 
@@ -222,7 +216,7 @@ def bound_of_information(
     if min(shape) < 2:
         raise ArgumentError(f"x and y must be two places or more each; got {shape}")
     free = [0, 1, 2, 3, 4] if drags else [0, 1, 4]
-    known = floats("told", told, (*shape, 5, 5))[..., free, :][..., free]
+    known = floats("fisher", fisher, (*shape, 5, 5))[..., free, :][..., free]
     extent = np.array([x[-1] - x[0], y[-1] - y[0]])
     covariance = np.linalg.inv(known + np.diag(np.array([*12 / extent**2, *[_PRIOR] * 3])[free]))
     deviations = np.zeros((*shape, 5))

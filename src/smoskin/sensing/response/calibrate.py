@@ -190,7 +190,7 @@ def _posterior_weights(
 
 
 class TouchPlanner:
-    """Where a skin is to be touched next so that touches on it are estimated well.
+    """Chooses where a skin is to be touched next so that touches on it are estimated well.
 
     Parameters
     ----------

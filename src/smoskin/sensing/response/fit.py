@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Bools, Floats, floats
+from smoskin.arrays import Floats, floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.nonlinearity import cross_signals
@@ -85,11 +85,6 @@ def fit_response_table(
     ArgumentError
         If shapes disagree, a number is not finite, or there are fewer presses than twice the
         functions that the table is made of.
-
-    Notes
-    -----
-    With rows X of functions: ``A = (X^T X + ridge)^-1 X^T Y``; the misfit is the mean of
-    ``r r^T / |F|^2`` over what is left, r, of the presses held out.
     """
     chips = len(design.halls)
     values = floats("signals", signals, (chips, 3)).reshape(-1, 3 * chips)
@@ -103,29 +98,38 @@ def fit_response_table(
         )
     if not (np.isfinite(values).all() and (push[:, 2] < 0).all()):
         raise ArgumentError("signals must be finite and every touch must press, Fz < 0 N")
-    held_out = np.arange(len(place)) % _HELD_OUT == 0
-    rows = basis.rows(place, push)
-    gram = rows[~held_out].T @ rows[~held_out]
-    size = np.diag(gram)
-    gram[np.diag_indices_from(gram)] += _JITTER * (size + size.max() * _JITTER)
-    coefficients = np.linalg.solve(gram, rows[~held_out].T @ values[~held_out])
-    missed = values[held_out] - rows[held_out] @ coefficients
-    shape, held = (*basis.shape, 3 * chips), basis.vertices
+    mean, misfit = _first_fit(basis.rows(place, push), values, np.linalg.norm(push, axis=1))
+    shape, vertices = (*basis.shape, 3 * chips), basis.vertices
     return ResponseTable(
         design_hash=design.content_hash,
         basis=basis,
         chips=tuple(range(chips)),
         forces=(float(-push[:, 2].max()), float(-push[:, 2].min())),
-        mean=coefficients.reshape(shape),
+        mean=mean.reshape(shape),
         softening=modulus_factor(design.columns.material, REFERENCE_TEMPERATURE + 1.0).item() - 1.0,
         warmth=np.zeros(shape),
         modes=np.zeros((0, *shape)),
-        grip=np.zeros((held, 2, held, 3)),
-        grip_modes=np.zeros((0, held, 2, held, 3)),
+        grip=np.zeros((vertices, 2, vertices, 3)),
+        grip_modes=np.zeros((0, vertices, 2, vertices, 3)),
         curvature=np.zeros((chips, 3, 3, 3)),
-        misfit=_scatter(missed / np.linalg.norm(push[held_out], axis=1)[:, None]),
+        misfit=misfit,
         pair_misfit=np.zeros((3 * chips, 3 * chips)),
     )
+
+
+def _first_fit(rows: Floats, values: Floats, strength: Floats) -> tuple[Floats, Floats]:
+    """Coefficients A (P Q D, C) of presses, and the misfit E (C, C) of those held out.
+
+    With rows X of functions and Y of signals: ``A = (X^T X + ridge)^-1 X^T Y``; the misfit is the
+    mean of ``r r^T / |F|^2`` over what is left, r.
+    """
+    held_out = np.arange(len(rows)) % _HELD_OUT == 0
+    gram = rows[~held_out].T @ rows[~held_out]
+    size = np.diag(gram)
+    gram[np.diag_indices_from(gram)] += _JITTER * (size + size.max() * _JITTER)
+    coefficients = np.linalg.solve(gram, rows[~held_out].T @ values[~held_out])
+    missed = values[held_out] - rows[held_out] @ coefficients
+    return coefficients, _scatter(missed / strength[held_out, None])
 
 
 def add_warmth(
@@ -184,11 +188,7 @@ def add_modes(
     misfit = table.misfit
     held_out = len(skins) // _HELD_OUT_SKINS
     if held_out:
-        others = skins[:-held_out]
-        modes, _ = _principal(others - others.mean(axis=0), least)
-        seen = np.arange(len(place)) % _SEEN == 0
-        missed = _missed(skins[-held_out:] - others.mean(axis=0), modes, seen) / strength[~seen]
-        misfit = misfit + _scatter(missed.reshape(-1, table.count))
+        misfit = misfit + _missed(skins[:-held_out], skins[-held_out:], strength, least)
     middle = skins.mean(axis=0)
     modes, scores = _principal(skins - middle, least)
     columns = np.concatenate([middle[None], modes]).transpose(1, 0, 2)
@@ -196,14 +196,14 @@ def add_modes(
     blocks = np.moveaxis(fitted.reshape(*table.basis.shape, -1, table.count), -2, 0)
     left = columns - table.basis.sums(fitted, place, push).reshape(columns.shape)
     apart = left / strength[:, :, None]
-    held = table.grip[None] if grips is None else floats("grips", grips, table.grip.shape)
-    held = np.broadcast_to(held, (len(skins), *table.grip.shape))
+    grip = table.grip[None] if grips is None else floats("grips", grips, table.grip.shape)
+    grip = np.broadcast_to(grip, (len(skins), *table.grip.shape))
     return replace(
         table,
         mean=table.mean + blocks[0],
         modes=blocks[1:],
-        grip=held.mean(axis=0),
-        grip_modes=np.tensordot(scores.T, held - held.mean(axis=0), 1),
+        grip=grip.mean(axis=0),
+        grip_modes=np.tensordot(scores.T, grip - grip.mean(axis=0), 1),
         misfit=misfit + np.einsum("bkc,bkd->cd", apart, apart) / len(place),
     )
 
@@ -226,13 +226,20 @@ def _principal(deviations: Floats, least: float) -> tuple[Floats, Floats]:
     return np.asarray((scores.T @ flat).reshape(-1, *deviations.shape[1:])), np.asarray(scores)
 
 
-def _missed(deviations: Floats, modes: Floats, seen: Bools) -> Floats:
-    """What weights found from the presses seen miss of skins in the others, (L, B', C)."""
+def _missed(skins: Floats, others: Floats, strength: Floats, least: float) -> Floats:
+    """What modes of some skins, (L, B, C), miss of other skins, (C, C), T^2/N^2.
+
+    The others' weights are found from a few presses, what is missed in the rest.
+    """
+    seen = np.arange(len(strength)) % _SEEN == 0
+    modes, _ = _principal(skins - skins.mean(axis=0), least)
+    deviations = others - skins.mean(axis=0)
     rows = modes[:, seen].reshape(len(modes), -1)
     gram = rows @ rows.T / _NOISE**2 + np.eye(len(modes))
     right = rows @ deviations[:, seen].reshape(len(deviations), -1).T
     weights = np.linalg.solve(gram, right / _NOISE**2)
-    return np.asarray((deviations - np.einsum("kl,kbc->lbc", weights, modes))[:, ~seen])
+    missed = (deviations - np.einsum("kl,kbc->lbc", weights, modes))[:, ~seen] / strength[~seen]
+    return _scatter(missed.reshape(-1, missed.shape[-1]))
 
 
 def add_coupling(

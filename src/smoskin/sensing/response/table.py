@@ -37,10 +37,10 @@ _TENSORS: Final = (
     "pair_misfit",
 )
 _LINES: Final = ("extent", "lines_x", "lines_y")
-_SHORT: Final = ("modes", "grip_modes")
+_HALVES: Final = ("modes", "grip_modes")
 """Arrays that files hold in half precision, each in steps of its own: they fill the file, and what
 rounding changes, 0.03 uT of 200, is a hundredth of the misfit."""
-_LARGEST_SHORT: Final = 6e4
+_LARGEST_HALF: Final = 6e4
 """Steps of the largest number, near the largest that half precision knows."""
 
 
@@ -99,15 +99,15 @@ class ResponseTable:
     nobody said."""
 
     def __post_init__(self) -> None:
-        functions, count, held = self.basis.shape, 3 * len(self.chips), self.basis.vertices
+        functions, count, vertices = self.basis.shape, 3 * len(self.chips), self.basis.vertices
         try:
             freeze(
                 self,
                 mean=(*functions, count),
                 warmth=(*functions, count),
                 modes=(None, *functions, count),
-                grip=(held, 2, held, 3),
-                grip_modes=(len(self.modes), held, 2, held, 3),
+                grip=(vertices, 2, vertices, 3),
+                grip_modes=(len(self.modes), vertices, 2, vertices, 3),
                 curvature=(len(self.chips), 3, 3, 3),
                 misfit=(count, count),
                 pair_misfit=(count, count),
@@ -223,9 +223,9 @@ class ResponseTable:
             If `safetensors` is not installed.
         """
         arrays = {name: np.asarray(getattr(self, name)) for name in _TENSORS}
-        steps = {name: float(np.abs(arrays[name]).max(initial=0.0)) for name in _SHORT}
-        steps = {name: (size or 1.0) / _LARGEST_SHORT for name, size in steps.items()}
-        short = {name: (arrays[name] / step).astype(np.float16) for name, step in steps.items()}
+        steps = {name: float(np.abs(arrays[name]).max(initial=0.0)) for name in _HALVES}
+        steps = {name: (size or 1.0) / _LARGEST_HALF for name, size in steps.items()}
+        halves = {name: (arrays[name] / step).astype(np.float16) for name, step in steps.items()}
         lines = {name: getattr(self.basis, name) for name in _LINES}
         header = {
             "design": self.design_hash,
@@ -237,7 +237,7 @@ class ResponseTable:
             "steps": steps,
             "origin": dict(self.origin),
         }
-        _FILE.write(path, arrays | short | lines | {"exponents": self.basis.exponents}, header)
+        _FILE.write(path, arrays | halves | lines | {"exponents": self.basis.exponents}, header)
 
 
 def load_response_table(name_or_path: str | os.PathLike[str]) -> ResponseTable:
@@ -269,10 +269,9 @@ def load_response_table(name_or_path: str | os.PathLike[str]) -> ResponseTable:
         with resources.as_file(shipped[given]) as file:
             return _FILE.read(file, names, _table)
     if not Path(given).exists():
-        known = ", ".join(sorted(shipped))
         raise ModelError(
-            f"table must be that of a shipped design ({known}) or the path of a response table; "
-            f"got {given!r}"
+            f"table must be that of a shipped design ({', '.join(sorted(shipped))}) or the path of "
+            f"a response table; got {given!r}"
         )
     return _FILE.read(given, names, _table)
 
