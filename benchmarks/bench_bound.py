@@ -12,10 +12,10 @@ import numpy as np
 
 from smoskin import load_design
 from smoskin.commands.optimise import Limits, Objective, design_bound
+from smoskin.commands.optimise.limits import fit_gaps
 from smoskin.commands.optimise.objective import try_design
-from smoskin.commands.optimise.placing import fit_gaps
-from smoskin.commands.optimise.slopes import PressedSheet, exact_slopes, grid
-from smoskin.sensing.response.bound import BoundMap, bound_map, bound_of_slopes, figures
+from smoskin.commands.optimise.pressed import PressedSheet
+from smoskin.sensing.response.bound import BoundMap, bound_map, figures
 from smoskin.sensing.response.table import load_response_table
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.manufacture import draw
@@ -55,15 +55,6 @@ def main() -> None:
         for misfit in (False, True):
             what = "of the table" + (", its misfit as noise" if misfit else "")
             print(line(what, bound_map(table, noise, places=places, misfit=misfit)))
-    sheet = PressedSheet(first, places=(5, 7))
-    near, at = sheet.slopes(first)[1], grid(first, (5, 7))
-    exact = exact_slopes(first, at).reshape(near.shape)
-    noise = signal_noise(first)
-    ratio = (
-        bound_of_slopes(sheet.x, sheet.y, near, noise).location
-        / bound_of_slopes(sheet.x, sheet.y, exact, noise).location
-    )
-    print(f"differences over exact slopes: {ratio.min():.4f} to {ratio.max():.4f} in the bound")
     objective, limits = Objective(), Limits()
     begin = time.perf_counter()
     sheet = PressedSheet(first, places=objective.places)

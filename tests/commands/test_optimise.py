@@ -8,27 +8,44 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from smoskin.commands.optimise import Effort, Limits, Objective, design_bound, optimise
-from smoskin.commands.optimise.comparison import check_made, made_sheets
+from smoskin.commands.optimise import (
+    Limits,
+    Objective,
+    Optimised,
+    SearchEffort,
+    Side,
+    changes_of,
+    check_made,
+    design_bound,
+    made_sheets,
+    optimise,
+)
 from smoskin.commands.optimise.limits import (
     Reached,
     allowed_field,
     clearances,
+    fit_gaps,
     largest_field,
     made_allowance,
     own_limits,
+    slowest_setting,
     stood_limits,
 )
-from smoskin.commands.optimise.objective import try_design
-from smoskin.commands.optimise.placing import fit_gaps
+from smoskin.commands.optimise.objective import design_information, try_design, unknown_of
+from smoskin.commands.optimise.pressed import PressedSheet, rated_touches
 from smoskin.commands.optimise.search import find_design
-from smoskin.commands.optimise.slopes import PressedSheet, exact_slopes, grid, rated_touches
 from smoskin.errors import ArgumentError
 from smoskin.feasibility import load_design
 from smoskin.magnetics import mlx90393
-from smoskin.sensing.response.bound import bound_of_slopes, figures
+from smoskin.mechanics.sheet.holders import holder_matrix
+from smoskin.mechanics.sheet.model import BarHinge
+from smoskin.mechanics.sheet.touches import Touches
+from smoskin.origami.geometry import geometry, places_to_the_rim
+from smoskin.records import Motion
+from smoskin.sensing.response.bound import bound_of_information, bound_of_slopes, figures
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.manufacture import draw
+from smoskin.twin.readout import Readout
 
 COARSE = (3, 5)
 
@@ -44,7 +61,7 @@ def ticking():
     return lambda: float(next(ticks))
 
 
-PLACED = Effort(seconds=9.5)
+PLACED = SearchEffort(seconds=9.5)
 """Time, by that clock, for gains and magnets' places on the first sheet."""
 AIM, WITHIN = Objective(places=COARSE), Limits(made_skins=2)
 
@@ -56,10 +73,42 @@ def found(planar):
     )
 
 
+def exact_slopes(design, position, force=0.5):
+    """Slopes of the signals as designed at B places, (B, 2) m; shape (B, C, 5), T/m and T/N.
+
+    Mechanics by the implicit function theorem; the field along them by central differences.
+    """
+    push = np.tile([0.0, 0.0, -force], (len(position), 1))
+    solver = BarHinge(design)
+    touches = Touches(position=position[:, None], force=push[:, None])
+    pressed, rates = solver.press(touches, tolerance=1e-10), solver.sensitivity(touches)
+    holders = holder_matrix(design)
+    flat = holders.reshape(-1, pressed.displacements[0].size).T
+
+    def magnets(displacements):
+        joined = displacements.reshape(*displacements.shape[:-2], -1)
+        return np.asarray((joined @ flat).reshape(*joined.shape[:-1], -1, 6))
+
+    at, along = magnets(pressed.displacements), magnets(rates.displacements[:, 0])
+    readout, slopes = Readout(design), []
+    for k, span in enumerate(0.05 * np.array([1e-3, 1e-3, 0.1, 0.1, 0.1])):
+        signals = [
+            readout.risen(
+                Motion(
+                    magnets=at + side * span * along[:, k],
+                    board=pressed.board + side * span * rates.board[:, 0, k],
+                )
+            ).reshape(len(at), -1)
+            for side in (1.0, -1.0)
+        ]
+        slopes.append((signals[0] - signals[1]) / (2 * span))
+    return np.stack(slopes, axis=-1)
+
+
 def test_differences_of_presses_meet_the_exact_slopes(planar, sheet):
     near = sheet.slopes(planar)[1].reshape(-1, 9, 5)
     some = [0, 4, 7, 11]
-    exact = exact_slopes(planar, grid(planar, COARSE)[some])
+    exact = exact_slopes(planar, places_to_the_rim(geometry(planar).extent, COARSE)[some])
     for k in range(5):
         assert near[some, :, k] == pytest.approx(exact[..., k], abs=0.02 * abs(exact[..., k]).max())
 
@@ -93,7 +142,7 @@ def test_a_row_of_cells_is_blind_across_it(planar):
 
 
 def test_the_rated_touches_press_and_drag_every_way(planar):
-    where, push = rated_touches(grid(planar, (2, 3)))
+    where, push = rated_touches(places_to_the_rim(geometry(planar).extent, (2, 3)))
     assert where.shape == (30, 2)
     assert (push[:, 2] == -1.0).all()
     assert sorted({tuple(one) for one in push[:, :2].tolist()}) == [
@@ -187,7 +236,7 @@ def test_no_time_leaves_a_design_all_the_same(planar):
         planar,
         AIM,
         WITHIN,
-        Effort(seconds=3.5),
+        SearchEffort(seconds=3.5),
         lambda what, share: told.append(what),
         ticking(),
     )
@@ -217,38 +266,116 @@ def test_the_comparison_is_told_in_full(planar, found, tmp_path):
     assert len(found.tables()) == 3
 
 
-@pytest.mark.slow
-def test_the_command_writes_both_files(found, tmp_path, monkeypatch):
+def result(planar, kept):
+    """What a search might have found, keeping its limits or not."""
+    after = load_design("optimised")
+    reached = Reached(name="column pressed, of its height", value=0.3 if kept else 0.36, most=0.35)
+    return Optimised(
+        before=planar,
+        after=after,
+        changes=changes_of(planar, after),
+        bounds=(Side("all chips, drag unknown", "mean location, mm", 1.0, 0.5),),
+        limits=(Reached(name="feasible", value=1.0, least=1.0),),
+        made=(reached,),
+    )
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_the_command_writes_both_files_and_exits_with_1_where_a_limit_is_broken(
+    planar, kept, tmp_path, monkeypatch
+):
     from typer.testing import CliRunner
 
-    import smoskin.cli.optimise as command
     import smoskin.commands.optimise as application
+    from smoskin.cli import app
 
     asked = {}
 
     def stand_in(design, **given):
         asked.update(given, design=design)
-        return found
+        return result(planar, kept)
 
     monkeypatch.setattr(application, "optimise", stand_in)
     out = tmp_path / "found.toml"
     arguments = ["optimise", "planar", "--out", str(out), "--minutes", "2", "--seed", "3"]
-    said = CliRunner().invoke(command.app, [*arguments, "--json"])
-    assert said.exit_code == 0, said.output
-    assert json.loads(said.stdout)["kept"] is True
-    assert asked["effort"].seconds == 120
-    assert asked["effort"].seed == 3
+    run = CliRunner().invoke(app, [*arguments, "--json", "--force", "0.4", "--rate", "150"])
+    assert run.exit_code == (0 if kept else 1), run.output
+    told = json.loads(run.stdout)
+    assert told["kept"] is kept
+    assert told["gain"] == 2.0
+    assert {one["path"] for one in told["changes"]} >= {"magnets.0.corner", "columns.radius"}
+    assert asked["effort"] == SearchEffort(seconds=120, seed=3)
+    assert asked["objective"] == Objective(force=0.4)
+    assert asked["limits"] == Limits(rate=150.0)
     assert asked["name"] == "found"
-    assert load_design(out) == found.after
-    assert out.with_suffix(".json").exists()
-    assert "times better" in CliRunner().invoke(command.app, arguments).stdout
+    assert load_design(out) == load_design("optimised")
+    assert json.loads(out.with_suffix(".json").read_text(encoding="utf-8")) == told
+    shown = CliRunner().invoke(app, ["optimise", "--out", str(out)])
+    assert shown.exit_code == (0 if kept else 1)
+    assert "times better" in shown.stdout
+    assert ("broken" in shown.stdout) is not kept
+    assert asked["effort"] == SearchEffort()
+    spoken = CliRunner().invoke(app, ["optimise", "--help"]).stdout
+    assert "exit code is 1" in " ".join(spoken.split())
+
+
+def test_gains_are_of_lower_bounds_and_of_higher_super_resolution():
+    for quantity, before, after, gain in (
+        ("mean location, mm", 1.0, 0.5, 2.0),
+        ("mean location, mm", 0.5, 1.0, 0.5),
+        ("super-resolution by area", 100.0, 300.0, 3.0),
+        ("super-resolution by area", 300.0, 100.0, 1 / 3),
+    ):
+        assert Side("", quantity, before, after).gain == pytest.approx(gain)
+
+
+def test_the_setting_is_the_least_noisy_that_is_fast_enough(planar):
+    for rate in (50.0, 100.0, 200.0):
+        chosen = slowest_setting(planar, Limits(rate=rate))
+        assert mlx90393.conversion_time(chosen, 0) * rate <= 1
+        noise = float(mlx90393.noise(chosen)[0])
+        for over, smooth in itertools.product(range(4), range(8)):
+            other = replace(chosen, oversampling=over, digital_filter=smooth)
+            if mlx90393.settles(other) and mlx90393.conversion_time(other, 0) * rate <= 1:
+                assert float(mlx90393.noise(other)[0]) >= noise
+
+
+def test_limits_are_kept_up_to_their_ends():
+    for value, kept in ((0.35, True), (0.3500001, False), (0.2, True)):
+        assert Reached(name="x", value=value, most=0.35).kept is kept
+    for value, kept in ((1.0, True), (0.999, False), (7.0, True)):
+        assert Reached(name="x", value=value, least=1.0).kept is kept
+    assert Reached(name="x", value=0.7, most=0.35).slack == pytest.approx(-1.0)
+
+
+def test_broken_limits_weigh_on_a_design(planar, sheet):
+    trial = try_design(planar, sheet, AIM, Limits())
+    assert trial.merit == trial.value
+    strict = try_design(planar, sheet, AIM, Limits(crush=0.01))
+    broken = sum(max(-one.slack, 0.0) for one in (*strict.own, *strict.stood))
+    assert broken > 1
+    assert strict.merit == pytest.approx(strict.value * (1 + 20 * broken))
+    straight, free = (
+        figures(bound_of_information(sheet.x, sheet.y, informed, 3, drags=drags).location)
+        for informed in [design_information(planar, sheet, AIM.unmodelled)]
+        for drags in (False, True)
+    )
+    both = [one.mean + AIM.worst_weight * one.worst for one in (straight, free)]
+    assert trial.value == pytest.approx(np.mean(both))
+
+
+def test_a_share_of_each_signal_is_unknown_by_the_inverse_square_of_the_gap(planar):
+    signals = np.arange(1.0, 10.0) * 1e-4
+    far = replace(planar, halls=tuple(replace(site, gap=11e-3) for site in planar.halls))
+    spread = unknown_of(far, signals, 0.02)
+    assert spread == pytest.approx(np.diag((0.02 / 4 * signals) ** 2))
 
 
 def test_limits_and_wrong_use_are_refused(planar):
     with pytest.raises(ArgumentError, match="force must be positive"):
         Objective(force=0.0)
     with pytest.raises(ArgumentError, match="steps, rounds and seconds"):
-        Effort(steps=0)
+        SearchEffort(steps=0)
     with pytest.raises(ArgumentError, match="two places or more"):
         PressedSheet(planar, places=(1, 5))
     with pytest.raises(ArgumentError, match="rate must leave"):
@@ -289,7 +416,7 @@ def test_the_shipped_optimum_halves_the_bound(planar, sheet):
 @pytest.mark.slow
 def test_a_fuller_search_halves_the_bound_on_finer_grids_and_made_skins(planar):
     better = optimise(
-        planar, limits=Limits(rubbers=("Ecoflex 00-30",)), effort=Effort(steps=40, rounds=1)
+        planar, limits=Limits(rubbers=("Ecoflex 00-30",)), effort=SearchEffort(steps=40, rounds=1)
     )
     assert better.kept
     gains = {(one.case, one.quantity): one.gain for one in better.bounds}

@@ -1,6 +1,7 @@
 """The command that varies a design so that its chips tell most about a touch."""
 
 import json
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -29,18 +30,18 @@ def optimise(
     what the skin must stand; made skins are checked too. The exit code is 1 if the design found
     does not keep every limit.
     """
-    from smoskin.commands.optimise import Effort, Limits, Objective
+    from smoskin.commands.optimise import Limits, Objective, SearchEffort
     from smoskin.commands.optimise import optimise as vary
     from smoskin.feasibility import load_design
 
-    effort = Effort(seed=seed) if minutes is None else Effort(seed=seed, seconds=60 * minutes)
+    seconds = math.inf if minutes is None else 60 * minutes
     with progress_bar() as progress:
         found = vary(
             load_design(design),
             name=out.stem,
             objective=Objective(force=force),
             limits=Limits(rate=rate),
-            effort=effort,
+            effort=SearchEffort(seed=seed, seconds=seconds),
             progress=progress,
         )
     document, beside = found.write(out)

@@ -1,35 +1,161 @@
 """Varies a design within what can be made, so that its chips tell most about a touch.
 
-Decides what counts as found: the search's best design, its gaps widened until made skins keep
-their chips in range, compared with the one it came from on a finer grid and on made skins.
+Decides what is taken: the search's best design, its gaps widened until made skins keep their chips
+in range; and how it is compared with the one it came from, on a finer grid and on made skins: as
+tables, as JSON, and as reasons in the new design's own document.
 """
 
+import json
+import math
 import time
-from collections.abc import Callable
-from dataclasses import replace
-from typing import Final
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
 
-from smoskin.commands.optimise.comparison import (
-    Optimised,
-    changes_of,
-    check_made,
-    coarser,
-    compare_bounds,
-    made_sheets,
-    with_reasons,
+import numpy as np
+
+from smoskin.arrays import Floats
+from smoskin.commands.optimise.limits import (
+    GAP_STEP,
+    Limits,
+    Reached,
+    fit_gaps,
+    made_limits,
+    own_limits,
+    stood_limits,
 )
-from smoskin.commands.optimise.limits import Limits, own_limits, stood_limits
-from smoskin.commands.optimise.objective import Objective
-from smoskin.commands.optimise.placing import GAP_STEP, fit_gaps
-from smoskin.commands.optimise.search import Effort, Progress, find_design
-from smoskin.commands.optimise.slopes import Places, PressedSheet, design_bound
-from smoskin.design.skin import SkinDesign
+from smoskin.commands.optimise.objective import Objective, design_bound, unknown_of
+from smoskin.commands.optimise.pressed import Places, PressedSheet
+from smoskin.commands.optimise.search import SearchEffort, find_design
+from smoskin.design.document import design_values, format_design
+from smoskin.design.skin import Provenance, SkinDesign
+from smoskin.roles import Progress, unheard
+from smoskin.sensing.response.bound import bound_of_slopes, figures
+from smoskin.sensing.signals.signals import signal_noise
+from smoskin.twin.manufacture import draw
 
-__all__ = ["Effort", "Limits", "Objective", "Optimised", "design_bound", "optimise"]
+if TYPE_CHECKING:
+    from rich.table import Table
+
+__all__ = ["Limits", "Objective", "Optimised", "SearchEffort", "design_bound", "optimise"]
 
 _WIDER: Final = 0.3
 """Standard deviations by which gaps give way more where a made skin leaves its range."""
 _TRIES: Final = 6
+_MADE: Final = 3
+"""Made skins over which their bounds are averaged."""
+_SEED: Final = 500_000
+"""Seed of the first made skin: far from those of judgements and of response tables."""
+_HIGHER: Final = "super-resolution"
+"""Quantities of which more is better."""
+
+
+class Change(NamedTuple):
+    """One value that differs, as documents write it."""
+
+    path: str
+    key: str
+    before: str | int | float
+    after: str | int | float
+
+
+class Side(NamedTuple):
+    """One number of both designs."""
+
+    case: str
+    """What is read and what is unknown, in words."""
+    quantity: str
+    """Name of the number, with its unit."""
+    before: float
+    after: float
+
+    @property
+    def gain(self) -> float:
+        """How many times better: a bound lower, a super-resolution higher."""
+        less, more = sorted((self.before, self.after))
+        times = more / less if less else math.inf
+        higher = self.quantity.startswith(_HIGHER)
+        return times if (self.after > self.before) == higher else 1 / times
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Optimised:
+    """A design that a search has found, beside the one that it came from."""
+
+    before: SkinDesign
+    after: SkinDesign
+    """New design, with its provenance."""
+    changes: tuple[Change, ...]
+    bounds: tuple[Side, ...]
+    limits: tuple[Reached, ...]
+    """Limits on the new design."""
+    made: tuple[Reached, ...]
+    """Limits on the worst of some made skins of it."""
+
+    @property
+    def kept(self) -> bool:
+        """Whether the new design keeps every limit, also as made."""
+        return all(one.kept for one in (*self.limits, *self.made))
+
+    @property
+    def gain(self) -> float:
+        """Mean bound of location of the old design over that of the new one, drags unknown."""
+        return self.bounds[0].gain
+
+    def as_json(self) -> dict[str, object]:
+        """Plain values for machines."""
+        return {
+            "before": {"name": self.before.name, "content_hash": self.before.content_hash},
+            "after": {"name": self.after.name, "content_hash": self.after.content_hash},
+            "gain": self.gain,
+            "kept": self.kept,
+            "changes": [one._asdict() for one in self.changes],
+            "bounds": [{**one._asdict(), "gain": one.gain} for one in self.bounds],
+            "limits": [_plain(one) for one in self.limits],
+            "made_skins": [_plain(one) for one in self.made],
+        }
+
+    def tables(self) -> "list[Table]":
+        """Three tables for people."""
+        from rich.table import Table
+
+        changed = Table("value", "before", "after", title="Changed values")
+        for change in self.changes:
+            where = change.path.rpartition(".")[0]
+            name = f"{where}.{change.key}" if where else change.key
+            changed.add_row(name, str(change.before), str(change.after))
+        bounds = Table("signals", "bound", "before", "after", "times better", title="Bounds")
+        for side in self.bounds:
+            bounds.add_row(
+                side.case,
+                side.quantity,
+                f"{side.before:.4g}",
+                f"{side.after:.4g}",
+                f"{side.gain:.2f}",
+            )
+        limits = Table("limit", "reached", "allowed", "", title="Limits")
+        for group, rows in (("", self.limits), ("made skins: ", self.made)):
+            for one in rows:
+                ends = [f">= {one.least:.4g}"] if math.isfinite(one.least) else []
+                ends += [f"<= {one.most:.4g}"] if math.isfinite(one.most) else []
+                verdict = "kept" if one.kept else "broken"
+                limits.add_row(group + one.name, f"{one.value:.4g}", ", ".join(ends), verdict)
+        return [changed, bounds, limits]
+
+    def write(self, path: Path | str) -> tuple[Path, Path]:
+        """Write the new design to this TOML document and the comparison beside it, as JSON.
+
+        Raises
+        ------
+        MissingExtraError
+            If the TOML writer is not installed.
+        """
+        document = Path(path)
+        document.write_text(format_design(self.after), encoding="utf-8")
+        beside = document.with_suffix(".json")
+        beside.write_text(json.dumps(self.as_json(), indent=2) + "\n", encoding="utf-8")
+        return document, beside
 
 
 def optimise(
@@ -38,9 +164,9 @@ def optimise(
     name: str = "optimised",
     objective: Objective | None = None,
     limits: Limits | None = None,
-    effort: Effort | None = None,
+    effort: SearchEffort | None = None,
     places: Places = (25, 33),
-    progress: Progress = lambda task, share: None,
+    progress: Progress = unheard,
     clock: Callable[[], float] = time.monotonic,
 ) -> Optimised:
     """The design of lowest bound that is found from this one, beside it.
@@ -48,19 +174,19 @@ def optimise(
     Parameters
     ----------
     design : SkinDesign
-        Where the search starts. Cells, creases, panels, board and shear layer stay as they are.
+        Start of the search. Cells, creases, panels, board and shear layer stay as they are.
     name : str, optional
-        Of the new design.
+        Name of the new design.
     objective : Objective, optional
-        What is made small.
+        Figure to make small.
     limits : Limits, optional
-        Within which.
-    effort : Effort, optional
+        Limits to keep.
+    effort : SearchEffort, optional
         How long is searched.
     places : tuple of int, optional
-        Along x and y, of the maps that are compared.
-    progress : callable, optional
-        Called with what is being done and the share of the search that is done.
+        Numbers of places along x and y of the maps that are compared.
+    progress : Progress, optional
+        Listener.
     clock : callable, optional
         Seconds, rising.
 
@@ -77,7 +203,7 @@ def optimise(
         If the extra ``twin`` is not installed.
     """
     aim, within = objective or Objective(), limits or Limits()
-    found = find_design(design, aim, within, effort or Effort(), progress, clock).design
+    found = find_design(design, aim, within, effort or SearchEffort(), progress, clock).design
     progress("made skins", 1.0)
     sheet = PressedSheet(found, force=aim.force, places=(2, 2), rated_places=coarser(places))
     sheets, margin = made_sheets(found, within), within
@@ -89,7 +215,6 @@ def optimise(
         found = fit_gaps(found, sheet, margin, step=GAP_STEP)
         made = check_made(found, sheets, within)
     progress("comparison", 1.0)
-    limits_reached = (*own_limits(found, within), *stood_limits(found, sheet, within))
     changes = changes_of(design, found)
     return Optimised(
         before=design,
@@ -98,6 +223,123 @@ def optimise(
         bounds=compare_bounds(
             design, found, force=aim.force, unmodelled=aim.unmodelled, places=places
         ),
-        limits=limits_reached,
+        limits=(*own_limits(found, within), *stood_limits(found, sheet, within)),
         made=made,
     )
+
+
+def changes_of(before: SkinDesign, after: SkinDesign) -> tuple[Change, ...]:
+    """Changed values, but the name."""
+    rows = zip(design_values(before), design_values(after), strict=True)
+    return tuple(
+        Change(path, key, old, new)
+        for (path, key, old), (_, _, new) in rows
+        if old != new and path != "name"
+    )
+
+
+def with_reasons(design: SkinDesign, name: str, changes: Sequence[Change]) -> SkinDesign:
+    """The design under its own name, each changed value saying what it was."""
+    reasons = {
+        one.path: Provenance(
+            origin="assumed",
+            reason=f"found by smoskin optimise, which lowers the bound of location; {one.before} "
+            "before",
+        )
+        for one in changes
+    }
+    return replace(design, name=name, provenance={**design.provenance, **reasons})
+
+
+def compare_bounds(
+    before: SkinDesign, after: SkinDesign, *, force: float, unmodelled: float, places: Places
+) -> tuple[Side, ...]:
+    """Bounds of both designs, as designed and as made."""
+    both = [_figures_of(one, force, unmodelled, places) for one in (before, after)]
+    return tuple(
+        Side(case, quantity, value, both[1][case, quantity])
+        for (case, quantity), value in both[0].items()
+    )
+
+
+def made_sheets(design: SkinDesign, limits: Limits) -> list[PressedSheet]:
+    """Sheets of some made skins; they serve whatever magnets hang on them."""
+    return [
+        PressedSheet(design, draw(design, np.random.default_rng([_SEED, skin])), places=(2, 2))
+        for skin in range(limits.made_skins)
+    ]
+
+
+def check_made(
+    design: SkinDesign, sheets: Sequence[PressedSheet], limits: Limits
+) -> tuple[Reached, ...]:
+    """The worst of made skins against what they must stand.
+
+    Each sheet is read with the magnets and chips of several draws, which cost next to nothing.
+    """
+    worst: dict[str, Reached] = {}
+    for skin, sheet in enumerate(sheets):
+        rng = np.random.default_rng([_SEED, skin, 1])
+        for _ in range(limits.made_draws):
+            for one in made_limits(design, sheet, draw(design, rng), limits):
+                if one.slack < worst.get(one.name, one).slack or one.name not in worst:
+                    worst[one.name] = one
+    return tuple(worst.values())
+
+
+def coarser(places: Places) -> Places:
+    """Every other place of a map, for made skins and rated touches."""
+    return max((places[0] + 1) // 2, 2), max((places[1] + 1) // 2, 2)
+
+
+def _figures_of(
+    design: SkinDesign, force: float, unmodelled: float, places: Places
+) -> dict[tuple[str, str], float]:
+    """Numbers of one design by case and quantity."""
+    sheet = PressedSheet(design, force=force, places=places, rated_places=(2, 2))
+    signals, slopes = sheet.slopes(design)
+    noise = signal_noise(design)
+    upper = [
+        s for s, site in enumerate(design.halls) if design.magnet(site.magnet).mount == "sheet"
+    ]
+    rows = [3 * s + axis for s in upper for axis in range(3)]
+    numbers: dict[tuple[str, str], float] = {}
+
+    def note(case: str, slopes: Floats, noise: Floats, *, drags: bool) -> None:
+        bound = bound_of_slopes(sheet.x, sheet.y, slopes, noise, drags=drags)
+        quantities = {"location, mm": bound.location, "normal force, mN": bound.force}
+        if drags:
+            quantities["drag, mN"] = np.hypot(bound.drag[..., 0], bound.drag[..., 1])
+        for name, values in quantities.items():
+            for kind, number in figures(values * 1e3)._asdict().items():
+                numbers[case, f"{kind} {name}"] = number
+        area, spacing = bound.super_resolution
+        numbers[case, f"{_HIGHER} by area"] = area
+        numbers[case, f"{_HIGHER} by spacing"] = spacing
+
+    note("all chips, drag unknown", slopes, noise, drags=True)
+    note("all chips, no drag", slopes, noise, drags=False)
+    if upper and len(upper) < len(design.halls):
+        part = slopes[..., rows, :]
+        note("the sheet's chips, no drag", part, signal_noise(design, upper), drags=False)
+    unknown = noise + unknown_of(design, signals, unmodelled)
+    note("all chips, drag and a share of signals unknown", slopes, unknown, drags=True)
+    means = []
+    for skin in range(_MADE):
+        made = draw(design, np.random.default_rng([_SEED, skin]))
+        rough = design_bound(design, made, force=force, places=coarser(places))
+        means.append(figures(rough.location * 1e3))
+    for kind, number in zip(means[0]._fields, np.mean(means, axis=0), strict=True):
+        numbers["all chips, drag unknown, made skins", f"{kind} location, mm"] = float(number)
+    return numbers
+
+
+def _plain(one: Reached) -> dict[str, object]:
+    """For JSON, which knows no infinity."""
+    ends = {"least": one.least, "most": one.most}
+    return {
+        "name": one.name,
+        "value": one.value if math.isfinite(one.value) else None,
+        **{key: end if math.isfinite(end) else None for key, end in ends.items()},
+        "kept": one.kept,
+    }

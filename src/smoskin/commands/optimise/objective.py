@@ -12,19 +12,28 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.commands.optimise.limits import Limits, Reached, own_limits, stood_limits
-from smoskin.commands.optimise.slopes import Places, PressedSheet
+from smoskin.commands.optimise.pressed import Places, PressedSheet
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.sensing.response.bound import bound_of_information, figures, information
+from smoskin.sensing.response.bound import (
+    BoundMap,
+    bound_of_information,
+    bound_of_slopes,
+    figures,
+    information,
+)
 from smoskin.sensing.signals.signals import signal_noise
+from smoskin.twin.manufacture import Deviations
 
 _GAP: Final = 5.5e-3
-"""m, of the reference design, for which the unknown share of signals is given."""
+"""Gap of the reference design, m, for which the unknown share of signals is given."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Objective:
-    """What is made small: the bound of location, drags unknown and drags known to be none.
+    """The bound of location that is made small, drags unknown and drags known to be none.
+
+    Over a map of bounds b, the mean of b plus a weight times its 99 % quantile, averaged over both.
 
     Raises
     ------
@@ -33,16 +42,16 @@ class Objective:
     """
 
     force: float = 0.5
-    """N, normal, of the touch."""
+    """Normal force of the touch, N."""
     worst_weight: float = 0.25
-    """Of the worst place (99 %) against the mean over the skin."""
+    """Weight of the worst place (99 %) against the mean over the skin."""
     unmodelled: float = 0.005
     """Share of each signal that counts as noise besides the chips' own, of a chip 5.5 mm from its
     magnet; it grows with the inverse square of the gap, as what a calibration cannot follow of
     magnets that sit askew. The value is the reference design's: there it raises the bound as
     much as does what 60 touches leave open of a made skin."""
     places: Places = (5, 7)
-    """Of the touches, from rim to rim."""
+    """Places of the touches, from rim to rim."""
 
     def __post_init__(self) -> None:
         if not (self.force > 0 and self.worst_weight >= 0 and self.unmodelled >= 0):
@@ -57,11 +66,11 @@ class Trial(NamedTuple):
 
     design: SkinDesign
     value: float
-    """m: the objective."""
+    """Objective, m."""
     own: list[Reached]
-    """Limits of its own numbers."""
+    """Limits on its own numbers."""
     stood: list[Reached]
-    """Limits of the rated touches; empty where the skin has no equilibrium."""
+    """Limits under the rated touches; empty where the skin has no equilibrium."""
 
     @property
     def merit(self) -> float:
@@ -78,16 +87,16 @@ def try_design(
     """A design on its pressed sheet, against objective and limits."""
     if not sheet.stands():
         return Trial(design, math.inf, own_limits(design, limits), [])
-    told = told_by(design, sheet, objective.unmodelled)
+    informed = design_information(design, sheet, objective.unmodelled)
     return Trial(
         design,
-        worth(told, sheet, len(design.halls), objective),
+        worth(informed, sheet, len(design.halls), objective),
         own_limits(design, limits),
         stood_limits(design, sheet, limits),
     )
 
 
-def told_by(design: SkinDesign, sheet: PressedSheet, unmodelled: float) -> Floats:
+def design_information(design: SkinDesign, sheet: PressedSheet, unmodelled: float) -> Floats:
     """Information of a design's signals at every place, (L, W, 5, 5)."""
     signals, slopes = sheet.slopes(design)
     return information(slopes, signal_noise(design) + unknown_of(design, signals, unmodelled))
@@ -100,10 +109,45 @@ def unknown_of(design: SkinDesign, signals: Floats, unmodelled: float) -> Floats
     return np.asarray((share * signals)[..., None] ** 2 * np.eye(len(share)))
 
 
-def worth(told: Floats, sheet: PressedSheet, chips: int, objective: Objective) -> float:
+def worth(informed: Floats, sheet: PressedSheet, chips: int, objective: Objective) -> float:
     """The objective of this information, m."""
     both = [
-        figures(bound_of_information(sheet.x, sheet.y, told, chips, drags=drags).location)
+        figures(bound_of_information(sheet.x, sheet.y, informed, chips, drags=drags).location)
         for drags in (True, False)
     ]
     return sum(one.mean + objective.worst_weight * one.worst for one in both) / len(both)
+
+
+def design_bound(
+    design: SkinDesign,
+    deviations: Deviations | None = None,
+    *,
+    force: float = 0.5,
+    drags: bool = True,
+    places: Places = (13, 17),
+) -> BoundMap:
+    """The bound of a design, or of one made skin of it, that has no response table.
+
+    Parameters
+    ----------
+    design : SkinDesign
+        Design of the skin.
+    deviations : Deviations, optional
+        Deviations of a made skin; by default it is as designed.
+    force : float
+        Normal force of the touch, N; without drag.
+    drags : bool
+        Whether the drags are unknown too.
+    places : tuple of int
+        Numbers of places along x and y.
+
+    Raises
+    ------
+    ArgumentError
+        If the force or the places are not positive, or a touch has no equilibrium.
+    """
+    sheet = PressedSheet(design, deviations, force=force, places=places, rated_places=(2, 2))
+    slopes = sheet.slopes(design)[1]
+    if not np.isfinite(slopes).all():
+        raise ArgumentError(f"force must leave the skin an equilibrium everywhere; got {force} N")
+    return bound_of_slopes(sheet.x, sheet.y, slopes, signal_noise(design), drags=drags)

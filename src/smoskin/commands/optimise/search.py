@@ -7,7 +7,7 @@ same design, unless the time runs out.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Final
@@ -16,15 +16,26 @@ import numpy as np
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
 from smoskin.arrays import Floats
-from smoskin.commands.optimise.limits import Limits
-from smoskin.commands.optimise.objective import Objective, Trial, try_design
-from smoskin.commands.optimise.placing import GAP_STEP, exchange, fit_gaps, slowest_setting
-from smoskin.commands.optimise.slopes import PressedSheet
+from smoskin.commands.optimise.limits import (
+    GAP_STEP,
+    Limits,
+    alone_over,
+    fit_gaps,
+    slowest_setting,
+)
+from smoskin.commands.optimise.objective import (
+    Objective,
+    Trial,
+    design_information,
+    try_design,
+    worth,
+)
+from smoskin.commands.optimise.pressed import PressedSheet
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
+from smoskin.origami.geometry import geometry
+from smoskin.roles import Progress
 
-Progress = Callable[[str, float], None]
-"""Is told what is being tried, and the share of the whole work that is done."""
 _RESERVE: Final = 0.01
 """Share of what must be stood that the search keeps for rounding to the workshop's steps."""
 _STEEP: Final = 3.0
@@ -33,11 +44,13 @@ _TOO_BAD: Final = 10.0
 """Merit, over that of the start, of a design that has no equilibrium."""
 _ENOUGH: Final = 0.005
 """Relative gain of a round below which no other follows."""
+_DRAWS: Final = 6
+"""Random placements from which magnets are moved one by one, besides the one at hand."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Effort:
-    """How long is searched.
+class SearchEffort:
+    """How long a design is searched for.
 
     Raises
     ------
@@ -46,14 +59,14 @@ class Effort:
     """
 
     steps: int = 40
-    """Of each search with constraints; the first ones, with each rubber, take half as many. Fewer
-    than seven do not make one."""
+    """Designs tried in each search with constraints; the first ones, with each rubber, take half as
+    many. Fewer than seven do not make one."""
     rounds: int = 2
-    """At most, of such a search and then magnets' places."""
+    """Most rounds of such a search and then of magnets' places."""
     seconds: float = math.inf
-    """After which the best design so far is taken."""
+    """Time after which the best design so far is taken, s."""
     seed: int = 0
-    """Of the placements from which magnets are moved."""
+    """Seed of the placements from which magnets are moved."""
 
     def __post_init__(self) -> None:
         if min(self.steps, self.rounds) < 1 or not self.seconds > 0:
@@ -68,7 +81,7 @@ def find_design(
     design: SkinDesign,
     objective: Objective,
     limits: Limits,
-    effort: Effort,
+    effort: SearchEffort,
     progress: Progress,
     clock: Callable[[], float],
 ) -> Trial:
@@ -77,11 +90,15 @@ def find_design(
     Parameters
     ----------
     design : SkinDesign
-        Where the search starts; cells, creases, panels, board and shear layer stay.
+        Start of the search; cells, creases, panels, board and shear layer stay.
     objective : Objective
+        Figure to make small.
     limits : Limits
-    effort : Effort
-    progress : callable
+        Limits to keep.
+    effort : SearchEffort
+        How long is searched.
+    progress : Progress
+        Listener.
     clock : callable
         Seconds, rising.
     """
@@ -96,7 +113,7 @@ class _Search:
         design: SkinDesign,
         objective: Objective,
         limits: Limits,
-        effort: Effort,
+        effort: SearchEffort,
         progress: Progress,
         clock: Callable[[], float],
     ) -> None:
@@ -159,22 +176,22 @@ class _Search:
         """A search with constraints from a design, its rubber and corners kept."""
         begin = self._try(design, "start")
         worst = _TOO_BAD * (begin.value if begin.stood else self._best.value)
-        held = len(self._best.own) + len(self._best.stood)
-        known: dict[bytes, tuple[float, Floats]] = {}
+        count = len(self._best.own) + len(self._best.stood)
+        memory: dict[bytes, tuple[float, Floats]] = {}
 
         def tried(point: Floats) -> tuple[float, Floats]:
             key = point.tobytes()
-            if key not in known:
+            if key not in memory:
                 trial = self._try(_varied(design, point, self._limits), "columns, frame, magnets")
                 self._done += 1
-                slacks = np.full(held, -1.0)
+                slacks = np.full(count, -1.0)
                 if trial.stood:
                     slacks = np.array(
                         [one.slack for one in trial.own]
                         + [one.slack - _RESERVE for one in trial.stood]
                     )
-                known[key] = (min(trial.value, worst), np.clip(slacks, -1.0, 0.1))
-            return known[key]
+                memory[key] = (min(trial.value, worst), np.clip(slacks, -1.0, 0.1))
+            return memory[key]
 
         def goal(point: Floats) -> float:
             return math.log(tried(point)[0] / worst)
@@ -226,6 +243,72 @@ class _Search:
         return min(trials, key=lambda one: one.merit)
 
 
+def exchange(
+    design: SkinDesign,
+    sheet: PressedSheet,
+    objective: Objective,
+    limits: Limits,
+    rng: np.random.Generator,
+) -> SkinDesign:
+    """Magnets moved one by one to the corner that tells most, from several placements.
+
+    Each chip is taken to see its own magnet alone, so that what chips tell adds up.
+    """
+    cell, reach = geometry(design).cell, limits.wall + max(m.radius for m in design.magnets)
+    within = [math.ceil(reach / float(length)) for length in (cell.length, cell.width)]
+    corners = [
+        (p, q)
+        for p in range(within[0], design.cells[0] - within[0] + 1)
+        for q in range(within[1], design.cells[1] - within[1] + 1)
+    ]
+    sites = design.halls
+    if len(corners) <= len(sites):
+        return design
+    informed = np.stack(
+        [
+            [
+                design_information(alone_over(design, site, one), sheet, objective.unmodelled)
+                for one in corners
+            ]
+            for site in sites
+        ]
+    )
+    placed = {one.name: one.corner for one in design.magnets}
+    free = list(range(len(corners)))
+    present = [placed[site.magnet] for site in sites]
+    starts = [list(map(int, rng.permutation(free)[: len(sites)])) for _ in range(_DRAWS)]
+    if set(present) <= set(corners) and len(set(present)) == len(present):
+        starts.insert(0, [corners.index(one) for one in present])
+    found: tuple[float, list[int]] = (math.inf, [])
+    for start in starts:
+        found = min(found, _settle(start, informed, sheet, objective))
+    moved = {site.magnet: corners[at] for site, at in zip(sites, found[1], strict=True)}
+    magnets = tuple(replace(m, corner=moved.get(m.name, m.corner)) for m in design.magnets)
+    return replace(design, magnets=magnets)
+
+
+def _settle(
+    start: Sequence[int], informed: Floats, sheet: PressedSheet, objective: Objective
+) -> tuple[float, list[int]]:
+    """Where single moves lead from a placement, and its objective."""
+    at, chips = list(start), len(start)
+
+    def value(places: Sequence[int]) -> float:
+        together = sum(informed[k, place] for k, place in enumerate(places))
+        return worth(np.asarray(together), sheet, chips, objective)
+
+    best, moving = value(at), True
+    while moving:
+        moving = False
+        for k in range(chips):
+            options = [p for p in range(informed.shape[1]) if p not in at]
+            values = [value([*at[:k], p, *at[k + 1 :]]) for p in options]
+            least = int(np.argmin(values))
+            if values[least] < best * (1 - 1e-9):
+                best, at[k], moving = values[least], options[least], True
+    return best, at
+
+
 def _beside(value: float, step: float) -> list[float]:
     """The steps next to a value, or the one that it stands on."""
     return sorted({_nearest(value + side * 0.4999 * step, step) for side in (-1, 1)})
@@ -237,7 +320,7 @@ def _nearest(value: float, step: float) -> float:
 
 
 def _ranges(limits: Limits) -> list[tuple[float, float]]:
-    """Of the continuous variables."""
+    """Ranges of the continuous variables."""
     return [
         limits.column_radius,
         limits.column_height,
