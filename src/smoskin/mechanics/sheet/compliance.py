@@ -1,4 +1,4 @@
-"""How the sheet gives way in the plane where touches grip it, for small loads.
+"""Compliance of the sheet in the plane where touches grip it, for small loads.
 
 A touch that sticks holds its patch over the ground, so that what another one does to that patch
 comes back as a sideways force. How large it is follows from one matrix between the vertices that
@@ -18,7 +18,7 @@ from smoskin.mechanics.sheet.tangent import Tangent
 from smoskin.origami.geometry import geometry
 
 _SIGNS: Final = (1.0, 1.0, -1.0)
-"""Of the forces asked for: along x, along y, and pressing."""
+"""Signs of the unit forces: along x, along y, and pressing."""
 
 
 def grip_compliance(design: SkinDesign, lattice: Lattice | None = None) -> Floats:
@@ -27,18 +27,20 @@ def grip_compliance(design: SkinDesign, lattice: Lattice | None = None) -> Float
     Parameters
     ----------
     design : SkinDesign
-        Whose board carries the sheet.
+        Its board carries the sheet.
     lattice : Lattice, optional
-        Of this design with springs of its own; `build_lattice(design)` by default.
+        The design's lattice with springs of its own; `build_lattice(design)` by default.
 
     Returns
     -------
     Floats, shape (H, 2, H, 3), m/N
-        Over the ground, along x and y; by a force along x, along y and down.
+        Motion over the ground along x and y, by a force along x, along y and down.
 
     Notes
     -----
-    Valid for small loads: under a newton the forces that follow from it are off by some 2 %.
+    With K the stiffness at rest, P the choice of the vertices' motions in the plane, and t the
+    turned arms from the board's middle: P K^-1 + 1 / K_sf + t t' / K_yaw. Valid for small loads:
+    under a newton the forces that follow from it are off by some 2 %.
     """
     made = lattice or build_lattice(design)
     tangent = Tangent(made)

@@ -1,10 +1,11 @@
 """Equilibrium of one press that the tangent at rest does not find: load steps, tangents renewed.
 
-Bars and panels keep forces of their own here too: the tangent takes those that the last step
-foresaw, so that stiff panels do not force short steps.
+Decides how large load steps are and when a press is given up. Bars and panels keep forces of their
+own here too: the tangent takes those that the last step foresaw, so that stiff panels do not force
+short steps.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -13,25 +14,29 @@ from smoskin.arrays import Floats
 from smoskin.mechanics.sheet.tangent import Place, Tangent
 
 _NEWTON_STEPS: Final = 16
+"""Newton steps of one load step."""
 _SHORTEST: Final = 1 / 64
+"""Smallest load step, as a share of the load."""
 _ALL_STEPS: Final = 200
-_LOST: Final = 1e9
-
-
+"""Newton steps of one press after which it is given up."""
+_CRUSHED: Final = 4.0
+"""Columns' heights by which a foot may sink on the way; no answer lies beyond."""
+LOST: Final = 1e9
+"""Relative residual from which a press does not come back."""
 LIGHTEST: Final = 0.01
 """N: residuals are relative to the load or to this, as rounding alone leaves some 1e-11 N."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Press:
-    """One case's load, on all nodes."""
+    """Load of one case, on all nodes."""
 
     dead: Floats
-    """(V, 3), N."""
+    """(V, 3), N: forces that follow no motion."""
     pulls: Floats
-    """(V, 3, R): motion of the held patches by the nodes, one direction after the other."""
+    """(V, 3, R): W, shares of the nodes in the motion of the held patches, x and y in turn."""
     link: Floats
-    """(R, R), m/N: how much the held patches give way."""
+    """(R, R), m/N: G, how much the held patches give way under their reactions."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,19 +44,25 @@ class Standing:
     """An equilibrium."""
 
     motion: Floats
-    """(V, 3), m."""
+    """(V, 3), m: u."""
     reaction: Floats
-    """(R,), N."""
+    """(R,), N: r."""
     force: Floats
-    """(E + P,): of bars, N, and of panels' hinges, N m."""
+    """(E + P,): q, forces of bars, N, and moments of panels' hinges, N m."""
     residual: float
-    """Relative to the load, or to `LIGHTEST`."""
+    """Unbalanced force over the load, or over `LIGHTEST`."""
     steps: int
-    """Of Newton's method, all together."""
+    """Newton steps, all together."""
 
 
 def follow(tangent: Tangent, press: Press, tolerance: float) -> Standing | None:
-    """The equilibrium that grows from rest with the load, or None where it cannot be followed."""
+    """The equilibrium that grows from rest with the load, or None where it cannot be followed.
+
+    Notes
+    -----
+    f_inner(u) = t f + W r and W' u + G r = 0 for shares t of the load that rise to 1, each solved
+    by Newton's method from the one before; a share that fails is halved.
+    """
     lattice = tangent.lattice
     strains = len(lattice.bars) + lattice.panel_hinges
     state = Standing(
@@ -69,18 +80,11 @@ def follow(tangent: Tangent, press: Press, tolerance: float) -> Standing | None:
     reached, step = 0.0, 1.0
     while reached < 1.0 and step >= _SHORTEST and state.steps < _ALL_STEPS:
         target = min(reached + step, 1.0)
-        found = _newton(tangent, press, target, tolerance, state)
-        if found.residual <= tolerance:
-            state, reached, step = found, target, 2 * step
+        tried = _newton(tangent, press, target, tolerance, state)
+        if tried.residual <= tolerance:
+            state, reached, step = tried, target, 2 * step
         else:
-            state = Standing(
-                motion=state.motion,
-                reaction=state.reaction,
-                force=state.force,
-                residual=state.residual,
-                steps=found.steps,
-            )
-            step /= 2
+            state, step = replace(state, steps=tried.steps), step / 2
     return state if reached >= 1.0 else None
 
 
@@ -89,7 +93,8 @@ def constrained_solve(
 ) -> tuple[Floats, Floats]:
     """Small motions (V, 3, ...) and reactions (R, ...) with held patches.
 
-    They balance the forces `right`, (V, 3, ...), and close the gaps `closing`, (R, ...), m.
+    They balance the forces `right`, (V, 3, ...), and close the gaps `closing`, (R, ...), m:
+    K u = right + W r and W' u + G r = closing.
     """
     free = tangent.solve(place, right)
     if not press.link.size:
@@ -122,7 +127,7 @@ def _newton(
         outer = load * press.dead + press.pulls @ reaction
         right = outer - place.inner.sum(axis=0)
         residual = float(np.linalg.norm(right)) / scale
-        if (residual <= tolerance and step > 0) or not residual < _LOST:
+        if (residual <= tolerance and step > 0) or not residual < LOST:
             break
         gap = -np.tensordot(press.pulls, motion, axes=((0, 1), (0, 1))) - press.link @ reaction
         move, change = constrained_solve(tangent, place, press, right, gap)
@@ -139,4 +144,4 @@ def _newton(
 def _crushed(tangent: Tangent, motion: Floats) -> bool:
     """Whether a foot has sunk so far past the columns' height that no answer lies that way."""
     lattice = tangent.lattice
-    return bool(motion[lattice.feet, 2].min() < -4 * lattice.stroke)
+    return bool(motion[lattice.feet, 2].min() < -_CRUSHED * lattice.stroke)

@@ -13,29 +13,29 @@ import jax.numpy as jnp
 from jax import Array
 
 _SERIES = tuple((-1) ** k / (2 * k + 1) for k in range(18))
-"""Of atan(t) / t by t^2: to the last digit up to t = tan(pi/8)."""
+"""Series of atan(t) / t by t^2, good to the last digit up to t = tan(pi/8)."""
 
 
 class Stretch(NamedTuple):
-    """Of bars."""
+    """How much bars are longer than at rest: s = (l^2 - L^2) / (2 L)."""
 
     value: Array
-    """(E, B), m: (l^2 - L^2) / (2 L)."""
+    """(E, B), m: s."""
     direction: Array
-    """(E, 3, B): its derivative by the second end; by the first it is the opposite."""
+    """(E, 3, B): derivative of s by the second end; by the first it is the opposite."""
 
 
 class Fold(NamedTuple):
-    """Of hinges: an angle, and the levers that a moment acts with."""
+    """Angles of hinges, and the levers with which a moment acts on their nodes."""
 
     angle: Array
-    """(H, B), rad: 0 where both triangles lie in a plane, in (-pi, pi)."""
+    """(H, B), rad, in (-pi, pi): 0 where both triangles lie in a plane."""
     normals: tuple[Array, Array]
-    """(H, 3, B), m^2: of the triangles, as long as twice their areas."""
+    """(H, 3, B), m^2: normals of the triangles, as long as twice their areas."""
     levers: tuple[Array, Array]
     """(H, B), 1/m^3: derivative of the angle by a wing over that normal."""
     shares: tuple[Array, Array]
-    """(H, B): where along the axis each wing stands, 0 at its start and 1 at its end."""
+    """(H, B): place of each wing along the axis, 0 at its start and 1 at its end."""
 
 
 def stretch(span: Array, length: Array, growth: Array) -> Stretch:
@@ -104,7 +104,7 @@ def pushes(bent: Fold, moment: Array) -> Array:
 def fold_curvature(arms: Array, moved: Array) -> Array:
     """Second derivative of the angle by the hinges' twelve coordinates, (H, 12, 12), rad/m^2.
 
-    Of one press: the arguments are those of `fold`, with a batch of one.
+    The arguments are those of `fold` for one press, with a batch of one.
     """
 
     def gradient(rest: Array, motion: Array) -> Array:

@@ -25,18 +25,14 @@ from jax import Array
 
 from smoskin.arrays import Bools, Floats, Ints
 from smoskin.mechanics.sheet import elements
-from smoskin.mechanics.sheet.continuation import LIGHTEST, Press, follow
+from smoskin.mechanics.sheet.continuation import LIGHTEST, LOST, Press, follow
 from smoskin.mechanics.sheet.lattice import Lattice
 from smoskin.mechanics.sheet.tangent import RestInverse, Tangent
 
 _STEPS: Final = 24
-"""After which a press is left to the method that renews its tangents."""
-_LOST: Final = 1e9
-"""Relative residual from which a press does not come back."""
+"""Steps after which a press is left to the method that renews its tangents."""
 _LANES: Final = 11_000
 """Nodes of all presses that are solved side by side: what a processor's cache holds."""
-
-
 _FEW: Final = (1, 16)
 """Widths for few presses; each width is compiled once for a shape of sheet."""
 
@@ -45,69 +41,69 @@ class Net(NamedTuple):
     """A lattice and its inverse at rest, on the device, nodes in the inverse's order."""
 
     bars: Array
-    """(2, E)."""
+    """(2, E): nodes at the bars' ends."""
     span: Array
-    """(E, 3, 1)."""
+    """(E, 3, 1), m: from the first end to the second at rest."""
     length: Array
-    """(E, 1)."""
+    """(E, 1), m."""
     hinges: Array
-    """(4, H)."""
+    """(4, H): both nodes of each axis, then both wings."""
     arms: Array
-    """(3, H, 3, 1): from the start of each hinge's axis to its end and wings at rest."""
+    """(3, H, 3, 1), m: from the start of each hinge's axis to its end and wings at rest."""
     rest_angle: Array
-    """(H, 1)."""
+    """(H, 1), rad: 0 within panels, which are flat."""
     rest_along: Array
     """(E, 3, 1): unit vectors along the bars."""
     rest_gradient: Array
-    """(4, P, 3, 1): of the panels' hinges."""
+    """(4, P, 3, 1), rad/m: derivatives of the panels' bends at rest."""
     stiffness: Array
-    """(E + P, 1): of bars and panels' hinges, whose forces are unknowns."""
+    """(E + P, 1), N/m and N m/rad: 1 / C, of bars and panels' hinges; their forces are unknowns."""
     crease_stiffness: Array
-    """(H - P, 1)."""
+    """(H - P, 1), N m/rad."""
     ground: Array
-    """(V, 3, 1)."""
+    """(V, 3, 1), N/m: springs to the board."""
     top: Array
-    """(T,): the nodes that can be touched."""
+    """(T,): nodes that can be touched."""
     inverse: Array
-    """(Z, b, b): of the factor's blocks on the diagonal; where Z is 1, of the tangent."""
+    """(Z, b, b): inverses of the factor's diagonal blocks, or, where Z is 1, of the tangent."""
     forward: Array
-    """(Z, b, b): each of them times the block to its left."""
+    """(Z, b, b): each inverse times the block to its left."""
     backward: Array
-    """(Z, b, b): likewise transposed, times the block below."""
+    """(Z, b, b): each inverse, transposed, times the block below it, transposed."""
 
 
 class Loads(NamedTuple):
-    """What touches do to the nodes that can be touched, batch last."""
+    """Loads on the nodes that can be touched, batch last."""
 
     shares: Array
-    """(K, T, B): of each touch, sum 1."""
+    """(K, T, B): share of each touch that each node takes; sum 1."""
     force: Array
-    """(K, 3, B), N: whatever the sheet does."""
+    """(K, 3, B), N: forces that follow no motion."""
     held: Array
     """(K, B): 1 for a patch that is held in the plane, 0 for one that is not; K may be 0."""
     link: Array
-    """(2K, 2K, B), m/N: how much held patches give way under their reactions."""
+    """(2K, 2K, B), m/N: G, how much held patches give way under their reactions."""
 
 
 class Path(NamedTuple):
-    """Where an iteration stands."""
+    """State of an iteration."""
 
     motion: Array
-    """(V, 3, B), m."""
+    """(V, 3, B), m: u."""
     curved: Array
     """(E + P, B), N or N m: forces of the last strains less those of their linear parts."""
     reaction: Array
-    """(2K, B), N."""
+    """(2K, B), N: r."""
     residual: Array
-    """(B,): relative to the load."""
+    """(B,): unbalanced force over the load."""
     steps: Array
-    """(B,)."""
+    """(B,): steps taken."""
     still: Array
-    """(B,): it has not moved since the forces were its strains' own."""
+    """(B,): no motion since the forces were those of the strains."""
     going: Array
     """(B,): neither in equilibrium nor lost."""
     tick: Array
-    """()."""
+    """(): turns of the loop."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,15 +113,15 @@ class Relaxed:
     displacements: Floats
     """(B, V, 3), m."""
     reaction: Floats
-    """(B, K, 2), N, of the patches that are held."""
+    """(B, K, 2), N: sideways forces on the patches that are held."""
     residual: Floats
-    """(B,)."""
+    """(B,): unbalanced force over the load, or over `LIGHTEST`."""
     iterations: Ints
-    """(B,)."""
+    """(B,): steps taken, those of lost attempts included."""
 
 
 class _Strain(NamedTuple):
-    """All strains at one place."""
+    """Strains of all elements at one state."""
 
     stretch: elements.Stretch
     fold: elements.Fold
@@ -146,7 +142,7 @@ def _strain(net: Net, motion: Array) -> _Strain:
     return _Strain(
         stretch=stretch,
         fold=fold,
-        value=jnp.concatenate([stretch.value, fold.angle[:panels] - net.rest_angle[:panels]]),
+        value=jnp.concatenate([stretch.value, fold.angle[:panels]]),
         linear=jnp.concatenate([elements.dot(net.rest_along, growth), sum(bends)]),
     )
 
@@ -194,9 +190,9 @@ def _spread(net: Net, shares: Array, force: Array) -> Array:
 
 def _outer(net: Net, loads: Loads, reaction: Array) -> tuple[Array, Array]:
     """Forces from outside, (V, 3, B), and the load's size, (B,)."""
-    held, lanes = loads.held.shape
     dead = _spread(net, loads.shares, loads.force)
-    sideways = _spread(net, loads.shares[:held], reaction.reshape(held, 2, lanes))
+    touches, lanes = loads.held.shape
+    sideways = _spread(net, loads.shares, reaction.reshape(touches, 2, lanes))
     norm = jnp.sqrt((dead**2).sum(axis=(0, 1)))
     outer = dead + jnp.pad(sideways, ((0, 0), (0, 1), (0, 0)))
     return outer, jnp.maximum(norm, LIGHTEST)
@@ -221,7 +217,7 @@ def _relax(
     """Iterate with the tangent at rest until every press converges or is lost."""
     touches, lanes = loads.held.shape
     bars, panels = len(net.length), net.rest_gradient.shape[1]
-    shares = loads.shares[:touches]
+    shares = loads.shares
     # Motions of unit reactions, and how they move the patches themselves.
     pulls = jnp.einsum("ktb,de->tdkeb", shares, jnp.eye(2))
     right = jnp.zeros((len(net.ground), 3, 2 * touches, lanes))
@@ -260,7 +256,7 @@ def _relax(
             residual=residual,
             steps=path.steps + go,
             still=~go,
-            going=path.going & (residual < _LOST) & ~(path.still & balanced & ~go),
+            going=path.going & (residual < LOST) & ~(path.still & balanced & ~go),
             tick=path.tick + 1,
         )
 
@@ -284,7 +280,7 @@ class Equilibrium:
     Parameters
     ----------
     lattice : Lattice
-        At rest without stress.
+        It is at rest without stress, its panels flat.
 
     Raises
     ------
@@ -320,21 +316,21 @@ class Equilibrium:
         Parameters
         ----------
         shares : Floats, shape (B, K, T)
-            Of each touch over the nodes that can be touched.
+            Shares of each touch that the nodes take which can be touched.
         force : Floats, shape (B, K, 3)
             Dead loads, N.
         held : Bools, shape (B, K)
             Patches that are held in the plane.
         link : Floats, shape (B, 2K, 2K)
-            How much these give way under their reactions, m/N.
+            How much held patches give way under their reactions, m/N.
         tolerance : float
-            Of the residual, relative to the load or to 10 mN.
+            Largest residual, relative to the load or to 10 mN.
         start : Floats, shape (B, V, 3), optional
             Displacements to start from, m; at rest by default.
         """
         rows, touches = held.shape
         given = (shares, force, held.astype(float), link)
-        found = Relaxed(
+        relaxed = Relaxed(
             displacements=np.empty((rows, len(self._order), 3)),
             reaction=np.empty((rows, touches, 2)),
             residual=np.empty(rows),
@@ -349,9 +345,9 @@ class Equilibrium:
         chunks = [order[first : first + width] for first in range(0, rows, width)]
 
         def solve(chunk: Ints) -> None:
-            part = tuple(one[chunk] for one in given)
+            part = tuple(array[chunk] for array in given)
             begin = None if start is None else start[chunk]
-            self._solve_chunk(found, chunk, part, begin, tolerance, width)
+            self._solve_chunk(relaxed, chunk, part, begin, tolerance, width)
 
         if len(chunks) == 1:
             solve(chunks[0])
@@ -359,16 +355,16 @@ class Equilibrium:
             with ThreadPoolExecutor(os.cpu_count()) as pool:
                 for _ in pool.map(solve, chunks):
                     pass
-        for row in np.flatnonzero(~(found.residual <= tolerance)):
-            press = self.one_press(*(one[row] for one in (shares, force, held, link)))
+        for row in np.flatnonzero(~(relaxed.residual <= tolerance)):
+            press = self.one_press(shares[row], force[row], held[row], link[row])
             standing = follow(self.tangent, press, tolerance)
             if standing is not None:
-                found.displacements[row] = standing.motion
-                found.reaction[row] = 0.0
-                found.reaction[row, held[row]] = standing.reaction.reshape(-1, 2)
-                found.residual[row] = standing.residual
-                found.iterations[row] += standing.steps
-        return found
+                relaxed.displacements[row] = standing.motion
+                relaxed.reaction[row] = 0.0
+                relaxed.reaction[row, held[row]] = standing.reaction.reshape(-1, 2)
+                relaxed.residual[row] = standing.residual
+                relaxed.iterations[row] += standing.steps
+        return relaxed
 
     def one_press(self, shares: Floats, force: Floats, held: Bools, link: Floats) -> Press:
         """A row of `relax` on all nodes."""
@@ -387,7 +383,7 @@ class Equilibrium:
 
     def _solve_chunk(
         self,
-        found: Relaxed,
+        relaxed: Relaxed,
         chunk: Ints,
         given: tuple[Floats, ...],
         start: Floats | None,
@@ -401,14 +397,14 @@ class Equilibrium:
             begin[..., :rows] = np.moveaxis(np.nan_to_num(start), 0, -1)[self._order]
         with jax.enable_x64(True):
             # The compiled function takes NumPy's arrays over as they are.
-            loads = Loads(*cast("list[Array]", [_lanes(one, width) for one in given]))
+            loads = Loads(*cast("list[Array]", [_lanes(array, width) for array in given]))
             reaction = np.zeros((2 * touches, width))
             path = _relax(self._net, loads, begin, reaction, tolerance, _STEPS)
         motion = np.asarray(path.motion)[self._place, :, :rows]
-        found.displacements[chunk] = np.moveaxis(motion, -1, 0)
-        found.reaction[chunk] = np.asarray(path.reaction)[:, :rows].T.reshape(rows, touches, 2)
-        found.residual[chunk] = np.where(path.going, np.inf, path.residual)[:rows]
-        found.iterations[chunk] = np.asarray(path.steps)[:rows]
+        relaxed.displacements[chunk] = np.moveaxis(motion, -1, 0)
+        relaxed.reaction[chunk] = np.asarray(path.reaction)[:, :rows].T.reshape(rows, touches, 2)
+        relaxed.residual[chunk] = np.where(path.going, np.inf, path.residual)[:rows]
+        relaxed.iterations[chunk] = np.asarray(path.steps)[:rows]
 
 
 def _net(lattice: Lattice, tangent: Tangent, rest: RestInverse) -> Net:

@@ -21,9 +21,9 @@ def holder_columns(design: SkinDesign, magnet: Magnet) -> tuple[Ints, Ints]:
     Returns
     -------
     gripping : Ints, shape (2,) or (3,)
-        Those that carry it in the plane.
+        Vertices that carry it in the plane.
     bearing : Ints, shape (3,)
-        Those that carry it in z; the gripping ones are among them.
+        Vertices that carry it in z; those beside the magnet are among the gripping ones.
     """
     sheet, extent = geometry(design).sheet, geometry(design).cell
     (columns, rows), (p, q) = design.cells, magnet.corner
@@ -43,12 +43,17 @@ def holder_columns(design: SkinDesign, magnet: Magnet) -> tuple[Ints, Ints]:
 
 
 def holder_matrix(design: SkinDesign) -> Floats:
-    """From the vertices' displacements to the magnets' motion, a linear map.
+    """Linear map from the vertices' displacements to the magnets' motion.
 
     Returns
     -------
     Floats, shape (G, 6, V, 3)
-        As `magnet_motion` applies it; zero for a magnet on the base.
+        Matrix that `magnet_motion` applies; zero for a magnet on the base.
+
+    Notes
+    -----
+    Motion (t, r) of least squares of u - t - r x d over the tops that hold the magnet, d from its
+    middle: t_z, r_x, r_y from u_z of the bearing ones, t_x, t_y, r_z from u_x, u_y of the gripping.
     """
     vertices = geometry(design).sheet.vertices
     matrix = np.zeros((len(design.magnets), 6, len(vertices), 3))
@@ -85,12 +90,12 @@ def magnet_motion(design: SkinDesign, displacements: ArrayLike) -> Floats:
     ----------
     design : SkinDesign
     displacements : array_like, shape (..., V, 3)
-        Of the sheet's vertices over the board, m.
+        Displacements of the sheet's vertices over the board, m.
 
     Returns
     -------
     Floats, shape (..., G, 6)
-        Over the board: of each magnet's middle along x, y, z, m, then its rotation vector, rad;
+        Motion over the board: each magnet's middle along x, y, z, m, then its rotation vector, rad;
         zero for a magnet on the base.
 
     Notes

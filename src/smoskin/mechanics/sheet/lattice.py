@@ -26,20 +26,20 @@ at some tens of kilopascals, far below the megapascal at which the rubber itself
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Springs:
-    """How stiff the parts are; each number scales a kind of element."""
+    """Stiffness of each kind of part; each number scales a kind of element."""
 
     column_shear: float
-    """N/m: k_bc, of one column, in the plane."""
+    """N/m: k_bc, stiffness of one column in the plane."""
     column_axial: float
-    """N/m, of one column, along z."""
+    """N/m: stiffness of one column along z."""
     frame: float
-    """N/m, added in the plane to each rim column."""
+    """N/m: stiffness that the frame adds in the plane to each rim column."""
     crease: float
     """N: moment per length and angle of a crease."""
     panel_bending: float
-    """N m/rad: of a panel about its shorter diagonal."""
+    """N m/rad: stiffness of a panel about its shorter diagonal."""
     panel_membrane: float
-    """N/m: E t of a panel, from which its bars follow."""
+    """N/m: E t of a panel; its bars follow from it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,7 +73,7 @@ class Lattice:
 
 
 def springs_of(design: SkinDesign) -> Springs:
-    """How stiff this design's parts are.
+    """Stiffness of each kind of part of a design.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def shear_stiffness(cell: MiuraCell, panels: Panels) -> float:
 
 
 def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice:
-    """The lattice of a design, or of its shape with other springs.
+    """Lattice of a design, or of its shape with other springs.
 
     Parameters
     ----------
@@ -238,11 +238,11 @@ def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice
 def _panel_hinges(sheet: Sheet) -> Ints:
     """Each panel's shorter diagonal and the two corners beside it, (F, 4)."""
     p, q, r, s = sheet.facets.T
-    one, other = sheet.facets[:, [0, 2]], sheet.facets[:, [1, 3]]
-    short = _lengths(sheet, one) < _lengths(sheet, other)
-    along_one = np.stack([p, r, s, q], axis=-1)
-    along_other = np.stack([q, s, p, r], axis=-1)
-    return np.where(short[:, None], along_one, along_other)
+    first, second = sheet.facets[:, [0, 2]], sheet.facets[:, [1, 3]]
+    is_first = _lengths(sheet, first) < _lengths(sheet, second)
+    along_first = np.stack([p, r, s, q], axis=-1)
+    along_second = np.stack([q, s, p, r], axis=-1)
+    return np.where(is_first[:, None], along_first, along_second)
 
 
 def _bars(sheet: Sheet, diagonals: Ints, cell: MiuraCell, panels: Panels) -> tuple[Ints, Floats]:
@@ -297,11 +297,11 @@ def _shape(cell: MiuraCell, poisson_ratio: float) -> float:
 
 
 def _area(cell: MiuraCell) -> float:
-    """Of one panel, m^2."""
+    """Area of one panel, m^2."""
     return float(cell.panel_a * cell.panel_b * np.sin(cell.sector_angle))
 
 
 def _diagonal(cell: MiuraCell) -> float:
-    """A panel's shorter diagonal, m."""
+    """Length of a panel's shorter diagonal, m."""
     a, b = cell.panel_a, cell.panel_b
     return float(np.sqrt(a**2 + b**2 - 2 * a * b * np.cos(cell.sector_angle)))

@@ -6,7 +6,7 @@ which answers count. How equilibria are found is `smoskin.mechanics.sheet.equili
 the parts are `smoskin.mechanics.sheet.lattice`'s.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -46,23 +46,23 @@ STIFFNESSES: Final = (
     "panel_membrane",
 )
 """Kinds of springs that `Sensitivity` knows, in its order; fields of `lattice.Springs`."""
-
-
+_DEEPEST: Final = 0.5
+"""Share of the columns' height by which a foot may sink in an answer that counts."""
 _PAD: Final = 1e-12
-"""m/N: how much any touch gives way by itself, so that two on one place share what they hold."""
+"""m/N: compliance of any touch by itself, so that two on one place share what they hold."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pressed:
-    """Answers of the sheet to touches, one a row."""
+    """Answers of the sheet to touches, one in each row."""
 
     displacements: Floats
-    """(B, V, 3), m: of the sheet's vertices, relative to the board; NaN where not converged."""
+    """(B, V, 3), m: motion of the vertices relative to the board; NaN where not converged."""
     board: Floats
-    """(B, 3): x and y, m, and yaw, rad, of the board over its base."""
+    """(B, 3): motion of the board over its base along x and y, m, and its yaw, rad."""
     reaction: Floats
     """(B, K, 2), N: sideways force of each touch on the sheet beyond the drag asked for; under
-    cover panels, of the guide."""
+    cover panels, that of the guide."""
     residual: Floats
     """(B,): unbalanced force over the load, or over 10 mN where the load is less."""
     iterations: Ints
@@ -75,16 +75,16 @@ class Pressed:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sensitivity:
-    """Exact derivatives of the sheet's and the board's motion, one case a row."""
+    """Exact derivatives of the sheet's and the board's motion, one case in each row."""
 
     displacements: Floats
-    """(B, K, 5, V, 3): by x and y, m/m, and by Fx, Fy and Fz, m/N, of each touch."""
+    """(B, K, 5, V, 3): derivatives by x and y, m/m, and by Fx, Fy and Fz, m/N, of each touch."""
     board: Floats
-    """(B, K, 5, 3): likewise of the board's x, y and yaw."""
+    """(B, K, 5, 3): the same derivatives of the board's x, y and yaw."""
     displacements_by_stiffness: Floats
-    """(B, 6, V, 3), m: by the relative change of each kind of spring, `STIFFNESSES`."""
+    """(B, 6, V, 3), m: derivatives by the relative change of each kind of spring, `STIFFNESSES`."""
     board_by_stiffness: Floats
-    """(B, 6, 3)."""
+    """(B, 6, 3): the same derivatives of the board's motion."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -92,26 +92,27 @@ class _Case:
     """Touches as loads on the sheet."""
 
     force: Floats
-    """(B, K, 3), N."""
+    """(B, K, 3), N: forces of the touches."""
     shares: Floats
-    """(B, K, T)."""
+    """(B, K, T): share of each touch that each top vertex takes."""
     arms: Floats
     """(B, K, 2), m: from the board's middle to each patch at rest."""
     held: Bools
     """(B, K): patches that are held in the plane."""
     link: Floats
-    """(B, 2K, 2K), m/N: how the board moves at each patch per force at each patch."""
+    """(B, 2K, 2K), m/N: motion of the board at each patch by a force at each patch."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Answer:
-    """Both equilibria of a case."""
+    """Equilibria of a case before and after the drags."""
 
     straight: Relaxed
-    """Without the drags."""
+    """Equilibrium without the drags."""
     sideways: Floats
-    """(B, K, 2), N: what each touch then exerts on the sheet."""
+    """(B, K, 2), N: force that each touch then exerts on the sheet."""
     final: Relaxed
+    """Equilibrium with them."""
 
 
 class BarHinge:
@@ -128,7 +129,7 @@ class BarHinge:
     grip : Grip, optional
         How touches hold on to the scales; `Sticking` by default.
     lattice : Lattice, optional
-        Of this design with springs of its own; `build_lattice(design)` by default.
+        The design's lattice with springs of its own; `build_lattice(design)` by default.
 
     Raises
     ------
@@ -140,7 +141,8 @@ class BarHinge:
     Notes
     -----
     Source: SI Figure S6 and Eqs. (S16), (S21) and (S25), their energies taken at any
-    displacement; (S26) for the board, which stays level.
+    displacement; (S26) for the board, which stays level. It solves f_inner(u) = P'(F + r) with
+    P u + G r = 0 for patches P that hold, G the board's compliance there; docs/derivations_sheet.md.
     Valid for columns pressed by less than half their height; they neither buckle nor touch.
     """
 
@@ -163,7 +165,7 @@ class BarHinge:
         ----------
         touches : Touches
         tolerance : float
-            Residual up to which an answer counts.
+            Largest residual of an answer that counts.
         start : Floats, shape (B, V, 3), optional
             Displacements near the answers, m, such as those of a moment ago.
 
@@ -179,16 +181,16 @@ class BarHinge:
         final, drag = answer.final, case.force[..., :2]
         feet = self.lattice.feet
         converged = self._counts(final, tolerance)
-        lost = np.where(converged, 0.0, np.nan)
         pull = final.displacements[:, feet, 2] * self.lattice.ground[feet, 2]
         on_board = drag if isinstance(self.grip, Covered) else answer.sideways
         turn = (_turned(case.arms) * on_board).sum(axis=(1, 2)) / self._yaw
         slide = on_board.sum(axis=1) / self._board
         excess = answer.sideways - (0.0 if isinstance(self.grip, Covered) else drag)
+        board = np.concatenate([slide, turn[:, None]], axis=-1)
         return Pressed(
-            displacements=final.displacements + lost[:, None, None],
-            board=np.concatenate([slide, turn[:, None]], axis=-1) + lost[:, None],
-            reaction=excess + lost[:, None, None],
+            displacements=np.where(converged[:, None, None], final.displacements, np.nan),
+            board=np.where(converged[:, None], board, np.nan),
+            reaction=np.where(converged[:, None, None], excess, np.nan),
             residual=final.residual,
             iterations=final.iterations,
             converged=converged,
@@ -202,7 +204,7 @@ class BarHinge:
         ----------
         touches : Touches
         tolerance : float
-            Of the equilibria at which they are taken.
+            Largest residual of the equilibria at which they are taken.
 
         Returns
         -------
@@ -252,7 +254,7 @@ class BarHinge:
         arm = np.einsum("ktp,td->kdp", share, geometry(self.design).tops.reshape(-1, 2))
 
         def right_side(place: Place, sideways: Floats, change: Floats) -> Floats:
-            """What unbalances the nodes, when touches push by `sideways` and `change` more."""
+            """Forces that unbalance the nodes when touches push by `sideways` and `change` more."""
             right = -_by_stiffness(self.lattice, place, count)
             pushed = np.concatenate([sideways, force[:, 2:]], axis=1)
             more = np.concatenate([change, normal[:, None]], axis=1)
@@ -274,14 +276,14 @@ class BarHinge:
                 turn, turned = _turned_axis(arm), _turned(arms)
                 gap -= np.einsum("kdp,le,le->kdp", turn, turned, reaction) / self._yaw
                 gap -= np.einsum("kd,lep,le->kdp", turned, turn, reaction) / self._yaw
-            moved, found = constrained_solve(
+            moved, reactions = constrained_solve(
                 self._equilibrium.tangent,
                 place,
                 press,
                 right_side(place, reaction, change),
                 gap[case.held[row]].reshape(-1, count),
             )
-            change[case.held[row]] = found.reshape(-1, 2, count)
+            change[case.held[row]] = reactions.reshape(-1, 2, count)
         if isinstance(self.grip, Covered):
             sideways, change = force[:, :2], drag
         else:
@@ -298,7 +300,7 @@ class BarHinge:
     def _cut_change(
         self, asked: Floats, normal: Floats, change: Floats, pressing: Floats
     ) -> Floats:
-        """How `_cut` changes, (K, 2, P), with its first (K, 2, P) and second (K, P) argument."""
+        """Change of `_cut`, (K, 2, P), with those of its first, (K, 2, P), and second, (K, P), argument."""
         if not isinstance(self.grip, Sliding):
             return change
         most, amount = -self.grip.friction * normal, np.hypot(asked[:, 0], asked[:, 1])
@@ -314,7 +316,7 @@ class BarHinge:
         return cut
 
     def _case(self, touches: Touches) -> _Case:
-        """The touches' patches and what they can hold on to."""
+        """Patches of the touches, and compliance of what they hold on to."""
         rows, places = touches.force.shape[:2]
         covered = isinstance(self.grip, Covered)
         weigh = cover_shares if covered else patch_shares
@@ -336,7 +338,7 @@ class BarHinge:
         )
 
     def _solve(self, case: _Case, tolerance: float, start: Floats | None) -> _Answer:
-        """The straight press, then the drags."""
+        """Equilibrium of the straight press, then with the drags."""
         free = np.zeros_like(case.held)
         upright = case.force.copy()
         if not isinstance(self.grip, Frictionless):
@@ -361,9 +363,9 @@ class BarHinge:
             tolerance=tolerance,
             start=straight.displacements[again],
         )
-        final = Relaxed(
+        final = replace(
+            straight,
             displacements=straight.displacements.copy(),
-            reaction=straight.reaction,
             residual=straight.residual.copy(),
             iterations=straight.iterations.copy(),
         )
@@ -373,9 +375,9 @@ class BarHinge:
         return _Answer(straight=straight, sideways=sideways, final=final)
 
     def _counts(self, final: Relaxed, tolerance: float) -> Bools:
-        """Which answers are equilibria within what the columns can do, (B,)."""
+        """Whether answers are equilibria within what the columns can do, (B,)."""
         sunk = final.displacements[:, self.lattice.feet, 2]
-        unbroken = (sunk > -self.lattice.stroke / 2).all(axis=1)
+        unbroken = (sunk > -_DEEPEST * self.lattice.stroke).all(axis=1)
         return np.asarray((final.residual <= tolerance) & unbroken)
 
     def _cut(self, sideways: Floats, normal: Floats) -> Floats:
@@ -406,7 +408,7 @@ def yaw_stiffness(design: SkinDesign) -> float:
 
 
 def _by_stiffness(lattice: Lattice, place: Place, count: int) -> Floats:
-    """Inner forces by the relative change of each kind of spring, last of P, (V, 3, P), N."""
+    """Change of the inner forces with each kind of spring, relative, last of P, (V, 3, P), N."""
     bars, panels, creases, ground = place.inner
     of_frame = np.zeros_like(ground)
     held = lattice.ground[:, :2] > 0

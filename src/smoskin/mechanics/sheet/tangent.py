@@ -35,33 +35,33 @@ class RestInverse:
     order: Ints
     """(V,): nodes in the order of the blocks."""
     inverse: Floats
-    """(Z, b, b): of the Cholesky factor's blocks on the diagonal; where Z is 1, of the tangent."""
+    """(Z, b, b): inverses of the Cholesky factor's diagonal blocks, or, where Z is 1, of the tangent."""
     forward: Floats
-    """(Z, b, b): each of them times the factor's block to its left."""
+    """(Z, b, b): each inverse times the factor's block to its left."""
     backward: Floats
-    """(Z, b, b): likewise transposed, times the factor's block below, transposed."""
+    """(Z, b, b): each inverse, transposed, times the factor's block below it, transposed."""
 
 
 class Blocks(NamedTuple):
-    """All elements at some displacement, one by one."""
+    """Strains, forces and stiffness of the elements at some displacement, one by one."""
 
     strain: Floats
     """(E + P,): stretches of bars, m, and bends of panels, rad."""
     along: Floats
     """(E, 3): derivative of each stretch by the bar's second end."""
     turns: Floats
-    """(4, H, 3), rad/m: derivative of each angle by the hinge's nodes."""
+    """(4, H, 3), rad/m: derivative of each angle by the nodes of the hinge."""
     bars: Floats
     """(E, 6, 6), N/m: second derivative of each bar's energy."""
     hinges: Floats
-    """(H, 12, 12), N/m: of each hinge's."""
+    """(H, 12, 12), N/m: second derivative of each hinge's energy."""
     pushes: Floats
     """(3, V, 3), N: forces of bars, panels' hinges and creases at the nodes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Place:
-    """A lattice at some displacement: its forces, and its stiffness factorised."""
+    """Lattice at some displacement: its forces, and its stiffness factorised."""
 
     inner: Floats
     """(4, V, 3), N: forces of bars, panels' hinges, creases and springs to the board."""
@@ -74,7 +74,7 @@ class Place:
 
 
 class _Elements(NamedTuple):
-    """What the tangent needs of a lattice, on the device, nodes as the lattice numbers them."""
+    """Elements of a lattice on the device, nodes as the lattice numbers them."""
 
     bars: Array
     span: Array
@@ -87,12 +87,17 @@ class _Elements(NamedTuple):
 
 
 class Tangent:
-    """Stiffness of one lattice.
+    """Stiffness of one lattice: the second derivative of its energy by its nodes.
 
     Parameters
     ----------
     lattice : Lattice
-        At rest without stress.
+        It is at rest without stress.
+
+    Notes
+    -----
+    With strains s(u) of elements, their stiffnesses k, forces q and the springs g to the board:
+    K = sum over elements of k (ds/du)(ds/du)' + q d2s/du2, plus g.
     """
 
     def __init__(self, lattice: Lattice) -> None:
@@ -196,7 +201,7 @@ class Tangent:
         )
 
     def blocks(self, motion: Floats, force: Floats | None = None) -> Blocks:
-        """What `at` adds up, element by element."""
+        """Parts of the tangent and of the forces at a displacement, element by element."""
         given = np.zeros((0, 1)) if force is None else force[:, None]
         with jax.enable_x64(True):
             made = _blocks_at(self._elements, motion[..., None], given, self.lattice.panel_hinges)
@@ -207,8 +212,8 @@ class Tangent:
         flat = right.reshape(self.lattice.nodes.size, -1)
         ordered = np.empty_like(flat)
         ordered[self._where] = flat
-        found = cho_solve_banded((place.factor, True), ordered)
-        return np.asarray(found[self._where].reshape(right.shape))
+        moved = cho_solve_banded((place.factor, True), ordered)
+        return np.asarray(moved[self._where].reshape(right.shape))
 
     def strain_change(self, place: Place, motion: Floats) -> Floats:
         """Change of the strains of bars and panels with a small motion (V, 3), (E + P,)."""
@@ -258,7 +263,7 @@ def _bend(arms: Array, moved: Array) -> tuple[Array, Array]:
 
 @partial(jax.jit, static_argnames="panels")
 def _blocks_at(net: _Elements, motion: Array, given: Array, panels: int) -> tuple[Array, ...]:
-    """The parts of `Blocks`, of one press, (V, 3, 1)."""
+    """Parts of `Blocks` for the motion (V, 3, 1) of one press."""
     bars = len(net.length)
     stretch = elements.stretch(net.span, net.length, motion[net.bars[1]] - motion[net.bars[0]])
     moved = motion[net.hinges]
@@ -301,7 +306,7 @@ def _outer(stiffness: Array, rates: Array) -> Array:
 
 
 def _length(vector: Floats) -> float:
-    """Of a vector."""
+    """Length of a vector."""
     return float(np.linalg.norm(vector))
 
 
@@ -319,9 +324,9 @@ def _narrow_order(lattice: Lattice) -> Ints:
 
 
 def _entries(place: Ints, nodes: Ints) -> tuple[Ints, Ints, Ints]:
-    """Rows and columns in the band of an element block's entries below the diagonal.
+    """Rows and columns, in the band, of an element block's entries below the diagonal.
 
-    And which of the blocks' entries, all of them one after the other, these are.
+    The third result is their index among the blocks' entries, all of them in a row.
     """
     where = (3 * place[nodes][..., None] + np.arange(3)).reshape(len(nodes), -1)
     rows = np.repeat(where, where.shape[1], axis=1).ravel()

@@ -21,7 +21,7 @@ from smoskin.origami.geometry import geometry
 from smoskin.records import Contact
 
 _SLACK = 1e-6
-"""m: a position this far past the rim is rounding."""
+"""m: distance past the rim that is taken for rounding."""
 
 FINGERTIP: Final = 4e-3
 """m: radius of the patch under a fingertip that presses with about a newton. Assumed."""
@@ -33,12 +33,12 @@ where the rule is good to about a thousandth."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sticking:
-    """The touch stands still in the plane while it presses, then drags what it has gripped."""
+    """Touch that stands still in the plane while it presses, then drags what it has gripped."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sliding:
-    """As `Sticking`, until the sideways force passes what friction holds."""
+    """Touch that sticks until the sideways force passes what friction holds."""
 
     friction: float
     """Largest sideways force over the normal force."""
@@ -50,12 +50,12 @@ class Sliding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frictionless:
-    """The touch holds nothing in the plane: only the drag asked for acts sideways."""
+    """Touch that holds nothing in the plane: only the drag asked for acts sideways."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Covered:
-    """Cover panels, one a cell, each on a bar that the board guides along z.
+    """Cover panels, one for each cell, each on a bar that the board guides along z.
 
     Notes
     -----
@@ -69,7 +69,7 @@ Grip = Sticking | Sliding | Frictionless | Covered
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Touches:
-    """What touches the skin in each of B cases, up to K touches a case.
+    """Touches of the skin in each of B cases, up to K touches a case.
 
     Raises
     ------
@@ -84,11 +84,11 @@ class Touches:
     """
 
     position: Floats
-    """(B, K, 2), m: where, on the undeformed skin."""
+    """(B, K, 2), m: places on the undeformed skin."""
     force: Floats
-    """(B, K, 3), N, on the skin; z <= 0. All zero: no touch in this place."""
+    """(B, K, 3), N: forces on the skin, z <= 0; where all three are zero there is no touch."""
     radius: Floats
-    """(B, K), m, of the patch; `FINGERTIP` by default."""
+    """(B, K), m: radii of the patches; `FINGERTIP` by default."""
 
     def __init__(
         self, *, position: ArrayLike, force: ArrayLike, radius: ArrayLike = FINGERTIP
@@ -112,7 +112,7 @@ class Touches:
 
     @property
     def pressed(self) -> Bools:
-        """Which places hold a touch, (B, K)."""
+        """Whether there is a touch in each place, (B, K)."""
         return np.asarray((self.force != 0).any(axis=-1))
 
 
@@ -121,8 +121,8 @@ def touches_of(cases: Sequence[Sequence[Contact]], *, radius: float = FINGERTIP)
 
     Examples
     --------
-    >>> one = Contact(position=(0.05, 0.07), force=(0.0, 0.0, -0.5))
-    >>> touches_of([[one], [], [one, one]]).pressed.tolist()
+    >>> press = Contact(position=(0.05, 0.07), force=(0.0, 0.0, -0.5))
+    >>> touches_of([[press], [], [press, press]]).pressed.tolist()
     [[True, False], [False, False], [True, True]]
     """
     most = max((len(contacts) for contacts in cases), default=0)
