@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from smoskin.origami.layout import chip_offset
 
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import DesignError
@@ -13,6 +12,7 @@ from smoskin.feasibility import MARGIN, RATED_PRESS, RATED_SHEAR, check_design, 
 from smoskin.magnetics import mlx90393, sector
 from smoskin.mechanics.reduced.stiffness import board_stiffness, stiffness_map
 from smoskin.origami.cell import size
+from smoskin.origami.geometry import geometry
 
 
 def with_magnet(planar: SkinDesign, **changes: object) -> SkinDesign:
@@ -135,8 +135,8 @@ def test_the_extent_is_that_of_the_fields_over_the_stroke(planar):
     assert extent.stroke == pytest.approx(RATED_SHEAR / board_stiffness(planar))
     magnet, turned = planar.magnet(site.magnet), mlx90393.rotation(site)
     places = np.random.default_rng(0).uniform(-extent.stroke, extent.stroke, (500, 3))
-    places[:, 2] = chip_offset(planar, site)
+    places[:, 2] = geometry(planar).rest[0, 2]
     fields = np.abs(sector.field(magnet, places) @ turned)
     assert (fields <= extent.largest * (1 + 1e-3)).all()
-    rest = sector.field(magnet, [0.0, 0.0, chip_offset(planar, site)]) @ turned
+    rest = sector.field(magnet, geometry(planar).rest[0]) @ turned
     np.testing.assert_allclose(extent.rest, rest, atol=1e-15)

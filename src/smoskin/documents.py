@@ -42,7 +42,7 @@ _KINDS: Final = {int: "a whole number", float: "a number", str: "text"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Form:
-    """How records of one family are written.
+    """Form in which records of one family are written.
 
     Fields of a record that do not count when records are compared are not written, nor is a field
     that holds None.
@@ -203,8 +203,8 @@ class Form:
             value = value.tolist()
         if isinstance(value, list | tuple):
             return [
-                self._plain(one, suffix, origins, f"{path}.{index}")
-                for index, one in enumerate(value)
+                self._plain(part, suffix, origins, f"{path}.{index}")
+                for index, part in enumerate(value)
             ]
         if suffix is None or not math.isfinite(value):
             return value
@@ -221,7 +221,7 @@ class Form:
         """A value of a field of this type, in SI."""
         origin, args = get_origin(hint), get_args(hint)
         if origin in (Union, UnionType):
-            (hint,) = [one for one in args if one is not type(None)]
+            (hint,) = (kind for kind in args if kind is not type(None))
             return self._value(hint, value, suffix, path, origins)
         if is_dataclass(hint):
             return self.record(cast("type[Any]", hint), value, origins, f"{path}.")
@@ -234,8 +234,8 @@ class Form:
                 count = "" if args[-1] is ... else f" of {len(args)} values"
                 self._refuse(f"{path} must be a list{count}; got {value!r}")
             return tuple(
-                self._value(one, each, suffix, f"{path}.{index}", origins)
-                for index, (one, each) in enumerate(zip(kinds, rows, strict=True))
+                self._value(kind, part, suffix, f"{path}.{index}", origins)
+                for index, (kind, part) in enumerate(zip(kinds, rows, strict=True))
             )
         if origin is Literal:
             hint = type(args[0])
@@ -279,9 +279,9 @@ def format_toml(document: Mapping[str, Any], purpose: str) -> str:
 
 def _parts(kind: type[Any]) -> list[Field[Any]]:
     """Fields of a record that are written."""
-    return [one for one in fields(kind) if one.compare]
+    return [part for part in fields(kind) if part.compare]
 
 
 def _is_record(hint: Any) -> bool:
     """Whether a field of this type is written as a table."""
-    return any(is_dataclass(one) for one in (hint, *get_args(hint)))
+    return any(is_dataclass(kind) for kind in (hint, *get_args(hint)))

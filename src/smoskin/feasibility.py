@@ -1,4 +1,4 @@
-"""Whether a design can work: what its geometry and its fields together decide.
+"""Feasibility of a design: what its geometry and its fields decide together.
 
 `smoskin.design` refuses numbers that are wrong by themselves. Here the parts meet: magnets
 must clear columns and each other, fit between board and sheet, and keep every chip inside its
@@ -8,6 +8,7 @@ range over the whole stroke.
 import math
 import os
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Final
 
 import numpy as np
@@ -24,17 +25,17 @@ from smoskin.origami.geometry import geometry
 RATED_PRESS: Final = 1.0
 """N: the largest press that a skin must read without saturating, as in the paper."""
 RATED_SHEAR: Final = 0.5
-"""N: the largest drag likewise."""
+"""N: the largest drag that it must read without saturating."""
 MARGIN: Final = 0.95
 """Share of a chip's range that the rated stroke may use."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FieldExtent:
-    """What a chip sees while its magnet goes through the rated stroke."""
+    """Fields at a chip while its magnet goes through the rated stroke."""
 
     rest: Floats
-    """(3,), T, in the chip's axes, untouched."""
+    """(3,), T: field in the chip's axes, untouched."""
     largest: Floats
     """(3,), T: largest magnitude on each chip axis."""
     stroke: float
@@ -114,14 +115,13 @@ def _check_room(design: SkinDesign) -> None:
                 f"magnet {magnet.name!r} overlaps a column: radius must be below "
                 f"{room * 1e3:.2f} mm at corner {magnet.corner}; got {magnet.radius * 1e3:.2f} mm"
             )
-    for g, one in enumerate(design.magnets):
-        for other, place in zip(design.magnets[:g], places[:g], strict=True):
-            apart = math.dist(places[g], place)
-            if one.mount == other.mount and apart <= one.radius + other.radius:
-                raise DesignError(
-                    f"magnets {other.name!r} and {one.name!r} overlap: they must be more than "
-                    f"{(one.radius + other.radius) * 1e3:.1f} mm apart; got {apart * 1e3:.1f} mm"
-                )
+    for (other, place), (magnet, own) in combinations(zip(design.magnets, places, strict=True), 2):
+        apart, least = math.dist(own, place), magnet.radius + other.radius
+        if magnet.mount == other.mount and apart <= least:
+            raise DesignError(
+                f"magnets {other.name!r} and {magnet.name!r} overlap: they must be more than "
+                f"{least * 1e3:.1f} mm apart; got {apart * 1e3:.1f} mm"
+            )
     for site in design.halls:
         magnet = design.magnet(site.magnet)
         needed = design.board.sensing_height + site.gap + magnet.height
@@ -155,7 +155,7 @@ def _check_fields(design: SkinDesign) -> None:
 
 
 def _remedy(design: SkinDesign, site: HallSite) -> str:
-    """What would bring a chip back into its range."""
+    """Change that would bring a chip back into its range, as a sentence."""
     limit = MARGIN * mlx90393.full_scale(design.hall_setting)
     magnet = design.magnet(site.magnet)
     stroke = _stroke(design, magnet)

@@ -1,4 +1,4 @@
-"""What flows through the package: readings in, estimates out.
+"""Records that flow through the package: readings in, estimates out.
 
 These records hide nothing and decide nothing; they are checked once, here, where they are
 made, so that everything downstream can trust shapes and units.
@@ -18,7 +18,7 @@ from smoskin.errors import ArgumentError
 
 
 class ChipFlag(IntFlag):
-    """What is known to be wrong with one chip's part of a reading; zero is good."""
+    """Faults of one chip's part of a reading; zero is good."""
 
     GOOD = 0
     MISSING = 1
@@ -34,7 +34,7 @@ class ChipFlag(IntFlag):
 
 
 class Status(Enum):
-    """What an estimate says about itself; the value is a sentence for people."""
+    """State of an estimate; the value is a sentence for people."""
 
     CONTACT = "The skin is touched; the contacts are estimated."
     NO_CONTACT = "The skin is not touched."
@@ -108,7 +108,7 @@ class Contact:
     """
 
     position: Floats
-    """(2,), m: where, on the undeformed skin."""
+    """(2,), m: place on the undeformed skin."""
     force: Floats
     """(3,), N, that the toucher exerts on the skin; pressing is negative z."""
 
@@ -133,7 +133,7 @@ class Contact:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimate:
-    """What an estimator makes of one reading."""
+    """Touches that an estimator finds in one reading."""
 
     time: float
     """The reading's time, s."""

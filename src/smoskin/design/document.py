@@ -97,7 +97,7 @@ def parse_design(text: str) -> SkinDesign:
     """
     origins: dict[str, dict[str, str]] = {}
     design = _FORM.record(SkinDesign, _FORM.parse_toml(text), origins)
-    provenance = {path: Provenance(**one) for path, one in origins.items()}  # type: ignore[arg-type]
+    provenance = {path: Provenance(**why) for path, why in origins.items()}  # type: ignore[arg-type]
     return replace(design, provenance=provenance)
 
 
@@ -109,7 +109,7 @@ def format_design(design: SkinDesign) -> str:
     MissingExtraError
         If the TOML writer is not installed.
     """
-    origins = {path: asdict(one) for path, one in design.provenance.items()}
+    origins = {path: asdict(why) for path, why in design.provenance.items()}
     return format_toml(_FORM.table(design, origins), "writing a design")
 
 
@@ -126,8 +126,8 @@ def design_values(design: SkinDesign) -> list[tuple[str, str, str | int | float]
 
 def _values(part: Any, path: str) -> Iterator[tuple[str, str, str | int | float]]:
     """The values of a part and of the parts in it."""
-    for one, (key, plain) in zip(fields(part), _FORM.table(part).items(), strict=False):
-        where, value = f"{path}{one.name}", getattr(part, one.name)
+    for field, (key, plain) in zip(fields(part), _FORM.table(part).items(), strict=False):
+        where, value = f"{path}{field.name}", getattr(part, field.name)
         if is_dataclass(value):
             yield from _values(value, f"{where}.")
         elif isinstance(plain, list) and isinstance(plain[0], dict):

@@ -15,17 +15,17 @@ class Elastomer:
     """A rubber for columns, pillars and scales."""
 
     shear_modulus: float
-    """Pa, initial slope, long-term: under a load that stays, at 25 degC."""
+    """Pa: initial slope at 25 degC, long-term, under a load that stays."""
     relaxing_shares: tuple[float, ...]
-    """g_k of the instantaneous modulus, which relax (`smoskin.mechanics.viscoelasticity.Prony`)."""
+    """g_k: shares of the instantaneous modulus that relax (`mechanics.viscoelasticity.Prony`)."""
     relaxation_times: tuple[float, ...]
-    """s, tau_k of each share, rising."""
+    """s: tau_k, relaxation time of each share, rising."""
     temperature_coefficient: float
     """1/degC: relative rise of the modulus per degree from 25 degC."""
     source: str
-    """Where the modulus is printed."""
+    """Source of the modulus."""
     relaxation_source: str
-    """Where the shares and times come from."""
+    """Source of the shares and times."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,11 +33,11 @@ class Film:
     """A stiff material for panels and crease film."""
 
     young_modulus: float
-    """Pa."""
+    """Pa: stiffness in tension."""
     poisson_ratio: float
     """Transverse over axial strain, sign reversed."""
     source: str
-    """Where the value is printed."""
+    """Source of the values."""
 
 
 _SHARES: Final = (0.03, 0.02, 0.02, 0.02)

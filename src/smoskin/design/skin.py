@@ -1,4 +1,4 @@
-"""What is built: the parts of a skin as records that refuse what cannot be made.
+"""Parts of a skin as records that refuse what cannot be made.
 
 A `SkinDesign` is pure data in SI units. It checks what its own numbers decide (signs, angles,
 overlaps, references between parts); whether the magnets' fields suit the chips is physics and
@@ -30,18 +30,18 @@ def _positive(owner: str, **values: float) -> None:
 
 def _choice(owner: str, name: str, value: object, valid: tuple[object, ...]) -> None:
     if value not in valid:
-        wanted = ", ".join(str(one) for one in valid)
+        wanted = ", ".join(map(str, valid))
         raise DesignError(f"{owner}.{name} must be one of {wanted}; got {value!r}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:
-    """Where a value comes from."""
+    """Origin of a value."""
 
     origin: Origin
     """`printed` in the paper, `inferred` from what it prints, or `assumed`."""
     reason: str = ""
-    """Why this value."""
+    """Reason for this value."""
 
     def __post_init__(self) -> None:
         _choice("provenance", "origin", self.origin, ("printed", "inferred", "assumed"))
@@ -52,9 +52,9 @@ class MiuraCell:
     """The unit cell of the folded sheet (Figure S6)."""
 
     panel_a: float
-    """m: edge of the parallelogram panel along the straight (a-) creases."""
+    """m: edge a of the parallelogram panel, along the straight (a-) creases."""
     panel_b: float
-    """m: edge along the zigzag (b-) creases."""
+    """m: edge b, along the zigzag (b-) creases."""
     sector_angle: float
     """rad, alpha: acute corner of the panel."""
     fold_angle: float
@@ -79,7 +79,7 @@ class Creases:
     """The bare film between two panels, about which they fold."""
 
     thickness: float
-    """m, of the film."""
+    """m: thickness of the film."""
     gap: float
     """m: width of film left free between the panels' edges."""
     material: str
@@ -95,7 +95,7 @@ class Panels:
     """The stiff plates on both faces of the film, taken as one plate."""
 
     thickness: float
-    """m, both plates together."""
+    """m: thickness of both plates together."""
     material: str
     """A name in `smoskin.design.materials.FILMS`."""
 
@@ -109,9 +109,9 @@ class Columns:
     """The elastomer columns, one under each bottom vertex of the sheet."""
 
     radius: float
-    """m."""
+    """m: radius."""
     height: float
-    """m, from the board's upper face to the bottom vertices."""
+    """m: height from the board's upper face to the bottom vertices."""
     material: str
     """A name in `smoskin.design.materials.ELASTOMERS`."""
 
@@ -125,7 +125,7 @@ class Frame:
     """The constraint frame round the sheet, which holds the rim columns in the plane."""
 
     stiffness: float
-    """N/m, in the plane, for each rim column."""
+    """N/m: stiffness in the plane at each rim column."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.stiffness) and self.stiffness >= 0.0):
@@ -137,9 +137,9 @@ class Board:
     """The circuit board that carries the chips on both faces, under the columns."""
 
     thickness: float
-    """m."""
+    """m: thickness."""
     sensing_height: float
-    """m, from the board's face to the point inside the chip that senses."""
+    """m: distance from the board's face to the point inside the chip that senses."""
 
     def __post_init__(self) -> None:
         _positive("board", thickness=self.thickness, sensing_height=self.sensing_height)
@@ -150,11 +150,11 @@ class ShearLayer:
     """The soft pillars that carry the board, so that a drag moves it over its base."""
 
     pillars: int
-    """How many."""
+    """Number of pillars."""
     radius: float
-    """m."""
+    """m: radius."""
     height: float
-    """m."""
+    """m: height."""
     material: str
     """A name in `smoskin.design.materials.ELASTOMERS`."""
 
@@ -168,15 +168,15 @@ class Magnet:
     """A disc of four sectors, each magnetised along its bisector towards the centre."""
 
     name: str
-    """As hall sites refer to it."""
+    """Name by which hall sites refer to it."""
     mount: Literal["sheet", "base"]
-    """On the sheet, in a holder between columns, or on the base below the board."""
+    """Place: on the sheet, in a holder between columns, or on the base below the board."""
     corner: tuple[int, int]
-    """(p, q): the corner of the grid of cells at which it sits, at (p l, q w)."""
+    """(p, q): corner of the grid of cells at which it sits, at (p l, q w)."""
     radius: float
-    """m."""
+    """m: radius."""
     height: float
-    """m, along its axis z."""
+    """m: height along its axis z."""
     remanence: float
     """A/m: magnetisation m_0 of each sector."""
     polarity: Literal[-1, 1] = 1
@@ -194,11 +194,11 @@ class HallSite:
     """One chip, opposite the middle of its magnet at rest."""
 
     name: str
-    """As printed on the board."""
+    """Name printed on the board."""
     magnet: str
-    """The magnet that it watches."""
+    """Name of the magnet that it watches."""
     gap: float
-    """m, from the magnet's nearer face to the sensing point, at rest."""
+    """m: gap from the magnet's nearer face to the sensing point, at rest."""
     axes: tuple[str, str, str]
     """Directions of the chip's x, y, z in the skin's frame, such as ("+x", "-y", "-z")."""
     address: int
@@ -209,12 +209,9 @@ class HallSite:
         _positive(owner, gap=self.gap)
         for axis in self.axes:
             _choice(owner, "axes", axis, AXES)
-        letters = [AXES.index(axis) // 2 for axis in self.axes]
-        sign = math.prod(-1 if axis[0] == "-" else 1 for axis in self.axes)
-        turns = {(0, 1, 2): 1, (1, 2, 0): 1, (2, 0, 1): 1}
-        swaps = {(1, 0, 2): -1, (0, 2, 1): -1, (2, 1, 0): -1}
-        handed = (turns | swaps).get((letters[0], letters[1], letters[2]), 0) * sign
-        if handed != 1:
+        minus = sum(axis[0] == "-" for axis in self.axes)
+        letters = "".join(axis[1] for axis in self.axes)
+        if letters not in (("xyz", "yzx", "zxy"), ("yxz", "xzy", "zyx"))[minus % 2]:
             raise DesignError(
                 f"{owner}.axes must be three different, right-handed directions such as "
                 f"('+x', '+y', '+z') or ('+x', '-y', '-z'); got {self.axes}"
@@ -227,7 +224,7 @@ class HallSite:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HallSetting:
-    """How every MLX90393 of the skin is set; the fields are its registers' own."""
+    """Setting of every MLX90393 of the skin; the fields are its registers' own."""
 
     gain_selection: int
     """GAIN_SEL, 0..7: analogue gain 5, 4, 3, 2.5, 2, 1.67, 1.33, 1."""
@@ -259,9 +256,9 @@ class Coefficients:
     stiffness_variation: float
     """v_s: measured over modelled stiffness (S27)."""
     folding_correction_x: tuple[float, ...]
-    """N, v_f for shear in X, from the outermost layer of cells inwards (S27)."""
+    """N: v_f for shear in X, from the outermost layer of cells inwards (S27)."""
     folding_correction_y: tuple[float, ...]
-    """N, v_f for shear in Y, likewise."""
+    """N: v_f for shear in Y, from the outermost layer inwards."""
 
     def __post_init__(self) -> None:
         for value in self.attenuation:
@@ -290,7 +287,7 @@ class SkinDesign:
     """
 
     name: str
-    """What people call it."""
+    """Name that people call it by."""
     cells: tuple[int, int]
     """(N, M): cells along x and y."""
     cell: MiuraCell
@@ -301,13 +298,13 @@ class SkinDesign:
     board: Board
     shear_layer: ShearLayer
     magnets: tuple[Magnet, ...]
-    """On the sheet or on the base."""
+    """Magnets on the sheet and on the base."""
     halls: tuple[HallSite, ...]
-    """In the order of every reading's chips."""
+    """Chips in the order of every reading."""
     hall_setting: HallSetting
     coefficients: Coefficients
     provenance: Mapping[str, Provenance] = field(default_factory=dict, compare=False, hash=False)
-    """Where each value comes from, by dotted field path such as ``cell.panel_a``."""
+    """Origin of each value, by dotted field path such as ``cell.panel_a``."""
 
     def __post_init__(self) -> None:
         assign(self, provenance=MappingProxyType(dict(self.provenance)))
@@ -332,7 +329,7 @@ class SkinDesign:
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A mapping proxy cannot be pickled; the dictionary that it shows can.
-        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        values = {part.name: getattr(self, part.name) for part in fields(self)}
         values["provenance"] = dict(self.provenance)
         return partial(SkinDesign, **values), ()
 
@@ -363,8 +360,8 @@ class SkinDesign:
         for magnet in self.magnets:
             if magnet.name == name:
                 return magnet
-        known = ", ".join(magnet.name for magnet in self.magnets)
-        raise DesignError(f"magnet must be one of {known}; got {name!r}")
+        names = ", ".join(magnet.name for magnet in self.magnets)
+        raise DesignError(f"magnet must be one of {names}; got {name!r}")
 
 
 def _unique(what: str, names: list[str]) -> None:
@@ -376,9 +373,9 @@ def _unique(what: str, names: list[str]) -> None:
 def _plain(value: Any) -> Any:
     """Records and tuples as dicts and lists, for hashing."""
     if is_dataclass(value) and not isinstance(value, type):
-        return {one.name: _plain(getattr(value, one.name)) for one in fields(value)}
+        return {part.name: _plain(getattr(value, part.name)) for part in fields(value)}
     if isinstance(value, Mapping):
-        return {key: _plain(one) for key, one in value.items()}
+        return {key: _plain(part) for key, part in value.items()}
     if isinstance(value, tuple):
-        return [_plain(one) for one in value]
+        return [_plain(part) for part in value]
     return value

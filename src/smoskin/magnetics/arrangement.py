@@ -38,12 +38,12 @@ def rotation_matrix(vector: ArrayLike) -> Floats:
     >>> rotation_matrix([0.0, 0.0, np.pi / 2]).round(12) @ [1.0, 0.0, 0.0]
     array([0., 1., 0.])
     """
-    turn = floats("vector", vector, (3,))
-    angle = np.sqrt(np.einsum("...i,...i->...", turn, turn))[..., None, None]
-    cross = np.zeros((*turn.shape, 3))
+    vectors = floats("vector", vector, (3,))
+    angle = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None, None]
+    cross = np.zeros((*vectors.shape, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        cross[..., k, j] = turn[..., i]
-        cross[..., j, k] = -turn[..., i]
+        cross[..., k, j] = vectors[..., i]
+        cross[..., j, k] = -vectors[..., i]
     whole, half = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi))
     return np.asarray(np.eye(3) + whole * cross + 0.5 * half**2 * (cross @ cross))
 
@@ -62,7 +62,7 @@ def arrangement_field(
     rotations : array_like, shape (..., G, 3, 3)
         From each magnet's frame to the common one.
     points : array_like, shape (..., S, 3)
-        Where, m.
+        Points, m.
 
     Returns
     -------
@@ -91,7 +91,7 @@ def arrangement_field(
     seen = np.empty(local.shape)
     shapes = [(magnet.radius, magnet.height) for magnet in magnets]
     for shape in sorted(set(shapes)):
-        alike = [g for g, one in enumerate(shapes) if one == shape]
+        alike = [g for g, each in enumerate(shapes) if each == shape]
         unit = replace(magnets[alike[0]], remanence=1.0, polarity=1)
         strength = np.array([magnets[g].remanence * magnets[g].polarity for g in alike])
         seen[..., alike, :, :] = strength[:, None, None] * sector.field(

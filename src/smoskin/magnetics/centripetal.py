@@ -24,7 +24,7 @@ _N = TypeVar("_N", float, Floats)
 
 
 class _Functions(NamedTuple):
-    """What an equation needs beside arithmetic, for arrays or for plain numbers."""
+    """Functions that an equation needs beside arithmetic, for arrays or for plain numbers."""
 
     arctan2: Callable[..., Any]
     hypot: Callable[..., Any]
@@ -164,21 +164,21 @@ def _invert(bx: _N, by: _N, bz: _N, of: _Functions) -> tuple[_N, _N, _N]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinearCorrection:
-    """What brings a four-sector magnet's field to the ideal one, and the ideal one's numbers.
+    """Correction of a four-sector magnet's field to the ideal one: B_ideal = k_c B + c_c (S6).
 
-    One magnet's, or those of S magnets stacked by `stack_corrections`.
+    It is that of one magnet, or those of S magnets stacked by `stack_corrections`.
     """
 
     k_c: Floats
-    """(3,) or (S, 3), factor of each component."""
+    """(3,) or (S, 3): factor of each component."""
     c_c: Floats
-    """(3,) or (S, 3), T, added to each component."""
+    """(3,) or (S, 3), T: offset added to each component."""
     wave_number: Floats
-    """() or (S,), k, 1/m."""
+    """() or (S,), 1/m: k of the ideal field."""
     amplitude: Floats
-    """() or (S,), abs(K), T, at the magnet's face."""
+    """() or (S,), T: abs(K) of the ideal field at the magnet's face."""
     gap: Floats
-    """() or (S,), m, from that face to the chip at rest."""
+    """() or (S,), m: gap from that face to the chip at rest."""
     side: Floats
     """() or (S,): -1, the chip lies below the magnet; +1, above it."""
 
@@ -197,8 +197,8 @@ def stack_corrections(corrections: Sequence[LinearCorrection]) -> LinearCorrecti
     """Corrections of S magnets as one, for fields of shape (..., S, 3)."""
     return LinearCorrection(
         **{
-            one.name: np.stack([getattr(each, one.name) for each in corrections])
-            for one in dataclasses.fields(LinearCorrection)
+            part.name: np.stack([getattr(each, part.name) for each in corrections])
+            for part in dataclasses.fields(LinearCorrection)
         }
     )
 
@@ -209,7 +209,7 @@ def displacement(correction: LinearCorrection, field: ArrayLike) -> Floats:
     Parameters
     ----------
     correction : LinearCorrection
-        Of the magnet that the chip watches.
+        Correction of the magnet that the chip watches.
     field : array_like, shape (..., 3)
         B at the chip, in the magnet's axes, T.
 
@@ -241,12 +241,12 @@ def displacement(correction: LinearCorrection, field: ArrayLike) -> Floats:
 def displacements_of_one(
     corrections: Sequence[tuple[float, ...]], field: Floats
 ) -> list[tuple[float, float, float]] | None:
-    """The same for one reading of S chips, in plain numbers, which are faster for so few.
+    """`displacement` for one reading of S chips, in plain numbers, which are faster for so few.
 
     Parameters
     ----------
     corrections : sequence of tuple of float
-        As `plain_corrections` gives them.
+        Corrections as `plain_corrections` gives them.
     field : Floats, shape (S, 3)
         T.
 
@@ -266,7 +266,7 @@ def displacements_of_one(
 
 def plain_corrections(correction: LinearCorrection) -> tuple[tuple[float, ...], ...]:
     """Stacked corrections as plain numbers, a tuple for each of the S magnets."""
-    return tuple(zip(*(one.tolist() for one in _numbers(correction)), strict=True))
+    return tuple(zip(*(number.tolist() for number in _numbers(correction)), strict=True))
 
 
 def _numbers(correction: LinearCorrection) -> tuple[Floats, ...]:
@@ -342,8 +342,8 @@ def fit_correction(magnet: Magnet, gap: float, stroke: float) -> LinearCorrectio
         )
 
     def errors(values: Floats) -> Floats:
-        found = displacement(corrected_by(values), measured)
-        return np.ravel((found - moves) / stroke)
+        inverted = displacement(corrected_by(values), measured)
+        return np.ravel((inverted - moves) / stroke)
 
     wave = 1.5
     face = amplitude(magnet.remanence, wave / gap, magnet.height)
@@ -361,11 +361,11 @@ def usable_range(
     Parameters
     ----------
     magnet : Magnet
-        As it is built.
+        Magnet as it is built.
     gap : float
         From the magnet's nearer face to the chip at rest, m.
     correction : LinearCorrection
-        As `fit_correction` gives it.
+        Correction that `fit_correction` gives.
     tolerance : float
         Largest error of a displacement, m.
 
@@ -389,8 +389,8 @@ def usable_range(
             raise ArgumentError(f"{name} must be positive; got {value}")
     radii = np.linspace(0.0, 0.95 * gap, _STEPS + 1)
     moves = radii[:, None, None] * _ball(1.0)
-    found = displacement(correction, _field_at(magnet, gap, float(correction.side), moves))
-    error = np.linalg.norm(found - moves, axis=-1).max(axis=-1)
+    inverted = displacement(correction, _field_at(magnet, gap, float(correction.side), moves))
+    error = np.linalg.norm(inverted - moves, axis=-1).max(axis=-1)
     beyond = ~(error <= tolerance)
     if not beyond.any():
         return float(radii[-1])
@@ -408,7 +408,7 @@ def _ball(radius: float) -> Floats:
     """Directions times radius; an eighth of the azimuths stands for all by symmetry."""
     polar = np.linspace(0.0, np.pi, _RAYS + 1)
     azimuth = np.linspace(0.0, 0.25 * np.pi, 4)
-    tilt, turn = (one.ravel() for one in np.meshgrid(polar, azimuth, indexing="ij"))
+    tilt, around = (angle.ravel() for angle in np.meshgrid(polar, azimuth, indexing="ij"))
     return radius * np.stack(
-        [np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)], axis=-1
+        [np.sin(tilt) * np.cos(around), np.sin(tilt) * np.sin(around), np.cos(tilt)], axis=-1
     )

@@ -73,9 +73,9 @@ def _charges(magnet: Magnet) -> tuple[Floats, Floats]:
     charge = np.sqrt(2.0) * magnet.radius * half * np.multiply.outer(width, thickness)
     amounts = [charge, charge]
 
-    turn, width = np.polynomial.legendre.leggauss(_CURVED[0])
+    share, width = np.polynomial.legendre.leggauss(_CURVED[0])
     levels, thickness = np.polynomial.legendre.leggauss(_CURVED[1])
-    offset = 0.25 * np.pi * turn
+    offset = 0.25 * np.pi * share
     density = -np.cos(offset) * 0.25 * np.pi * width
     charge = magnet.radius * half * np.multiply.outer(density, thickness)
     for bisector in 0.25 * np.pi * np.array([1.0, 3.0, 5.0, 7.0]):
@@ -84,9 +84,9 @@ def _charges(magnet: Magnet) -> tuple[Floats, Floats]:
         planes[-1] *= magnet.radius
         amounts.append(charge)
 
-    places = np.concatenate([one.reshape(3, -1) for one in planes], axis=1)
+    places = np.concatenate([plane.reshape(3, -1) for plane in planes], axis=1)
     scale = VACUUM_PERMEABILITY * magnet.remanence * magnet.polarity / (4.0 * np.pi)
-    return places.T, scale * np.concatenate([one.ravel() for one in amounts])
+    return places.T, scale * np.concatenate([amount.ravel() for amount in amounts])
 
 
 def charge_field_and_gradient(
@@ -100,7 +100,7 @@ def charge_field_and_gradient(
     Parameters
     ----------
     positions : Floats, shape (S, Q, 3)
-        As `point_charges` lays them out, m.
+        Charges' places as `point_charges` lays them out, m.
     charges : Floats, shape (S, Q)
         T m^2.
     points : Floats, shape (..., S, 3)

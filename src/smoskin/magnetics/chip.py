@@ -1,4 +1,4 @@
-"""A made chip against its data sheet: where it sits, how it is turned, what its axes add.
+"""Made chips against their data sheet: where they sit, how they are turned, what their axes add.
 
 Decides the order of a chip's errors: the field at the sensing point is turned into the chip's
 true axes, each axis takes in a little of the others and has its own sensitivity and zero, and
@@ -21,10 +21,10 @@ from smoskin.magnetics.arrangement import rotation_matrix
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChipPose:
-    """Where a chip sits and how it is turned against its site, in the skin's axes."""
+    """Place and attitude of a chip against its site, in the skin's axes."""
 
     offset: Floats
-    """(..., 3), m: of the sensing point from the designed one."""
+    """(..., 3), m: offset of the sensing point from the designed one."""
     turn: Floats
     """(..., 3), rad: rotation vector from the designed attitude."""
 
@@ -34,17 +34,21 @@ class ChipPose:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChipErrors:
-    """How a chip's words differ from those of the data sheet's chip in the same place."""
+    """Errors of a chip's words against those of the data sheet's chip in the same place.
+
+    It answers s (B + X B) + z of the field B along its axes: sensitivities s, cross-axis shares X,
+    zeros z.
+    """
 
     sensitivity: Floats
-    """(..., 3): what an axis reads of its field over what it should; about 1."""
+    """(..., 3): s, reading of an axis over its field; about 1."""
     cross_axis: Floats
-    """(..., 3, 3): share of the field along axis j that axis i reads as well, at [i, j]; zero
+    """(..., 3, 3): X, share of the field along axis j that axis i reads as well, at [i, j]; zero
     on the diagonal."""
     zero: Floats
-    """(..., 3), T: what an axis reads without a field."""
+    """(..., 3), T: z, reading of an axis without a field."""
     warmth: Floats
-    """(...), degC: what the temperature reads over what it is."""
+    """(...), degC: excess of the temperature word over the temperature."""
 
     def __init__(
         self,
@@ -76,7 +80,7 @@ def mounting(sites: Sequence[HallSite], pose: ChipPose) -> Floats:
     sites : sequence of HallSite
         S sites.
     pose : ChipPose
-        Of these chips, its arrays (S, 3), or one for all.
+        Pose of each chip, its arrays (S, 3), or one for all.
 
     Returns
     -------
@@ -111,7 +115,7 @@ def answered(field: ArrayLike, errors: ChipErrors) -> Floats:
     field : array_like, shape (..., 3)
         B along the made chip's own axes, T.
     errors : ChipErrors
-        Of these chips.
+        Errors of these chips.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""From the fields at the chips to where each magnet has moved: the inverse of the sector field.
+"""Inverse of the sector field: from the fields at the chips to where each magnet has moved.
 
 Inside its usable range the corrected ideal inverse (S5, S6) is the answer; outside, it is the
 start of a few Newton steps on the magnets' own field. All chips and any number of readings are
@@ -34,10 +34,10 @@ _FOUND = np.ones(1, dtype=np.bool_)
 
 
 class Displacements(NamedTuple):
-    """Where the chips stand relative to their magnets."""
+    """Motion of the chips against their magnets."""
 
     moved: Floats
-    """(T, S, 3), m: chip against magnet, from rest, in the skin's frame."""
+    """(T, S, 3), m: motion of chip against magnet, from rest, in the skin's frame."""
     found: Bools
     """(T,): whether every chip's field fits a place within the stroke."""
 
@@ -53,7 +53,7 @@ def rest_cross_talk(design: SkinDesign) -> Floats:
 
 
 class FieldInverse:
-    """Solves B(rest + moved) = field for every chip of a design.
+    """Solves B(rest + moved) = field for every chip of a design, B of its own magnet.
 
     Parameters
     ----------
@@ -74,10 +74,10 @@ class FieldInverse:
         fitted: dict[tuple[object, ...], tuple[LinearCorrection, float]] = {}
         for magnet, site in zip(magnets, design.halls, strict=True):
             if _kind(magnet, site) not in fitted:
-                one = fit_correction(magnet, site.gap, min(_FITTED, site.gap / 2))
-                fitted[_kind(magnet, site)] = one, usable_range(magnet, site.gap, one, tolerance)
+                own = fit_correction(magnet, site.gap, min(_FITTED, site.gap / 2))
+                fitted[_kind(magnet, site)] = own, usable_range(magnet, site.gap, own, tolerance)
         mine = [fitted[_kind(m, site)] for m, site in zip(magnets, design.halls, strict=True)]
-        self._correction = stack_corrections([one for one, _ in mine])
+        self._correction = stack_corrections([correction for correction, _ in mine])
         self._plain_corrections = plain_corrections(self._correction)
         self._usable_squared = np.array([radius for _, radius in mine]) ** 2
 
@@ -92,7 +92,7 @@ class FieldInverse:
         Parameters
         ----------
         fields : Floats, shape (T, S, 3)
-            T, of each chip's own magnet, at reference temperature, in the skin's frame.
+            Fields of each chip's own magnet at reference temperature, in the skin's frame, T.
 
         Returns
         -------
@@ -104,9 +104,9 @@ class FieldInverse:
         moved = -displacement(self._correction, fields)
         within = np.einsum("tsk,tsk->ts", moved, moved) <= self._usable_squared
         usable = within.all(axis=-1)
-        found = usable.copy()
-        moved[~usable], found[~usable] = self._refine(fields[~usable], moved[~usable])
-        return Displacements(moved, found)
+        settled = usable.copy()
+        moved[~usable], settled[~usable] = self._refine(fields[~usable], moved[~usable])
+        return Displacements(moved, settled)
 
     def _usable_alone(self, fields: Floats) -> Floats | None:
         """Motion of the chips for one reading whose magnets are all within their usable range."""
@@ -131,5 +131,5 @@ class FieldInverse:
 
 
 def _kind(magnet: Magnet, site: HallSite) -> tuple[object, ...]:
-    """What the correction of a magnet depends on."""
+    """Numbers on which the correction of a magnet depends."""
     return (magnet.mount, magnet.radius, magnet.height, magnet.remanence, magnet.polarity, site.gap)

@@ -18,7 +18,7 @@ from smoskin.errors import ArgumentError
 from smoskin.records import ChipFlag
 
 REFERENCE_TEMPERATURE: Final = 25.0
-"""degC: of the data sheet's sensitivities and of the temperature word's offset."""
+"""degC: temperature of the data sheet's sensitivities and of the temperature word's offset."""
 
 _STEP: Final = (0.150e-6, 0.150e-6, 0.242e-6)
 """T a count in x, y, z at GAIN_SEL 7 (1x) and RES 0."""
@@ -64,18 +64,18 @@ class HallNoise:
             raise ArgumentError(f"temperature must be >= 0 degC; got {self.temperature}")
         for name in ("white", "floor"):
             value = getattr(self, name)
-            if len(value) != 3 or not all(0.0 <= one < np.inf for one in value):
+            if len(value) != 3 or not all(0.0 <= sigma < np.inf for sigma in value):
                 raise ArgumentError(f"{name} must be three numbers >= 0, in T; got {value}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HallSample:
-    """What chips answer."""
+    """Answers of chips."""
 
     counts: Ints
-    """(..., 3), x, y, z as signed 16-bit numbers."""
+    """(..., 3): counts of x, y, z as signed 16-bit numbers."""
     temperature_counts: Ints
-    """(...,), temperature word, unsigned 16 bits."""
+    """(...,): temperature word, unsigned 16 bits."""
     flags: Ints
     """(...,), `ChipFlag`: SATURATED at the rails, INVALID where there was no field. A wrapped
     axis looks valid to the chip and has no flag."""
@@ -188,9 +188,9 @@ def measure(
     field : array_like, shape (..., 3)
         B in the chip's own axes, T.
     setting : HallSetting
-        Of all chips.
+        Setting of all chips.
     temperature : array_like, shape (...), optional
-        Of the chips, degC; broadcast against the field.
+        Temperature of the chips, degC; broadcast against the field.
     rng : numpy.random.Generator, optional
         Source of noise; without one the chips are noiseless.
     model : HallNoise, optional
@@ -242,7 +242,7 @@ def tesla(counts: ArrayLike, setting: HallSetting) -> Floats:
     counts : array_like, shape (..., 3)
         Signed 16-bit numbers.
     setting : HallSetting
-        Under which they were read.
+        Setting under which they were read.
 
     Returns
     -------

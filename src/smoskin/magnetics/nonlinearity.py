@@ -1,4 +1,4 @@
-"""How far chips' fields are from linear in the motion of their magnets, to second order.
+"""Curvature of chips' fields in the motion of their magnets, to second order.
 
 What a chip reads of two motions at once is not the sum of what it reads of each. The difference
 is a product of both readings, so that readings can be freed of it before anything linear is done
@@ -15,7 +15,7 @@ from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
 from smoskin.origami.geometry import geometry
 
 _STEP: Final = 1e-5
-"""m, of the differences of the gradient."""
+"""m: step of the differences of the gradient."""
 _FIXED_POINTS: Final = 5
 
 
@@ -50,7 +50,10 @@ def field_curvature(design: SkinDesign) -> Floats:
 
 
 def cross_signals(curvature: Floats, one: Floats, other: Floats) -> Floats:
-    """What readings of two motions, (..., 3 S) each, T, add to their sum."""
+    """Amount that readings of two motions, (..., 3 S) each, T, add to their sum.
+
+    c_k = sum over i, j of a_i b_j C_ijk for each chip.
+    """
     chips = len(curvature)
     first, second = one.reshape(-1, chips, 3, 1), other.reshape(-1, chips, 1, 3)
     products = (first * second).reshape(-1, chips, 1, 9)
@@ -58,11 +61,11 @@ def cross_signals(curvature: Floats, one: Floats, other: Floats) -> Floats:
 
 
 def straightened(curvature: Floats, signals: Floats) -> Floats:
-    """Readings (..., 3 S) as they were if fields were linear in motion."""
-    found = signals
+    """Readings (..., 3 S), T, if fields were linear: x of x + c(x, x) / 2 = signals."""
+    linear = signals
     for _ in range(_FIXED_POINTS):
-        found = signals - 0.5 * cross_signals(curvature, found, found)
-    return found
+        linear = signals - 0.5 * cross_signals(curvature, linear, linear)
+    return linear
 
 
 def bent(curvature: Floats, motions: Floats) -> Floats:

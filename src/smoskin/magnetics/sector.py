@@ -1,4 +1,4 @@
-"""Exact field of the four-sector centripetal disc magnet, and its point-charge stand-in.
+"""Exact field of the four-sector centripetal disc magnet, and its gradient.
 
 Decides how the field is integrated: each sector is uniformly magnetised, so only its curved
 and its radial faces carry magnetic charge. The radial faces of neighbouring sectors merge into
@@ -44,7 +44,7 @@ def field(magnet: Magnet, points: ArrayLike) -> Floats:
     magnet : Magnet
         The disc; its mount and corner play no part here.
     points : array_like, shape (..., 3)
-        Where, m, from the disc's centre.
+        Points, m, from the disc's centre.
 
     Returns
     -------

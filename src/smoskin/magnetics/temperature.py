@@ -1,4 +1,4 @@
-"""What warmth does to magnets and sheet: decides the law of weakening and the bounds of service.
+"""Warmth of magnets and sheet: decides the law of weakening and the bounds of service.
 
 The chip compensates its own sensitivity; what is left in the reading is the magnet, which
 weakens as it warms (Figure S15). Values are those of the magnet mud of the paper. Humidity and
@@ -16,7 +16,7 @@ from smoskin.errors import ArgumentError
 TEMPERATURE_COEFFICIENT: Final = -0.005
 """1/degC: relative change of the field per degree (SI, Text S11: 5 % per 10 degC)."""
 REFERENCE_TEMPERATURE: Final = 25.0
-"""degC: where the factor is one (SI, Text S11)."""
+"""degC: temperature at which the factor is one (SI, Text S11)."""
 SERVICE_LIMITS: Final = (-40.0, 75.0)
 """degC: from the chips' lowest temperature to the highest at which magnets were tested and
 hot-pressed layers held (SI, Text S11). Below 25 the law of weakening is carried on."""
@@ -35,11 +35,11 @@ def temperature_factor(
     Parameters
     ----------
     temperature : array_like, any shape
-        Of the magnet, degC.
+        Temperature of the magnet, degC.
     coefficient : float, optional
         Relative change per degree, 1/degC.
     reference : float, optional
-        Where the factor is one, degC.
+        Temperature at which the factor is one, degC.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""How the elastomer remembers: creep and recovery of the columns and scales.
+"""Memory of the elastomer: creep and recovery of the columns and scales.
 
 Decides how the skin's response lags behind its load. The elastomer is a generalised Maxwell
 solid, and the skin's motion is its elastic response put through the creep that follows from
@@ -17,16 +17,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smoskin.arrays import Floats, assign, floats, freeze, frozen
-from smoskin.design.materials import ELASTOMERS
+from smoskin.design.materials import ELASTOMERS, Elastomer
 from smoskin.errors import ArgumentError
 
 REFERENCE_TEMPERATURE: Final = 25.0
-"""degC: of the design's moduli."""
+"""degC: temperature of the design's moduli."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prony:
-    """A generalised Maxwell solid; without terms it is elastic.
+    """Generalised Maxwell solid; without terms it is elastic.
+
+    G(t) = G_inf (1 + sum g_k exp(-t / tau_k) / (1 - sum g_k)); its inverse in Laplace space is the
+    compliance J(t) = J_inf (1 - sum c_k exp(-t / lambda_k)).
 
     Raises
     ------
@@ -42,13 +45,13 @@ class Prony:
     """
 
     moduli: Floats
-    """(K,), g_k: shares of the instantaneous modulus that relax; their sum is below 1."""
+    """(K,): g_k, shares of the instantaneous modulus that relax; their sum is below 1."""
     times: Floats
-    """(K,), s, tau_k: the relaxation time of each, rising."""
+    """(K,), s: tau_k, relaxation time of each, rising."""
     retardation_shares: Floats = field(init=False)
-    """(K,), c_k: shares of the long-term compliance that come late; their sum is that of g_k."""
+    """(K,): c_k, shares of the long-term compliance that come late; their sum is that of g_k."""
     retardation_times: Floats = field(init=False)
-    """(K,), s, lambda_k: when they come, each a little after its relaxation time."""
+    """(K,), s: lambda_k, retardation times, each a little after its relaxation time."""
 
     def __init__(self, *, moduli: ArrayLike, times: ArrayLike) -> None:
         shares = frozen("moduli", moduli, (None,))
@@ -114,10 +117,7 @@ def elastomer_prony(material: str) -> Prony:
     >>> round(float(elastomer_prony("Ecoflex 00-30").compliance(0.0)), 2)
     0.91
     """
-    if material not in ELASTOMERS:
-        known = ", ".join(ELASTOMERS)
-        raise ArgumentError(f"material must be one of {known}; got {material!r}")
-    elastomer = ELASTOMERS[material]
+    elastomer = _elastomer(material)
     return Prony(moduli=elastomer.relaxing_shares, times=elastomer.relaxation_times)
 
 
@@ -151,11 +151,15 @@ def modulus_factor(material: str, temperature: ArrayLike) -> Floats:
     >>> round(float(modulus_factor("Ecoflex 00-30", 55.0)), 3)
     1.101
     """
-    if material not in ELASTOMERS:
-        known = ", ".join(ELASTOMERS)
-        raise ArgumentError(f"material must be one of {known}; got {material!r}")
     warmer = floats("temperature", temperature) - REFERENCE_TEMPERATURE
-    return np.asarray(1 + ELASTOMERS[material].temperature_coefficient * warmer)
+    return np.asarray(1 + _elastomer(material).temperature_coefficient * warmer)
+
+
+def _elastomer(material: str) -> Elastomer:
+    """The elastomer of this name."""
+    if material not in ELASTOMERS:
+        raise ArgumentError(f"material must be one of {', '.join(ELASTOMERS)}; got {material!r}")
+    return ELASTOMERS[material]
 
 
 class Memory:
@@ -299,14 +303,14 @@ def creep(prony: Prony, times: ArrayLike, response: ArrayLike) -> Floats:
 
 
 def late_parts(retardation_times: ArrayLike, times: ArrayLike, response: ArrayLike) -> Floats:
-    """What each late part of creep has come to over a whole history, y_k.
+    """Late parts of creep over a whole history: y_k of dy_k/dt = (r - y_k) / lambda_k.
 
     Parameters
     ----------
     retardation_times : array_like, shape (K,)
         s, lambda_k.
     times, response : array_like
-        As for `creep`.
+        The arguments of `creep`.
 
     Returns
     -------
@@ -339,7 +343,7 @@ def late_parts(retardation_times: ArrayLike, times: ArrayLike, response: ArrayLi
 
 
 def checked_history(times: ArrayLike, values: ArrayLike) -> tuple[Floats, Floats]:
-    """Times and what happened at them as arrays of one length.
+    """Times and the values at them as arrays of one length.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""How far each column moves when one cell is pressed: the SI's reduced, attenuated sheet.
+"""Motion of each column when one cell is pressed: the SI's reduced, attenuated sheet.
 
 The pressed cell spreads by (dl, dw); each next cell by less, by a factor v_a a cell (S10), and
 every bottom vertex adds up what lies between it and the load (S7-S11). Because a column's x
@@ -42,13 +42,13 @@ class Profiles(NamedTuple):
     zigzag_x: Floats
     """(N, 2N + 1): shift of the zigzag as the columns of cells unfold; 0 for odd i."""
     zigzag_y: Floats
-    """(M, M + 1): likewise for the rows; 0 unless the fold follows the width."""
+    """(M, M + 1): shift of the zigzag as the rows unfold; 0 unless the fold follows the width."""
 
 
 def cell_change(
     cell: MiuraCell, press: float, kinematics: Kinematics = "first_order"
 ) -> CellChange:
-    """How much the pressed cell grows in the plane when its top vertex moves by `press`.
+    """Growth of the pressed cell in the plane when its top vertex moves by `press`.
 
     Parameters
     ----------

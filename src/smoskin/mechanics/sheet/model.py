@@ -142,7 +142,8 @@ class BarHinge:
     -----
     Source: SI Figure S6 and Eqs. (S16), (S21) and (S25), their energies taken at any
     displacement; (S26) for the board, which stays level. It solves f_inner(u) = P'(F + r) with
-    P u + G r = 0 for patches P that hold, G the board's compliance there; docs/derivations_sheet.md.
+    P u + G r = 0 for patches P that hold, G the board's compliance there; see
+    docs/derivations_sheet.md.
     Valid for columns pressed by less than half their height; they neither buckle nor touch.
     """
 
@@ -300,7 +301,7 @@ class BarHinge:
     def _cut_change(
         self, asked: Floats, normal: Floats, change: Floats, pressing: Floats
     ) -> Floats:
-        """Change of `_cut`, (K, 2, P), with those of its first, (K, 2, P), and second, (K, P), argument."""
+        """Change of `_cut`, (K, 2, P), with its first, (K, 2, P), and second, (K, P), argument."""
         if not isinstance(self.grip, Sliding):
             return change
         most, amount = -self.grip.friction * normal, np.hypot(asked[:, 0], asked[:, 1])

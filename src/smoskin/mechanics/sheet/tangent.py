@@ -35,7 +35,7 @@ class RestInverse:
     order: Ints
     """(V,): nodes in the order of the blocks."""
     inverse: Floats
-    """(Z, b, b): inverses of the Cholesky factor's diagonal blocks, or, where Z is 1, of the tangent."""
+    """(Z, b, b): inverses of the factor's diagonal blocks, or, where Z is 1, of the tangent."""
     forward: Floats
     """(Z, b, b): each inverse times the factor's block to its left."""
     backward: Floats
