@@ -9,6 +9,7 @@
 ('CONTACT', 0.5)
 """
 
+from smoskin.datasets.store import open_dataset
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import SmoskinError
 from smoskin.feasibility import load_design
@@ -56,6 +57,7 @@ __all__ = [
     "load_model",
     "load_network",
     "load_response_table",
+    "open_dataset",
     "open_recording",
     "open_source",
     "run",

@@ -116,12 +116,13 @@ def test_chunks_are_cut_by_skin_and_temperature():
         presses_per_chunk=4,
     )
     assert sweep.chunks == 2 * 3 * 3
-    assert [sweep.rows_in(chunk) for chunk in range(6)] == [4, 4, 2, 4, 4, 2]
-    assert sum(sweep.rows_in(chunk) for chunk in range(sweep.chunks)) == sweep.rows == 60
+    assert [len(sweep.rows_of(chunk)) for chunk in range(6)] == [4, 4, 2, 4, 4, 2]
+    rows = [row for chunk in range(sweep.chunks) for row in sweep.rows_of(chunk)]
+    assert rows == list(range(sweep.rows)) == list(range(60))
     assert [sweep.skin(chunk) for chunk in (0, 8, 9, 17)] == [7, 7, 9, 9]
     assert [sweep.temperature(chunk) for chunk in (0, 2, 3, 6, 9)] == [25, 25, 35, 45, 25]
     with pytest.raises(ArgumentError, match=r"chunk must lie in 0\.\.17; got 18"):
-        sweep.rows_in(18)
+        sweep.rows_of(18)
 
 
 SWEEPS = (

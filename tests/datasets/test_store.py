@@ -3,6 +3,7 @@
 import json
 import os
 import pickle
+import shutil
 import signal
 import subprocess
 import sys
@@ -19,6 +20,7 @@ from smoskin.datasets.patterns import Grid, Random, Sweep
 from smoskin.datasets.simulation import Rows, Simulation
 from smoskin.datasets.store import COLUMNS, open_dataset, write_dataset
 from smoskin.datasets.workers import DaskEngine, LocalEngine
+from smoskin.design.document import parse_design
 from smoskin.errors import ArgumentError, EngineError, MissingExtraError, RecordingError
 
 pytest.importorskip("h5py")
@@ -100,15 +102,14 @@ write_dataset(folder, made_up.design, made_up.sweep, simulation=made_up, engine=
 """
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_sweep_killed_at_random_moments_equals_an_unbroken_one(planar, tmp_path, unbroken, seed):
-    """The whole process dies, twice, after a random number of chunks and a random moment."""
-    draw = np.random.default_rng(seed)
+def test_a_sweep_killed_at_random_moments_equals_an_unbroken_one(planar, tmp_path, unbroken):
+    """The whole process dies, twice, at a random moment, and a chunk in the middle is lost."""
+    draw = np.random.default_rng(0)
     given = tmp_path / "work"
     given.write_bytes(pickle.dumps(made_up(planar, tmp_path, seconds=0.05)))
     folder = tmp_path / "set"
     path = os.pathsep.join([os.path.dirname(work.__file__), *sys.path])
-    for enough in np.sort(draw.integers(1, SMALL.chunks - 2, 2)):
+    for enough in (3, 7):
         parent = subprocess.Popen(
             [sys.executable, "-c", PROGRAM, str(folder), str(given)],
             env=os.environ | {"PYTHONPATH": path},
@@ -121,7 +122,10 @@ def test_a_sweep_killed_at_random_moments_equals_an_unbroken_one(planar, tmp_pat
             parent.wait()
     time.sleep(0.5)  # an orphaned worker may still begin a chunk before it notices
     before = len(work.begun(tmp_path / "begun"))
+    (folder / "chunk-000001.h5").unlink()
     missing = open_dataset(folder).missing
+    assert missing[0] == 1
+    assert missing[1] > 4
     done = write(folder, planar, tmp_path)
     assert contents(done.path) == contents(unbroken.path)
     assert len(work.begun(tmp_path / "begun")) == before + len(missing)
@@ -166,7 +170,7 @@ def test_a_set_goes_into_one_file(unbroken, tmp_path):
             whole = unbroken.column(column.name)
             assert np.array_equal(file[column.name][...], whole, equal_nan=whole.dtype == float)
         manifest = json.loads(file.attrs["manifest"])
-    assert manifest["design"]["values"]["cell.panel_a_mm"] == 15.5334
+    assert parse_design(manifest["design"]) == unbroken.design
     assert manifest["rows"] == SMALL.rows
     with pytest.raises(RecordingError, match=r"one\.h5 exists"):
         unbroken.export(tmp_path / "one.h5")
@@ -174,7 +178,9 @@ def test_a_set_goes_into_one_file(unbroken, tmp_path):
 
 def test_the_manifest_tells_what_the_rows_are_of(planar, unbroken):
     manifest = json.loads((unbroken.path / "manifest.json").read_text())
-    assert manifest["design"]["content_hash"] == planar.content_hash
+    assert manifest["design_hash"] == planar.content_hash
+    assert unbroken.design == planar
+    assert unbroken.design.provenance == planar.provenance
     assert manifest["sweep"]["temperatures_degC"] == [25.0, 40.0]
     assert manifest["chunks"] == 12
     (run,) = manifest["runs"]
@@ -205,28 +211,93 @@ def test_another_design_sweep_or_version_is_refused(planar, tmp_path, unbroken, 
     assert write(unbroken.path, renamed, tmp_path) == unbroken
 
 
-def test_foreign_and_damaged_files(planar, tmp_path, unbroken):
+def test_a_middle_chunk_that_is_gone_is_computed_again(planar, tmp_path, unbroken):
+    folder = tmp_path / "set"
+    shutil.copytree(unbroken.path, folder)
+    for chunk in (4, 7):
+        (folder / f"chunk-{chunk:06d}.h5").unlink()
+    (folder / "chunk-000007.h5.part").write_bytes(b"half")
+    gone = open_dataset(folder)
+    assert gone.missing == (4, 7)
+    # Of 12 chunks every third ends a skin at a temperature with ten rows.
+    assert gone.missing_rows.tolist() == [*range(130, 170), *range(220, 260)]
+    with pytest.raises(RecordingError, match="2 of 12 chunks are missing; repeat the sweep"):
+        gone.column("field_T")
+    there = np.delete(unbroken.column("field_T"), gone.missing_rows, axis=0)
+    assert np.array_equal(gone.column("field_T", partial=True), there, equal_nan=True)
+    assert gone.invalid == (~gone.column("valid", partial=True)).sum() < unbroken.invalid
+    done = write(folder, planar, tmp_path)
+    assert {item for item, _ in work.begun(tmp_path / "begun")} == {4, 7}
+    assert contents(done.path) == contents(unbroken.path)
+    assert [run.chunks for run in done.manifest.runs] == [12, 2]
+    assert [run.damaged for run in done.manifest.runs] == [0, 0]
+    assert not list(folder.glob("*.part"))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_flipped_bit_anywhere_is_noticed_and_mended(planar, tmp_path, unbroken, seed):
+    folder = tmp_path / "set"
+    shutil.copytree(unbroken.path, folder)
+    file, draw = folder / "chunk-000003.h5", np.random.default_rng(seed)
+    image = bytearray(file.read_bytes())
+    image[draw.integers(len(image))] ^= 1 << draw.integers(8)
+    file.write_bytes(image)
+    assert unbroken.damaged() == ()
+    assert open_dataset(folder).damaged() == (3,)
+    done = write(folder, planar, tmp_path, engine=LocalEngine(1))
+    assert [item for item, _ in work.begun(tmp_path / "begun")] == [3]
+    assert contents(done.path) == contents(unbroken.path)
+    assert done.damaged() == ()
+    assert done.manifest.runs[-1].damaged == 1
+
+
+def test_a_chunk_cut_short_or_of_elsewhere_is_damaged(planar, tmp_path, unbroken):
+    folder = tmp_path / "set"
+    shutil.copytree(unbroken.path, folder)
+    first, third = folder / "chunk-000000.h5", folder / "chunk-000002.h5"
+    first.write_bytes(first.read_bytes()[: first.stat().st_size // 2])
+    with pytest.raises(RecordingError, match=r"chunk-000000.h5 is damaged"):
+        open_dataset(folder).column("field_T")
+    first.write_bytes(third.read_bytes())
+    with pytest.raises(RecordingError, match=r"chunk-000000.h5 is damaged: field_T has 10 rows"):
+        open_dataset(folder).column("field_T")
+    first.write_bytes((folder / "chunk-000001.h5").read_bytes())
+    assert open_dataset(folder).damaged() == (0,)
+    # Nor is a chunk believed whose sum is not known, or whose sum's line was cut by a kill.
+    sums = folder / "checksums.sha256"
+    sums.write_text(sums.read_text()[:-10])
+    assert len(open_dataset(folder).damaged()) == 2
+    done = write(folder, planar, tmp_path)
+    assert contents(done.path) == contents(unbroken.path)
+    assert done.damaged() == ()
+
+
+def test_a_damaged_column_is_never_read(tmp_path, unbroken):
     import h5py
 
     folder = tmp_path / "set"
-    write(folder, planar, tmp_path)
-    first, second = folder / "chunk-000000.h5", folder / "chunk-000001.h5"
-    whole = first.read_bytes()
-    first.write_bytes(whole[: len(whole) // 2])
-    (folder / "chunk-000002.h5.part").write_bytes(b"half")
-    assert open_dataset(folder).missing == (0,)
-    with pytest.raises(RecordingError, match="1 of 12 chunks are missing; repeat the sweep"):
-        open_dataset(folder).column("field_T")
-    assert contents(write(folder, planar, tmp_path).path) == contents(unbroken.path)
+    shutil.copytree(unbroken.path, folder)
+    first = folder / "chunk-000000.h5"
     with h5py.File(first) as file:
         at = file["field_T"].id.get_chunk_info(0).byte_offset + 20
-    first.write_bytes(whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :])
+    image = bytearray(first.read_bytes())
+    image[at] ^= 1
+    first.write_bytes(image)
     with pytest.raises(RecordingError, match=r"chunk-000000.h5 is damaged"):
         for _ in open_dataset(folder).chunks():
             pass
-    first.write_bytes(second.read_bytes())
-    with pytest.raises(RecordingError, match=r"chunk-000000.h5 belongs to another data set"):
-        open_dataset(folder)
+
+
+def test_an_empty_set_has_no_columns(planar, tmp_path):
+    folder = tmp_path / "set"
+    failing = work.FailsAt(made_up(planar, tmp_path), 0)
+    with pytest.raises(EngineError, match="item 0"):
+        write_dataset(folder, planar, SMALL, simulation=failing, engine=LocalEngine(1))
+    begun = open_dataset(folder)
+    assert (begun.present, begun.invalid, begun.flagged) == ((), 0, 0)
+    assert len(begun.missing_rows) == SMALL.rows
+    with pytest.raises(RecordingError, match="holds no rows yet"):
+        begun.column("valid", partial=True)
 
 
 def test_a_folder_of_something_else_is_left_alone(planar, tmp_path):
@@ -240,16 +311,16 @@ def test_a_folder_of_something_else_is_left_alone(planar, tmp_path):
     (mine / "manifest.json").write_text("{}")
     with pytest.raises(RecordingError, match=r"manifest.json is damaged"):
         open_dataset(mine)
-    (mine / "manifest.json").write_text('{"format": "other"}')
-    with pytest.raises(RecordingError, match="must be of format"):
+    (mine / "manifest.json").write_text('{"format": "smoskin data set 1"}')
+    with pytest.raises(RecordingError, match=r"must be of format .* repeat the sweep in another"):
         open_dataset(mine)
     with pytest.raises(RecordingError, match="cannot be written"):
         write(mine / "thesis.tex", planar, tmp_path)
 
 
-def test_a_changed_manifest_is_noticed(planar, tmp_path):
+def test_a_changed_manifest_is_noticed(tmp_path, unbroken):
     folder = tmp_path / "set"
-    write(folder, planar, tmp_path)
+    shutil.copytree(unbroken.path, folder)
     file = folder / "manifest.json"
     file.write_text(file.read_text().replace('"seed": 11', '"seed": 12'))
     with pytest.raises(RecordingError, match="has been changed"):

@@ -146,7 +146,7 @@ class SweepReport:
         return {
             "path": str(data.path),
             "exported": None if self.exported is None else str(self.exported),
-            "design_hash": data.manifest.design_hash,
+            "design_hash": data.design.content_hash,
             "sweep_hash": data.sweep.content_hash,
             "chunks": data.sweep.chunks,
             "rows": data.sweep.rows,

@@ -11,20 +11,20 @@ import json
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
 from smoskin.datasets.patterns import Sweep, format_sweep, parse_sweep
-from smoskin.design.document import design_values
+from smoskin.design.document import design_values, format_design, parse_design
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import RecordingError
+from smoskin.errors import RecordingError, SmoskinError
 
-FORMAT: Final = "smoskin data set 1"
+FORMAT: Final = "smoskin data set 2"
 PART: Final = ".part"
 """Ending of a file that is not yet whole."""
-_FILE: Final = "manifest.json"
+FILE: Final = "manifest.json"
 _LOCK: Final = ".lock"
 
 
@@ -33,47 +33,40 @@ class Run:
     """One time that chunks were computed to the end."""
 
     engine: str
+    """Name of the engine."""
     chunks: int
+    """Number of chunks that were computed."""
+    damaged: int
+    """Number of them that had been computed before, but whose files were damaged."""
     seconds: float
+    """Duration, s."""
+
+
+def _this_version() -> str:
+    return version("smoskin")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Manifest:
-    """What the rows are of."""
+    """What the rows of a data set are of."""
 
-    design_name: str
-    design_hash: str
-    design_values: Mapping[str, Any]
-    """Every value, by its path with its unit."""
-    version: str
-    """Of the package that computes the rows."""
+    design: SkinDesign
+    """The skin that was pressed, as designed."""
     sweep: Sweep
+    """What was pressed."""
+    version: str = field(default_factory=_this_version)
+    """Version of the package that computes the rows."""
     runs: tuple[Run, ...] = ()
-    """Those that ended well; a killed one leaves its chunks alone."""
+    """Runs that ended well; a killed one leaves its chunks alone."""
 
     @property
     def identity(self) -> str:
         """SHA-256 over what decides the rows."""
-        whole = "\n".join((FORMAT, self.version, self.design_hash, self.sweep.content_hash))
+        whole = "\n".join((FORMAT, self.version, self.design.content_hash, self.sweep.content_hash))
         return hashlib.sha256(whole.encode()).hexdigest()
 
 
-def manifest_of(design: SkinDesign, sweep: Sweep) -> Manifest:
-    """Of a sweep that is to be computed by this package."""
-    return Manifest(
-        design_name=design.name,
-        design_hash=design.content_hash,
-        design_values={
-            f"{path.rpartition('.')[0]}.{key}".removeprefix("."): value
-            for path, key, value in design_values(design)
-            if path != "name"
-        },
-        version=version("smoskin"),
-        sweep=sweep,
-    )
-
-
-def claim(folder: Path, wanted: Manifest) -> Manifest:
+def claim(folder: Path, manifest: Manifest) -> Manifest:
     """Make a folder this data set's, or make sure that it is; files not whole are removed.
 
     Raises
@@ -83,17 +76,17 @@ def claim(folder: Path, wanted: Manifest) -> Manifest:
     """
     for part in folder.glob(f"*{PART}"):
         part.unlink()
-    if not (folder / _FILE).exists():
-        others = sorted(one.name for one in folder.iterdir() if one.name != _LOCK)
+    if not (folder / FILE).exists():
+        others = sorted(path.name for path in folder.iterdir() if path.name != _LOCK)
         if others:
             raise RecordingError(f"{folder} must be empty or hold this data set; got {others[0]}")
-        _save(folder, wanted)
-        return wanted
+        save_manifest(folder, manifest)
+        return manifest
     kept = read_manifest(folder)
-    for what, there, here in (
-        ("version of smoskin", {"version": kept.version}, {"version": wanted.version}),
-        ("design", kept.design_values, wanted.design_values),
-        ("sweep", _flat(format_sweep(kept.sweep)), _flat(format_sweep(wanted.sweep))),
+    if kept.identity == manifest.identity:
+        return kept
+    for what, there, here in zip(
+        ("version of smoskin", "design", "sweep"), _values(kept), _values(manifest), strict=True
     ):
         for key in [*here, *there]:
             if there.get(key) != here.get(key):
@@ -101,15 +94,7 @@ def claim(folder: Path, wanted: Manifest) -> Manifest:
                     f"{folder} holds rows of another {what}: {key} is {there.get(key)!r} there "
                     f"and {here.get(key)!r} here; use another folder"
                 )
-    if kept.identity != wanted.identity:
-        raise RecordingError(f"{folder} holds rows of another data set; use another folder")
-    return kept
-
-
-def add_run(folder: Path, run: Run) -> None:
-    """Note in the manifest that chunks were computed."""
-    kept = read_manifest(folder)
-    _save(folder, replace(kept, runs=(*kept.runs, run)))
+    raise RecordingError(f"{folder} holds rows of another data set; use another folder")
 
 
 def read_manifest(folder: Path) -> Manifest:
@@ -120,28 +105,45 @@ def read_manifest(folder: Path) -> Manifest:
     RecordingError
         If there is none, or it is damaged.
     """
-    file = folder / _FILE
+    file = folder / FILE
     try:
         document = json.loads(file.read_bytes())
         if document["format"] != FORMAT:
-            raise RecordingError(f"{file} must be of format {FORMAT!r}; got {document['format']!r}")
-        found = Manifest(
-            design_name=document["design"]["name"],
-            design_hash=document["design"]["content_hash"],
-            design_values=document["design"]["values"],
-            version=document["smoskin_version"],
+            raise RecordingError(
+                f"{file} must be of format {FORMAT!r}; got {document['format']!r}; repeat the "
+                "sweep in another folder"
+            )
+        manifest = Manifest(
+            design=parse_design(document["design"]),
             sweep=parse_sweep(document["sweep"]),
+            version=document["smoskin_version"],
             runs=tuple(Run(**run) for run in document["runs"]),
         )
-        if document["identity"] != found.identity:
-            raise RecordingError(f"{file} has been changed: its identity is not that of its values")
     except OSError as error:
         raise RecordingError(f"{folder} holds no data set: {error}") from error
     except RecordingError:
         raise
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, SmoskinError) as error:
         raise RecordingError(f"{file} is damaged: {error!r}") from error
-    return found
+    if document.get("identity") != manifest.identity:
+        raise RecordingError(f"{file} has been changed: its identity is not that of its values")
+    return manifest
+
+
+def save_manifest(folder: Path, manifest: Manifest) -> None:
+    """Write the manifest of a folder."""
+    document = {
+        "format": FORMAT,
+        "identity": manifest.identity,
+        "smoskin_version": manifest.version,
+        "chunks": manifest.sweep.chunks,
+        "rows": manifest.sweep.rows,
+        "sweep": format_sweep(manifest.sweep),
+        "design_hash": manifest.design.content_hash,
+        "design": format_design(manifest.design),
+        "runs": [asdict(run) for run in manifest.runs],
+    }
+    write_whole(folder / FILE, json.dumps(document, indent=1).encode() + b"\n")
 
 
 @contextmanager
@@ -199,24 +201,14 @@ def _sync(path: Path) -> None:
         os.close(handle)
 
 
-def _save(folder: Path, manifest: Manifest) -> None:
-    sweep = manifest.sweep
-    document = {
-        "format": FORMAT,
-        "identity": manifest.identity,
-        "smoskin_version": manifest.version,
-        "chunks": sweep.chunks,
-        "rows": sweep.rows,
-        "sweep": format_sweep(sweep),
-        "sweep_hash": sweep.content_hash,
-        "design": {
-            "name": manifest.design_name,
-            "content_hash": manifest.design_hash,
-            "values": dict(manifest.design_values),
-        },
-        "runs": [asdict(run) for run in manifest.runs],
+def _values(manifest: Manifest) -> tuple[dict[str, Any], ...]:
+    """Everything that decides the rows, by dotted keys: version, design and sweep."""
+    design = {
+        f"{path.rpartition('.')[0]}.{key}".removeprefix("."): value
+        for path, key, value in design_values(manifest.design)
+        if path != "name"
     }
-    write_whole(folder / _FILE, json.dumps(document, indent=1).encode() + b"\n")
+    return {"version": manifest.version}, design, _flat(format_sweep(manifest.sweep))
 
 
 def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -9,7 +9,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final, Literal, Protocol, get_args
 
@@ -17,19 +17,16 @@ import numpy as np
 
 from smoskin.arrays import Floats, Ints
 from smoskin.design.skin import SkinDesign
+from smoskin.documents import Form
 from smoskin.errors import ArgumentError, RecordingError
 from smoskin.magnetics.temperature import SERVICE_LIMITS
 from smoskin.mechanics.sheet.touches import (
     FINGERTIP,
-    Covered,
-    Frictionless,
     Grip,
-    Sliding,
     Sticking,
     Touches,
 )
 from smoskin.origami.geometry import geometry, places_to_the_rim
-from smoskin.units import from_si, to_si
 
 LARGEST_FORCE: Final = 50.0
 """N: any more would tear a skin; the model is meant for presses of a few newtons."""
@@ -41,17 +38,6 @@ Mechanics = Literal["whole", "reduced"]
 _STICKING: Final = Sticking()
 _PRESSES, _NOISE = 0, 1
 """What a chunk draws, each from its own stream."""
-
-#: Unit suffix of each field that has one; the document's key is ``field_suffix``.
-_SUFFIXES: Final = MappingProxyType(
-    {
-        "forces": "N",
-        "drags": "N",
-        "radius": "mm",
-        "margin": "mm",
-        "temperatures": "degC",
-    }
-)
 
 
 class Pattern(Protocol):
@@ -316,9 +302,11 @@ class Sweep:
         """How many rows in all chunks."""
         return max(len(self.skins), 1) * len(self.temperatures) * self.presses.count
 
-    def rows_in(self, chunk: int) -> int:
-        """How many rows a chunk has."""
-        return len(self._split(chunk)[2])
+    def rows_of(self, chunk: int) -> range:
+        """Numbers of the rows that a chunk holds."""
+        skin, temperature, presses = self._split(chunk)
+        first = (skin * len(self.temperatures) + temperature) * self.presses.count
+        return range(first + int(presses[0]), first + int(presses[-1]) + 1)
 
     def skin(self, chunk: int) -> int | None:
         """Seed of the skin that a chunk presses; None is the skin as designed."""
@@ -362,15 +350,6 @@ class Sweep:
         return np.random.default_rng(np.random.SeedSequence([self.seed, chunk, purpose]))
 
 
-#: Parts of a sweep's document by the name of their kind.
-_KINDS: Final[Mapping[str, type[Any]]] = MappingProxyType(
-    {
-        one.__name__.lower(): one
-        for one in (Grid, Pairs, Random, Sticking, Sliding, Frictionless, Covered)
-    }
-)
-
-
 def sideways(sizes: Sequence[float], directions: int) -> tuple[tuple[float, float], ...]:
     """Drags of each size in evenly spread directions, the first along x; for `Grid`.
 
@@ -397,9 +376,27 @@ def sideways(sizes: Sequence[float], directions: int) -> tuple[tuple[float, floa
     )
 
 
+_FORM: Final = Form(
+    units={
+        "forces": "N",
+        "drags": "N",
+        "radius": "mm",
+        "margin": "mm",
+        "temperatures": "degC",
+    },
+    error=RecordingError,
+)
+_KINDS: Final[Mapping[str, tuple[type[Any], ...]]] = MappingProxyType(
+    {"presses": get_args(Grid | Pairs | Random), "grip": get_args(Grip)}
+)
+"""Kinds that a part of a sweep can be."""
+
+
 def format_sweep(sweep: Sweep) -> dict[str, Any]:
     """A sweep in plain values, with units in its keys; `parse_sweep` reads it back."""
-    return _table(sweep)
+    kinds = {name: type(getattr(sweep, name)).__name__.lower() for name in _KINDS}
+    table = _FORM.table(sweep)
+    return table | {name: {"kind": kind, **table[name]} for name, kind in kinds.items()}
 
 
 def parse_sweep(document: Mapping[str, Any]) -> Sweep:
@@ -411,44 +408,15 @@ def parse_sweep(document: Mapping[str, Any]) -> Sweep:
         If they do not describe one.
     """
     try:
-        return Sweep(**_values(Sweep, document))
-    except (KeyError, TypeError, ValueError) as error:
+        values = dict(document)
+        for name, kinds in _KINDS.items():
+            table = dict(values[name])
+            named = {kind.__name__.lower(): kind for kind in kinds}
+            values[name] = _FORM.record(named[table.pop("kind")], table)
+        values["temperatures"] = tuple(values.pop("temperatures_degC"))
+        return Sweep(**values | {"skins": tuple(values["skins"])})
+    except (KeyError, TypeError, ValueError, ArgumentError) as error:
         raise RecordingError(f"not the description of a sweep: {error!r}") from error
-
-
-def _table(part: Any) -> dict[str, Any]:
-    """Fields by their keys."""
-    return {
-        _key(one.name): _written(getattr(part, one.name), _SUFFIXES.get(one.name))
-        for one in fields(part)
-    }
-
-
-def _values(kind: type[Any], table: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields by their names."""
-    names = {_key(one.name): one.name for one in fields(kind)}
-    return {names[key]: _read(value, _SUFFIXES.get(names[key])) for key, value in table.items()}
-
-
-def _key(name: str) -> str:
-    return f"{name}_{_SUFFIXES[name]}" if name in _SUFFIXES else name
-
-
-def _written(value: Any, suffix: str | None) -> Any:
-    if is_dataclass(value):
-        return {"kind": type(value).__name__.lower(), **_table(value)}
-    if isinstance(value, tuple):
-        return [_written(one, suffix) for one in value]
-    return value if suffix is None else float(from_si(float(value), suffix))
-
-
-def _read(value: Any, suffix: str | None) -> Any:
-    if isinstance(value, Mapping):
-        kind = _KINDS[value["kind"]]
-        return kind(**_values(kind, {key: one for key, one in value.items() if key != "kind"}))
-    if isinstance(value, list):
-        return tuple(_read(one, suffix) for one in value)
-    return value if suffix is None else to_si(float(value), suffix)
 
 
 def _places(design: SkinDesign, places: tuple[int, int]) -> Floats:

@@ -1,34 +1,27 @@
-"""Data sets: a sweep's rows on disk, chunk by chunk, that a kill cannot damage.
+"""Data sets: a sweep's rows on disk, chunk by chunk, that a kill cannot damage; and their reader.
 
-Decides the layout: a folder with a manifest (what the rows are of) and one compressed HDF5 file a
-chunk, each under a temporary name until it is whole. Resuming computes what is missing; another
-design, sweep or version of this package is refused. Hides names, columns, locks and renaming.
+Decides the layout: a folder with a manifest (what the rows are of), one compressed HDF5 file a
+chunk, each under a temporary name until it is whole, and the files' SHA-256. Resuming computes
+what is missing or no longer as it was written; another design, sweep or version of this package
+is refused. Hides names, columns, locks and renaming.
 """
 
+import hashlib
 import io
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from smoskin.datasets.manifest import (
-    PART,
-    Manifest,
-    Run,
-    add_run,
-    claim,
-    locked,
-    manifest_of,
-    read_manifest,
-    settle,
-    write_whole,
-)
+from smoskin.arrays import Ints
+from smoskin.datasets import manifest as manifests
+from smoskin.datasets.manifest import PART, Manifest, Run, settle, write_whole
 from smoskin.datasets.patterns import Sweep
 from smoskin.datasets.simulation import Rows, Simulation
 from smoskin.datasets.workers import Engine, LocalEngine
@@ -36,50 +29,40 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import MissingExtraError, RecordingError
 
 _ROWS_AT_ONCE: Final = 4096
-"""That HDF5 compresses together."""
+"""Rows that HDF5 compresses together."""
+_SUMS: Final = "checksums.sha256"
+"""File of the chunks' SHA-256, as ``sha256sum --check`` reads it; of two lines the last counts."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Column:
     """One quantity of every row."""
 
     name: str
-    """In files, with its unit."""
+    """Name in files, with the unit."""
     field: str
-    """Of `Rows`."""
+    """Field of `Rows`."""
     kind: str
-    """NumPy's name of its numbers' type."""
+    """NumPy's name of the numbers' type."""
     about: str
     """What it is."""
 
 
 COLUMNS: Final = (
-    Column(name="skin_seed", field="skin", kind="int64",
-           about="seed of the manufactured skin; -1: as designed"),
-    Column(name="position_m", field="position", kind="float64",
-           about="(touch, x y) on the undeformed skin"),
-    Column(name="force_N", field="force", kind="float64",
-           about="(touch, x y z) on the skin; all zero: no touch"),
-    Column(name="radius_m", field="radius", kind="float64", about="(touch) of its patch"),
-    Column(name="temperature_degC", field="temperature", kind="float64",
-           about="of rubber, magnets and chips"),
-    Column(name="magnet_shift_m", field="magnet_shift", kind="float64",
-           about="(magnet, x y z) over the board; NaN if invalid"),
-    Column(name="magnet_turn_rad", field="magnet_turn", kind="float64",
-           about="(magnet, x y z) rotation vector; NaN if invalid"),
-    Column(name="board_shift_m", field="board_shift", kind="float64",
-           about="(x y) over the base; NaN if invalid"),
-    Column(name="board_turn_rad", field="board_turn", kind="float64",
-           about="about z; NaN if invalid"),
-    Column(name="field_T", field="field", kind="float64",
-           about="(chip, x y z) exact, in the skin's frame; NaN if invalid"),
-    Column(name="reading_T", field="reading", kind="float64",
-           about="(chip, x y z) as read, in the chip's axes; NaN if invalid"),
-    Column(name="flags", field="flags", kind="int64",
-           about="(chip) 2 saturated, 16 invalid; 0: good"),
-    Column(name="valid", field="valid", kind="bool",
-           about="whether the skin has found its equilibrium"),
-)  # fmt: skip
+    Column("skin_seed", "skin", "int64", "seed of the manufactured skin; -1: as designed"),
+    Column("position_m", "position", "float64", "(touch, x y) on the undeformed skin"),
+    Column("force_N", "force", "float64", "(touch, x y z) on the skin; all zero: no touch"),
+    Column("radius_m", "radius", "float64", "(touch) of its patch"),
+    Column("temperature_degC", "temperature", "float64", "of rubber, magnets and chips"),
+    Column("magnet_shift_m", "magnet_shift", "float64", "(magnet, x y z) over the board"),
+    Column("magnet_turn_rad", "magnet_turn", "float64", "(magnet, x y z) rotation vector"),
+    Column("board_shift_m", "board_shift", "float64", "(x y) over the base"),
+    Column("board_turn_rad", "board_turn", "float64", "about z"),
+    Column("field_T", "field", "float64", "(chip, x y z) exact, in the skin's frame"),
+    Column("reading_T", "reading", "float64", "(chip, x y z) as read, in the chip's axes"),
+    Column("flags", "flags", "int64", "(chip) 2 saturated, 16 invalid; 0: good"),
+    Column("valid", "valid", "bool", "whether the skin is in equilibrium; otherwise NaN"),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,15 +70,17 @@ class State:
     """How far a sweep has come."""
 
     chunks: int
-    """That are on disk."""
+    """Chunks on disk."""
     chunks_in_all: int
+    """Chunks of the whole sweep."""
     rows: int
-    """That are on disk."""
+    """Rows on disk."""
     rows_in_all: int
+    """Rows of the whole sweep."""
     rate: float
     """Rows a second since the start or the resumption; zero before the first chunk."""
     seconds_left: float
-    """At this rate; infinite before the first chunk."""
+    """Time left at this rate, s; infinite before the first chunk."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,14 +88,16 @@ class Dataset:
     """A data set on disk; `open_dataset` and `write_dataset` make it."""
 
     path: Path
+    """The folder."""
     manifest: Manifest
     """What the rows are of."""
     present: tuple[int, ...]
-    """Chunks that are on disk."""
-    invalid: int
-    """Rows among them without an equilibrium."""
-    flagged: int
-    """Rows among them with a chip that is not good."""
+    """Chunks on disk."""
+
+    @property
+    def design(self) -> SkinDesign:
+        """The skin that was pressed, as designed."""
+        return self.manifest.design
 
     @property
     def sweep(self) -> Sweep:
@@ -123,6 +110,11 @@ class Dataset:
         return tuple(sorted(set(range(self.sweep.chunks)) - set(self.present)))
 
     @property
+    def missing_rows(self) -> Ints:
+        """Numbers of the rows that are not on disk, rising."""
+        return np.array([row for chunk in self.missing for row in self.sweep.rows_of(chunk)], int)
+
+    @property
     def complete(self) -> bool:
         """Whether every chunk is on disk."""
         return len(self.present) == self.sweep.chunks
@@ -132,21 +124,38 @@ class Dataset:
         """What every row holds."""
         return COLUMNS
 
-    def column(self, name: str) -> NDArray[Any]:
+    @property
+    def invalid(self) -> int:
+        """Number of rows on disk without an equilibrium."""
+        return sum(int((~self._read(chunk, "valid")).sum()) for chunk in self.present)
+
+    @property
+    def flagged(self) -> int:
+        """Number of rows on disk with a chip that is not good."""
+        return sum(int(self._read(chunk, "flags").any(axis=-1).sum()) for chunk in self.present)
+
+    def column(self, name: str, *, partial: bool = False) -> NDArray[Any]:
         """One column of all rows, in SI units, shape (R, ...).
 
         Parameters
         ----------
         name : str
-            Of a column.
+            Name of the column.
+        partial : bool
+            Whether rows may be missing; those of `missing_rows` are then left out.
 
         Raises
         ------
         RecordingError
             If there is no such column, chunks are missing or one is damaged.
         """
-        _known(name)
-        self._require_all()
+        if name not in {column.name for column in COLUMNS}:
+            names = ", ".join(column.name for column in COLUMNS)
+            raise RecordingError(f"column must be one of {names}; got {name!r}")
+        if not partial:
+            self._require_all()
+        if not self.present:
+            raise RecordingError(f"{self.path} holds no rows yet; repeat the sweep to fill it")
         return np.concatenate([self._read(chunk, name) for chunk in self.present])
 
     def chunks(self) -> Iterator[Rows]:
@@ -159,7 +168,23 @@ class Dataset:
         """
         self._require_all()
         for chunk in self.present:
-            yield Rows(**{one.field: self._read(chunk, one.name) for one in COLUMNS})
+            yield Rows(**{column.field: self._read(chunk, column.name) for column in COLUMNS})
+
+    def damaged(self) -> tuple[int, ...]:
+        """Chunks on disk whose files are no longer as they were written; reads them all.
+
+        Raises
+        ------
+        RecordingError
+            If a file cannot be read.
+        """
+        sums = _read_sums(self.path)
+        files = {chunk: _chunk_file(self.path, chunk) for chunk in self.present}
+        try:
+            found = {chunk: _sum(file.read_bytes()) for chunk, file in files.items()}
+        except OSError as error:
+            raise RecordingError(f"{self.path} cannot be read: {error}") from error
+        return tuple(chunk for chunk in files if found[chunk] != sums.get(files[chunk].name))
 
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write all rows to one HDF5 file.
@@ -176,16 +201,14 @@ class Dataset:
         part = target.with_name(target.name + PART)
         try:
             with _h5py().File(part, "w") as file:
-                file.attrs["manifest"] = (self.path / "manifest.json").read_text(encoding="utf-8")
+                file.attrs["manifest"] = (self.path / manifests.FILE).read_text(encoding="utf-8")
                 for column in COLUMNS:
-                    begin = 0
                     for chunk in self.present:
-                        values = self._read(chunk, column.name)
+                        values, rows = self._read(chunk, column.name), self.sweep.rows_of(chunk)
                         if chunk == 0:
                             shape = (self.sweep.rows, *values.shape[1:])
                             data = _create(file, column, shape, values.dtype)
-                        data[begin : begin + len(values)] = values
-                        begin += len(values)
+                        data[rows.start : rows.stop] = values
             settle(part, target)
         except OSError as error:
             part.unlink(missing_ok=True)
@@ -202,9 +225,39 @@ class Dataset:
         file = _chunk_file(self.path, chunk)
         try:
             with _h5py().File(file, "r") as opened:
-                return np.asarray(opened[name][...])
+                values = np.asarray(opened[name][...])
         except (OSError, KeyError) as error:
             raise RecordingError(f"{file} is damaged: {error}") from error
+        if len(values) != len(self.sweep.rows_of(chunk)):
+            raise RecordingError(f"{file} is damaged: {name} has {len(values)} rows")
+        return values
+
+
+def open_dataset(path: str | os.PathLike[str]) -> Dataset:
+    """A data set on disk, complete or not.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The folder that `write_dataset` wrote.
+
+    Returns
+    -------
+    Dataset
+        Columns are read when they are asked for.
+
+    Raises
+    ------
+    RecordingError
+        If there is no data set.
+    MissingExtraError
+        If h5py is not installed.
+    """
+    _h5py()
+    folder = Path(path)
+    manifest = manifests.read_manifest(folder)
+    present = [c for c in range(manifest.sweep.chunks) if _chunk_file(folder, c).exists()]
+    return Dataset(path=folder, manifest=manifest, present=tuple(present))
 
 
 def write_dataset(
@@ -218,9 +271,9 @@ def write_dataset(
     deadline: float = 600.0,
     clock: Callable[[], float] = time.monotonic,
 ) -> Dataset:
-    """Compute a sweep, or what is missing of it, and keep it on disk.
+    """Compute a sweep, or what is missing of it or damaged, and keep it on disk.
 
-    However often it is killed and repeated, on however many workers: the files are the same.
+    However often it is killed and repeated, on however many workers: the columns are the same.
 
     Parameters
     ----------
@@ -253,21 +306,22 @@ def write_dataset(
     EngineError
         If the workers fail; what is on disk stays.
     MissingExtraError
-        If h5py is not installed.
+        If h5py or loky is not installed.
     """
     _h5py()
     compute = Simulation(design, sweep) if simulation is None else simulation
     workers = LocalEngine() if engine is None else engine
     folder = Path(path)
-    with locked(folder):
-        manifest = claim(folder, manifest_of(design, sweep))
+    with manifests.locked(folder):
+        manifest = manifests.claim(folder, Manifest(design=design, sweep=sweep))
+        damaged = _remove_damaged(folder)
         missing = open_dataset(folder).missing
-        begun, rows_before = clock(), sweep.rows - sum(sweep.rows_in(one) for one in missing)
-        rows, left = rows_before, len(missing)
+        begun, before = clock(), sweep.rows - sum(len(sweep.rows_of(c)) for c in missing)
+        rows, left = before, len(missing)
 
         def report() -> None:
             taken = clock() - begun
-            rate = (rows - rows_before) / taken if rows > rows_before and taken > 0 else 0.0
+            rate = (rows - before) / taken if rows > before and taken > 0 else 0.0
             if progress is not None:
                 progress(
                     State(
@@ -281,69 +335,19 @@ def write_dataset(
                 )
 
         report()
-        work = _Packer(compute, manifest.identity)
-        for chunk, image in workers.run(work, missing, deadline=deadline):
-            write_whole(_chunk_file(folder, chunk), image)
-            rows, left = rows + sweep.rows_in(chunk), left - 1
+        for chunk, image in workers.run(_Packer(compute), missing, deadline=deadline):
+            _write_chunk(_chunk_file(folder, chunk), image)
+            rows, left = rows + len(sweep.rows_of(chunk)), left - 1
             report()
         if missing:
-            seconds = clock() - begun
-            add_run(folder, Run(engine=workers.name, chunks=len(missing), seconds=seconds))
+            run = Run(
+                engine=workers.name,
+                chunks=len(missing),
+                damaged=damaged,
+                seconds=clock() - begun,
+            )
+            manifests.save_manifest(folder, replace(manifest, runs=(*manifest.runs, run)))
         return open_dataset(folder)
-
-
-def open_dataset(path: str | os.PathLike[str]) -> Dataset:
-    """A data set on disk, complete or not.
-
-    Parameters
-    ----------
-    path : str or path-like
-        The folder that `write_dataset` wrote.
-
-    Returns
-    -------
-    Dataset
-        Columns are read when they are asked for. Chunk files that cannot be read at all count as
-        missing.
-
-    Raises
-    ------
-    RecordingError
-        If there is no data set, or it holds chunks of another one.
-    MissingExtraError
-        If h5py is not installed.
-    """
-    _h5py()
-    folder = Path(path)
-    manifest = read_manifest(folder)
-    sweep = manifest.sweep
-    present, invalid, flagged = [], 0, 0
-    for chunk in range(sweep.chunks):
-        file = _chunk_file(folder, chunk)
-        stamp = _stamp(file)
-        if stamp is None:
-            continue
-        if stamp != replace(
-            stamp, identity=manifest.identity, chunk=chunk, rows=sweep.rows_in(chunk)
-        ):
-            raise RecordingError(f"{file} belongs to another data set; remove it")
-        present.append(chunk)
-        invalid += int(stamp.invalid)
-        flagged += int(stamp.flagged)
-    return Dataset(
-        path=folder, manifest=manifest, present=tuple(present), invalid=invalid, flagged=flagged
-    )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Stamp:
-    """What a chunk file says of itself."""
-
-    identity: str
-    chunk: int
-    rows: int
-    invalid: int
-    flagged: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -351,20 +355,11 @@ class _Packer:
     """On a worker: computes a chunk and packs it into the bytes of its file."""
 
     simulation: Callable[[int], Rows]
-    identity: str
 
     def __call__(self, chunk: int) -> bytes:
         rows = self.simulation(chunk)
         image = io.BytesIO()
         with _h5py().File(image, "w") as file:
-            stamp = _Stamp(
-                identity=self.identity,
-                chunk=chunk,
-                rows=len(rows),
-                invalid=int((~rows.valid).sum()),
-                flagged=int(rows.flags.any(axis=1).sum()),
-            )
-            file.attrs.update(asdict(stamp))
             for column in COLUMNS:
                 values = np.asarray(getattr(rows, column.field), dtype=column.kind)
                 _create(file, column, values.shape, values.dtype)[...] = values
@@ -387,25 +382,46 @@ def _create(file: Any, column: Column, shape: tuple[int, ...], kind: np.dtype[An
     return data
 
 
-def _stamp(file: Path) -> _Stamp | None:
-    """Of a chunk file; None if it is not there or cannot be read."""
-    if not file.exists():
-        return None
+def _write_chunk(file: Path, image: bytes) -> None:
+    """Write a chunk; its sum first, so that no chunk is ever without."""
     try:
-        with _h5py().File(file, "r") as opened:
-            return _Stamp(**opened.attrs)
-    except (OSError, TypeError):
-        return None
+        with open(file.parent / _SUMS, "ab") as sums:
+            sums.write(f"{_sum(image)}  {file.name}\n".encode())
+            sums.flush()
+            os.fsync(sums.fileno())
+    except OSError as error:
+        raise RecordingError(f"{file.parent} cannot be written: {error}") from error
+    write_whole(file, image)
+
+
+def _remove_damaged(folder: Path) -> int:
+    """Remove chunks that are not as they were written; how many there were."""
+    data = open_dataset(folder)
+    damaged = data.damaged()
+    for chunk in damaged:
+        _chunk_file(folder, chunk).unlink()
+    # Written anew, as a kill may have cut the last line.
+    sound = {_chunk_file(folder, chunk).name for chunk in set(data.present) - set(damaged)}
+    lines = [f"{value}  {name}\n" for name, value in _read_sums(folder).items() if name in sound]
+    write_whole(folder / _SUMS, "".join(lines).encode())
+    return len(damaged)
+
+
+def _read_sums(folder: Path) -> Mapping[str, str]:
+    """SHA-256 by the name of the file."""
+    try:
+        lines = (folder / _SUMS).read_text(encoding="utf-8", errors="replace").splitlines()
+    except FileNotFoundError:
+        return {}
+    return {name: value for value, _, name in (line.partition("  ") for line in lines)}
+
+
+def _sum(image: bytes) -> str:
+    return hashlib.sha256(image).hexdigest()
 
 
 def _chunk_file(folder: Path, chunk: int) -> Path:
     return folder / f"chunk-{chunk:06d}.h5"
-
-
-def _known(name: str) -> None:
-    if name not in {one.name for one in COLUMNS}:
-        known = ", ".join(one.name for one in COLUMNS)
-        raise RecordingError(f"column must be one of {known}; got {name!r}")
 
 
 def _h5py() -> Any:  # untyped

@@ -2,7 +2,7 @@
 
 Decides how work reaches workers, what happens when one dies (its item, and no other, is computed
 again) and how long anyone waits. Numerics in workers have one thread each, so that a result does
-not depend on how many workers there are.
+not depend on how many workers there are. Processes are loky's on this machine, dask's on a cluster.
 """
 
 import functools
@@ -10,19 +10,17 @@ import logging
 import os
 import pickle
 import signal
-import socket
-import subprocess
-import sys
+import threading
 import time
 import uuid
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future
+from concurrent.futures import wait as wait_for
 from contextlib import ExitStack, contextmanager, suppress
-from multiprocessing.connection import Connection, wait
 from types import MappingProxyType
-from typing import Any, Final, Protocol, TypeVar, final
+from typing import Any, Final, NamedTuple, Protocol, TypeVar, final
 
-from smoskin.datasets.worker import Answer
 from smoskin.errors import ArgumentError, EngineError, MissingExtraError
 
 Result = TypeVar("Result")
@@ -37,7 +35,6 @@ ONE_THREAD: Final[Mapping[str, str]] = MappingProxyType(
     }
 )
 _CHECKED: Final = ("OMP_NUM_THREADS", "NPROC")
-_SERVE: Final = "from smoskin.datasets.worker import main; main()"
 _LIVES: Final = 3
 """How many workers an item may end before it is given up."""
 _CONNECT, _START = 15.0, 60.0
@@ -46,6 +43,8 @@ _LOOK, _FETCH = 1.0, 30.0
 """s: between looks at a cluster's health, and for one result to come over."""
 _FETCHES: Final = 10
 """How often a result may be lost on its way."""
+_ORPHAN: Final = 0.2
+"""s between a worker's looks at whether its parent lives."""
 
 
 class Engine(Protocol):
@@ -53,7 +52,7 @@ class Engine(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is, for people."""
+        """Name of the engine, for people."""
         ...
 
     def run(
@@ -75,6 +74,16 @@ class Engine(Protocol):
             If the work raises, an item takes longer, or ends several workers one after another.
         """
         ...
+
+
+class _Job(NamedTuple):
+    """An item on a worker."""
+
+    item: int
+    pool: Any
+    """The worker: loky's executor of one process, so that a death is blamed on one item alone."""
+    due: float
+    """Moment on the monotonic clock by which it must be done, s."""
 
 
 @final
@@ -100,112 +109,90 @@ class LocalEngine:
 
     @property
     def name(self) -> str:
-        """What it is, for people."""
+        """Name of the engine, for people."""
         return f"local, {self.workers} worker{'s' * (self.workers > 1)}"
 
     def run(
         self, work: Callable[[int], Result], items: Sequence[int], *, deadline: float = 600.0
     ) -> Iterator[tuple[int, Result]]:
         """As `Engine.run` says."""
-        payload = _packed(work, deadline)
-        waiting = deque(items)
-        deaths: Counter[int] = Counter()
-        team: list[_Worker] = []
+        payload, start = _packed(work, deadline), _starter()
+        waiting, deaths = deque(items), Counter[int]()
+        running: dict[Future[Result], _Job] = {}
+        pools: list[Any] = []
+        idle: list[Any] = []
+        done: list[tuple[int, Result]] = []
         try:
-            while True:
-                while waiting and len(team) < self.workers:
-                    team.append(_Worker(payload, waiting.popleft(), deadline))
-                if not team:
-                    return
-                answers: list[Answer] = []
-                lost: list[tuple[int, str]] = []
-                for worker in _ready(team, deadline):
-                    answer = worker.answer()
-                    if answer is None:
-                        team.remove(worker)
-                        lost.append((worker.item, worker.end()))
-                        continue
-                    answers.append(answer)
-                    # Busy again before the result is handed on, which may take its time.
-                    if waiting and answer.error is None:
-                        worker.take(waiting.popleft(), deadline)
+            while waiting or running:
+                while waiting and len(running) < self.workers:
+                    if not idle:
+                        idle.append(start())
+                        pools.append(idle[-1])
+                    job = _Job(waiting.popleft(), idle.pop(), time.monotonic() + deadline)
+                    running[job.pool.submit(_computed, payload, job.item)] = job
+                # Workers are busy again before results are handed on, which may take its time.
+                yield from done
+                done = []
+                for future in _ready(running, deadline):
+                    job = running.pop(future)
+                    error = future.exception()
+                    if error is None:
+                        done.append((job.item, future.result()))
+                        idle.append(job.pool)
+                    elif isinstance(error, BrokenExecutor):
+                        deaths[job.item] += 1
+                        if deaths[job.item] == _LIVES:
+                            raise EngineError(f"item {job.item} ended {_LIVES} workers") from error
+                        waiting.appendleft(job.item)
                     else:
-                        team.remove(worker)
-                        worker.end()
-                for answer in answers:
-                    if answer.error is None:
-                        yield answer.item, answer.result
-                for answer in answers:
-                    if answer.error is not None:
-                        raise _failed(answer)
-                for item, ended in lost:
-                    deaths[item] += 1
-                    if deaths[item] == _LIVES:
-                        raise EngineError(f"item {item} ended {_LIVES} workers, the last {ended}")
-                    waiting.appendleft(item)
+                        yield from done
+                        raise EngineError(
+                            f"item {job.item}: {type(error).__name__}: {error}"
+                        ) from error
+            yield from done
         finally:
-            for worker in team:
-                worker.end()
+            for pool in pools:
+                pool.shutdown(wait=True, kill_workers=True)
 
 
-class _Worker:
-    """One process and the item that it is at."""
-
-    def __init__(self, payload: bytes, item: int, deadline: float) -> None:
-        ours, theirs = socket.socketpair()
-        with theirs:
-            self._process = subprocess.Popen(
-                [sys.executable, "-c", _SERVE, str(theirs.fileno())],
-                pass_fds=[theirs.fileno()],
-                stdin=subprocess.DEVNULL,
-                env=_environment(),
-                # Ctrl-C reaches the parent alone, which ends its workers in order.
-                start_new_session=True,
-            )
-        self.connection = Connection(ours.detach())
-        with suppress(OSError):  # the death of a worker shows where its answer is awaited
-            self.connection.send_bytes(payload)
-        self.take(item, deadline)
-
-    def take(self, item: int, deadline: float) -> None:
-        """Begin an item."""
-        self.item = item
-        self.due = time.monotonic() + deadline
-        with suppress(OSError):
-            self.connection.send(item)
-
-    def answer(self) -> Answer | None:
-        """What it has sent; None if it has died."""
-        try:
-            answer: Answer = self.connection.recv()
-        except (EOFError, OSError):
-            return None
-        return answer
-
-    def end(self) -> str:
-        """End the process, whatever it does; how it ended."""
-        self.connection.close()
-        with suppress(subprocess.TimeoutExpired):
-            # One that died by itself is seen so; one that still works is ended.
-            self._process.wait(0.2)
-        self._process.kill()
-        code = self._process.wait(_START)
-        return f"by {signal.Signals(-code).name}" if code < 0 else f"with exit code {code}"
-
-
-def _ready(team: list[_Worker], deadline: float) -> list[_Worker]:
-    """Those that have answered or died; waits for the first."""
-    first = min(team, key=lambda worker: worker.due)
-    heard = wait([worker.connection for worker in team], max(first.due - time.monotonic(), 0.0))
-    if not heard:
+def _ready(running: Mapping[Future[Result], _Job], deadline: float) -> list[Future[Result]]:
+    """Futures that are done; waits for the first."""
+    first = min(running.values(), key=lambda job: job.due)
+    left = max(first.due - time.monotonic(), 0.0)
+    ready = wait_for(running, timeout=left, return_when=FIRST_COMPLETED).done
+    if not ready:
         raise EngineError(f"item {first.item} took longer than {deadline:g} s")
-    return [worker for worker in team if worker.connection in heard]
+    return list(ready)
 
 
-def _environment() -> dict[str, str]:
-    """Of a worker process: this process' own, its import path and one thread."""
-    path = os.pathsep.join(one or os.getcwd() for one in sys.path)
-    return os.environ | ONE_THREAD | {"PYTHONPATH": path}
+def _starter() -> Callable[[], Any]:
+    """What starts one worker process."""
+    try:
+        from loky.process_executor import ProcessPoolExecutor
+    except ImportError as error:
+        raise MissingExtraError("a sweep in processes", "data") from error
+    return functools.partial(
+        ProcessPoolExecutor,
+        1,
+        env=dict(ONE_THREAD),
+        initializer=_end_with_parent,
+        initargs=(os.getpid(),),
+    )
+
+
+def _end_with_parent(parent: int) -> None:
+    """End this process as soon as its parent is gone, whatever it computes.
+
+    Ctrl-C reaches the parent, which ends its workers in order.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(_ORPHAN)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @final
@@ -236,7 +223,7 @@ class DaskEngine:
 
     @property
     def name(self) -> str:
-        """What it is, for people."""
+        """Name of the engine, for people."""
         return f"dask, {self.scheduler or 'on this machine'}"
 
     def run(
@@ -305,14 +292,7 @@ def _worked(payload: bytes, item: int) -> object:
             f"{' '.join(f'{name}=1' for name in _CHECKED)}); got {threads} threads, "
             f"{', '.join(wrong) or 'all set'}"
         )
-    return _unpacked(payload)(item)
-
-
-@functools.lru_cache(maxsize=1)
-def _unpacked(payload: bytes) -> Callable[[int], object]:
-    """The work of a payload, kept so that what it has prepared serves the next item too."""
-    work: Callable[[int], object] = pickle.loads(payload)
-    return work
+    return _computed(payload, item)
 
 
 def _finished(client: Any, running: Mapping[Any, int], deadline: float) -> list[Any]:
@@ -356,6 +336,18 @@ def _distributed() -> Any:  # untyped
     return distributed
 
 
+@functools.lru_cache(maxsize=1)
+def _unpacked(payload: bytes) -> Callable[[int], Any]:
+    """The work of a payload, kept so that what it has prepared serves the next item too."""
+    work: Callable[[int], Any] = pickle.loads(payload)
+    return work
+
+
+def _computed(payload: bytes, item: int) -> Any:
+    """One item, on a worker."""
+    return _unpacked(payload)(item)
+
+
 def _packed(work: Callable[[int], object], deadline: float) -> bytes:
     """The work as it travels."""
     if not deadline > 0:
@@ -364,10 +356,3 @@ def _packed(work: Callable[[int], object], deadline: float) -> bytes:
         return pickle.dumps(work)
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise ArgumentError(f"work must be picklable: {error}") from error
-
-
-def _failed(answer: Answer) -> EngineError:
-    """What to raise where the work has raised."""
-    error = EngineError(f"item {answer.item}: {answer.error}")
-    error.add_note(answer.trace)
-    return error
