@@ -1,4 +1,4 @@
-"""Writes docs/errata.md from the entries and numbers that `smoskin report` lists.
+"""Writes docs/errata.md from the entries and numbers that `python -m paper` lists.
 
 Run ``python docs/make_errata.py`` after changing `errata.toml` or the reference design; a test
 fails while the page differs.

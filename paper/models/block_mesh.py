@@ -21,7 +21,7 @@ _CORE: Final = 0.6
 _NEIGHBOURS: Final = np.array(
     [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]]
 )
-"""Of each corner of a cell, right-handed."""
+"""Neighbours of each corner of a cell, right-handed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

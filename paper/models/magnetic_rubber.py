@@ -24,7 +24,7 @@ _CORNERS: Final = np.array(
      [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]],
     dtype=np.float64,
 )  # fmt: skip
-"""Of the reference cube, in the order of a cell's corners."""
+"""Corners of the reference cube, in the order of a cell's corners."""
 
 
 class _Boxes(NamedTuple):

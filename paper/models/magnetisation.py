@@ -23,7 +23,7 @@ from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 OERSTED: Final = 1e3 / (4 * math.pi)
 """A/m."""
 _KNEE: Final = 0.9
-"""Of the remanence: the usual mark of the knee, H_k."""
+"""Part of the remanence that is left there: the usual mark of the knee, H_k."""
 _NODES: Final = (12, 12, 6)
 """Gauss nodes along a sector's radius, azimuth and half height."""
 
@@ -57,7 +57,7 @@ class MagnetisationLoop:
     """Slope of the recoil line, dM/dH: makers state a recoil permeability of 1.2 for bonded
     NdFeB."""
     width: float = 0.4
-    """Of the switching, over the coercivity. Assumed: it puts the knee at about 0.4 of the
+    """Width of the switching, over the coercivity. Assumed: it puts the knee at about 0.4 of the
     coercivity, as is usual for bonded, isotropic material; the SI prints no third point."""
     remanence_coefficient: float = -0.0011
     """1/degC, of the material's remanence: makers state -0.11 % for bonded NdFeB. A whole magnet
@@ -145,7 +145,7 @@ class MagnetisationLoop:
 
 
 class WorkingPoint(NamedTuple):
-    """Where a magnet works."""
+    """Working point of a magnet."""
 
     field: float
     """A/m, H inside it; negative opposes."""
@@ -229,7 +229,7 @@ def working_point(
     applied: float = 0.0,
     temperature: float = REFERENCE_TEMPERATURE,
 ) -> WorkingPoint:
-    """Where the descending loop meets the field of the magnet's own poles.
+    """Find where the descending loop meets the field of the magnet's own poles.
 
     Parameters
     ----------

@@ -4,7 +4,7 @@ The lower chip tells the drag (S26); the drag slides the sheet over the board by
 field that this slide makes at the upper chips is deducted from their signals, and the force that
 the model finds is multiplied by 1 + |F_p| / v_f. Decides how that is done on signals
 (`smoskin.sensing.signals.signals`); what it is worth on a sheet that does not slide as a whole is
-another matter, which `smoskin report` shows (Figure S11).
+another matter, which `python -m paper` shows (Figure S11).
 """
 
 from typing import NamedTuple

@@ -33,7 +33,7 @@ LEAST_ATTENUATION: Final = 1e-3
 _POINT: Final = 1e-6
 """m: radius of a touch that presses one vertex."""
 _STARTS: Final = (0.2, 0.6, 0.95)
-"""Where the search for v_a begins, along each axis."""
+"""Values from which the search for v_a begins, along each axis."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -207,7 +207,7 @@ def fit_stiffness(presses: UnitPresses) -> Reduction:
 
 
 def signs_agree(presses: UnitPresses) -> Bools:
-    """Where each magnet of the sheet moves the way that the reduced model says, (N, M, H, 2).
+    """Tell whether each magnet of the sheet moves as the reduced model says, (N, M, H, 2).
 
     Notes
     -----

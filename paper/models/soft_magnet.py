@@ -34,8 +34,8 @@ STANDOFF: Final = 3e-3
 REMANENCE: Final = 8.04e5
 """A/m: M_r of Text S6."""
 BULK_OVER_SHEAR: Final = 1000.0
-"""Of the soft magnet's rubber: Poisson's ratio 0.4995. Rubber has ten times more; a tenth of it
-would move the field change by ten percent already."""
+"""Ratio of the soft magnet's moduli: Poisson's ratio 0.4995. Rubber has ten times more; a tenth of
+it would move the field change by ten percent already."""
 _STRONGEST: Final = 1e3
 """N: largest force that is tried to press a skin."""
 _CLOSE: Final = 1e-3

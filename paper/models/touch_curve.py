@@ -32,7 +32,7 @@ from smoskin.twin.whole import Twin
 _ROOM: Final = 22.0
 """degC, in which skins are calibrated."""
 _MEAN_OVER_RMS: Final = float(np.sqrt(np.pi) / 2)
-"""Of the distance of a round normal error."""
+"""Mean over root mean square of the distance of a round normal error."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,13 +46,13 @@ class CurveEffort:
     """
 
     seeds: tuple[int, ...] = (1, 2)
-    """Of the made skins; tables are made of others."""
+    """Seeds of the made skins; tables are made of others."""
     counts: tuple[int, ...] = (3, 8, 15, 30, 60)
     """Touches after which estimates are judged."""
     forces: tuple[float, ...] = (0.3, 0.7)
     """N, normal, of the touches that are judged."""
     places: int = 30
-    """Of each of them, drawn from 25 x 33 from rim to rim."""
+    """Touches of each force, drawn from 25 x 33 from rim to rim."""
 
     def __post_init__(self) -> None:
         rising = all(a < b for a, b in zip((0, *self.counts), self.counts, strict=False))
@@ -69,7 +69,7 @@ class TouchCurve:
 
     counts: tuple[int, ...]
     chips: tuple[int, ...]
-    """Whose signals are used."""
+    """Chips whose signals are used."""
     planned: Floats
     """(L, N), m: mean distance of the estimates from the true places, after planned touches."""
     random: Floats

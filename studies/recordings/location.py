@@ -1,4 +1,4 @@
-"""Where a probe pressed: on places never trained on, later than trained on, under three zeros.
+"""Location of a probe: on places never trained on, later than trained on, under three zeros.
 
 Decides how drift is judged. The recording's own zero was taken anew before every press. Beside it
 stand the zero of the first moment alone, and the zero that
@@ -71,7 +71,7 @@ def score_location(
 
 
 _TRAININGS: Final = 3 * len(_Zero) * _FOLDS
-"""Of all questions: all chips, fewer chips, and later presses with all chips."""
+"""Trainings of all questions: all chips, fewer chips, and later presses with all chips."""
 
 
 class _Questions:

@@ -12,7 +12,7 @@ class Score:
     """One figure of one model in one test."""
 
     set: str
-    """Of the recording."""
+    """Name of the recording's set."""
     test: str
     """What was asked."""
     split: str

@@ -28,7 +28,7 @@ class Trial:
         self.notes: list[str] = []
         """Sets and tests left out, and what was chosen."""
         self.share = (0.0, 1.0)
-        """Where in the whole the present question begins, and how much of it it is."""
+        """Share of the whole at which the present question begins, and how much of it it is."""
 
     def report(self, what: str, done: float) -> None:
         """Pass on the progress of the present question."""

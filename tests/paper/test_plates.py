@@ -1,4 +1,4 @@
-"""What the report asks of the whole sheet, and the figures that it draws of it."""
+"""What scripts ask of the whole sheet, and the figures that they draw of it."""
 
 from types import SimpleNamespace
 
@@ -18,9 +18,11 @@ pytest.importorskip("matplotlib")
 
 @pytest.fixture(scope="module")
 def found(planar) -> SimpleNamespace:
-    from paper.assumptions import assumptions
-    from paper.environment import recovery, warmth
-    from paper.sheet_presses import covers, press_field
+    from paper.beyond.attenuation_fit import assumptions
+    from paper.beyond.displacement_field import press_field
+    from paper.figure_s9 import recovery
+    from paper.figure_s15 import warmth
+    from paper.figure_s16 import covers
 
     return SimpleNamespace(
         recovery=recovery(planar),
@@ -95,9 +97,9 @@ def test_the_erratum_says_what_came_out(planar, found):
 
 
 def test_the_fit_is_drawn_with_its_numbers(found):
-    from paper.assumption_plate import assumption_plate
+    from paper.beyond.attenuation_fit import draw
 
-    plate = assumption_plate(found.assumptions)
+    plate = draw(found.assumptions)
     written = texts(plate.figure)
     for one in found.assumptions.variants:
         assert "{:.2f}, {:.2f}".format(*one.columns.attenuation) in written
@@ -122,9 +124,9 @@ def test_the_columns_carry_the_press(planar, found):
 
 
 def test_the_displacement_field_is_drawn_with_its_scales(planar, found):
-    from paper.sheet_plates import press_plate
+    from paper.beyond.displacement_field import draw
 
-    plate = press_plate(planar, found.field)
+    plate = draw(planar, found.field)
     whole, reduced, section = plate.figure.axes[:3]
     arrows = whole.collections[1]
     factor = float(whole.get_title(loc="left").rpartition("x ")[2])
@@ -160,9 +162,9 @@ def test_covers_make_the_motion_independent_of_the_place(found):
 
 
 def test_covers_are_drawn_with_their_spread(found):
-    from paper.sheet_plates import cover_plate
+    from paper.figure_s16 import draw
 
-    plate = cover_plate(found.covers)
+    plate = draw(found.covers)
     bare, covered, spread, errors = plate.figure.axes
     assert bare.get_xlim() == covered.get_xlim()
     written = {text.get_text() for text in spread.texts}
@@ -201,9 +203,9 @@ def test_recovery_is_the_rubbers_creep(planar, found):
 
 
 def test_recovery_is_drawn_cell_by_cell(found):
-    from paper.environment_plates import recovery_plate
+    from paper.figure_s9 import draw
 
-    plate = recovery_plate(found.recovery)
+    plate = draw(found.recovery)
     shown = (found.recovery.times >= -2) & (found.recovery.times <= 12)
     assert len(plate.figure.axes) == 6
     for k, axis in enumerate(plate.figure.axes):
@@ -228,9 +230,9 @@ def test_all_three_components_fall_by_five_percent(found):
 
 
 def test_warmth_is_drawn_as_it_was_read(found):
-    from paper.environment_plates import warmth_plate
+    from paper.figure_s15 import draw
 
-    plate = warmth_plate(found.warmth)
+    plate = draw(found.warmth)
     fields, losses, rest = plate.figure.axes
     for k in range(3):
         read = np.abs(found.warmth.read[:, k]) * 1e3

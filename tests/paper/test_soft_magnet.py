@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from paper.figure_s10 import compare, comparison_rows, draw
 from paper.models.block_mesh import BlockMesh, mesh_block
 from paper.models.magnetisation import MagnetisationLoop
 from paper.models.soft_magnet import (
@@ -21,8 +22,6 @@ from paper.models.soft_magnet import (
     watched_everywhere,
 )
 from paper.models.solid import Block, PressedBlock, press_block
-from paper.soft_magnet_figure import compare, comparison_rows
-from paper.soft_magnet_plate import soft_magnet_plate
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
@@ -323,7 +322,7 @@ def test_report_says_what_the_paper_says(planar, tmp_path):
     assert found.section.shape == (2, len(found.section_z), len(found.section_x))
     assert_allclose(found.section_x, -found.section_x[::-1], atol=1e-15)
     assert np.isfinite(found.section).all()
-    plate = soft_magnet_plate(found, MagnetisationLoop())
+    plate = draw(found, MagnetisationLoop())
     first, second = (plate.write(tmp_path).read_bytes() for _ in range(2))
     assert first == second
     assert f"{found.visibility[1]:.2g} times the noise of one reading" in plate.caption

@@ -6,23 +6,23 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from paper.bound_plate import blind_regions
-from paper.shear_learning import (
+from paper.beyond.touch_bound import blind_regions
+from paper.beyond.touch_pairs import touch_error_rows
+from paper.figure_s11 import shear_learning_rows
+from paper.shared.setting import Setting, TrialSkin, bench_signals
+from paper.shared.shear_learning import (
     DRAGS,
     SHOWN,
     Jointly,
     read_jointly,
     shear_learning,
 )
-from paper.shear_learning_rows import shear_learning_rows
-from paper.touch_errors import (
+from paper.shared.touch_errors import (
     DISTANCES,
     FORCES,
     PairErrors,
     TouchErrors,
-    touch_error_rows,
 )
-from paper.trial_skins import TrialSkin, bench_signals, trial_table
 from smoskin.errors import ModelError
 from smoskin.records import Motion
 from smoskin.sensing.response.bound import bound_map, bound_of_slopes
@@ -57,7 +57,7 @@ def test_a_table_of_other_chips_is_refused(planar):
     with pytest.raises(
         ModelError, match=r"table must be of all chips of the design 'planar'.*1, 2"
     ):
-        trial_table(planar, reduced_table(planar).of_chips((1, 2)))
+        Setting(planar, reduced_table(planar).of_chips((1, 2)))
 
 
 # Figure S11
@@ -130,8 +130,11 @@ def test_the_drag_found_in_straight_presses_is_the_pull_of_a_finger_that_sticks(
 def test_rows_of_the_shear_tell_what_came_out(shear, jointly):
     rows = {row.id: row for row in shear_learning_rows(shear, jointly)}
     assert list(rows) == [
-        "figure_s11.without", "figure_s11.force", "figure_s11.place", "figure_s11.open",
-    ]  # fmt: skip
+        "figure_s11.without",
+        "figure_s11.force",
+        "figure_s11.place",
+        "figure_s11.open",
+    ]
     assert {row.verdict for row in rows.values()} == {"reproduced"}
     assert "by 4 mN" in rows["figure_s11.open"].computed
     both = shear.whole.x.raw.distance[SHOWN].mean(), shear.whole.y.raw.distance[SHOWN].mean()
@@ -159,9 +162,9 @@ def test_where_preprocessing_mends_everything_the_row_does_not_hold(shear, joint
 
 
 def test_the_shear_is_drawn_in_the_papers_order(shear, jointly):
-    from paper.shear_learning_plate import shear_learning_plate
+    from paper.figure_s11 import draw
 
-    plate = shear_learning_plate(shear, jointly)
+    plate = draw(shear, jointly)
     axes = plate.figure.axes
     assert [axis.get_title(loc="left")[:3] for axis in axes] == [f"({one})" for one in "abcdefghi"]
     raw, after, joint = axes[1].lines
@@ -219,9 +222,9 @@ def test_ratio_and_super_resolution_follow_their_definitions(touches):
 
 
 def test_bounds_and_errors_share_a_scale(touches):
-    from paper.bound_plate import bound_plate
+    from paper.beyond.touch_bound import draw
 
-    plate = bound_plate(touches)
+    plate = draw(touches)
     maps = [axis for axis in plate.figure.axes if axis.get_title(loc="left").startswith("(")]
     assert len(maps) == 6
     for above, below in zip(maps[:3], maps[3:], strict=True):
@@ -231,10 +234,10 @@ def test_bounds_and_errors_share_a_scale(touches):
     assert "area a chip over mean square error" in plate.caption
 
 
-def test_pairs_are_drawn_with_their_numbers(pairs):
-    from paper.pairs_plate import pairs_plate
+def test_pairs_are_drawn_with_their_numbers(pairs, touches):
+    from paper.beyond.touch_pairs import draw
 
-    plate = pairs_plate(pairs)
+    plate = draw(pairs, touches)
     written = texts(plate.figure)
     assert "0 %" in written
     assert "none" in written

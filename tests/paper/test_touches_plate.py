@@ -42,9 +42,9 @@ def test_efforts_that_judge_nothing_are_refused():
 
 def test_the_curve_is_drawn_with_its_numbers(curve, tmp_path):
     pytest.importorskip("matplotlib")
-    from paper.touches_plate import touches_plate
+    from paper.beyond.calibration_touches import draw
 
-    plate = touches_plate(curve)
+    plate = draw(curve)
     place, force = plate.figure.axes
     planned = next(line for line in place.lines if line.get_label() == "planned touches")
     assert np.allclose(planned.get_ydata(), 1e3 * curve.planned.mean(axis=0))
@@ -53,7 +53,7 @@ def test_the_curve_is_drawn_with_its_numbers(curve, tmp_path):
     assert f"{1e3 * curve.planned[:, -1].mean():.2f} mm" in plate.caption
     assert "6 signals on 2 made skins" in plate.caption
     path = plate.write(tmp_path)
-    assert path.read_bytes() == touches_plate(curve).write(tmp_path).read_bytes()
+    assert path.read_bytes() == draw(curve).write(tmp_path).read_bytes()
 
 
 @pytest.mark.slow

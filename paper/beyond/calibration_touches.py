@@ -1,15 +1,34 @@
-"""Draws how the error of estimates falls with the touches that calibrate a skin."""
+"""
+Calibration touches against error
+=================================
+
+Not in the paper: how the errors of the Bayesian estimator fall with the touches that calibrate a
+made skin, planned and random, beside the paper's network after 825 presses for each force.
+"""
 
 from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from paper.models.touch_curve import TouchCurve
-from paper.style import BLUE, GREY, INK, ORANGE, Plate, lay_out, styled
+from paper.models.touch_curve import CurveEffort, TouchCurve, touch_curve
+from paper.shared.setting import SEEDS, Setting, upper_chips
+from paper.shared.style import (
+    BLUE,
+    GREY,
+    INK,
+    ORANGE,
+    Look,
+    Plate,
+    canvas,
+    lay_out,
+    note,
+    open_axes,
+    styled,
+)
 from smoskin.arrays import Floats
 
+EFFORT: Final = CurveEffort(seeds=SEEDS, counts=(2, 6, 20, 60), forces=(0.5,), places=20)
 _TICKS: Final = (0.05, 0.1, 0.2, 0.3, 0.5, 1, 2, 3, 5, 10, 20)
 _PRINTED_PLACE: Final = 1.89
 """mm: mean error of the paper's network on one skin, after 825 presses for each force."""
@@ -17,14 +36,20 @@ _PRINTED_FORCE: Final = 8.0
 """Per cent, likewise."""
 
 
-def touches_plate(found: TouchCurve) -> Plate:
+def plate(setting: Setting) -> Plate:
     """Errors of place and of force over the number of touches, planned and random."""
+    table = setting.table.of_chips(upper_chips(setting.design))
+    return draw(touch_curve(setting.design, table, EFFORT))
+
+
+def draw(found: TouchCurve) -> Plate:
+    """Place on the left, force on the right."""
     with styled():
-        figure = Figure(figsize=(7.2, 3.1), layout="constrained")
+        figure = canvas(7.2, 3.1)
         place, force = figure.subplots(1, 2)
         _curves(place, found.counts, 1e3 * found.planned, 1e3 * found.random)
-        place.plot(found.counts, 1e3 * found.expected, color=BLUE, linewidth=0.8, linestyle=":",
-                   label="expected of planned ones")  # fmt: skip
+        look: Look = {"color": BLUE, "linewidth": 0.8, "linestyle": ":"}
+        place.plot(found.counts, 1e3 * found.expected, label="expected of planned ones", **look)
         _level(place, 1e3 * found.bound, "bound by noise")
         _level(place, _PRINTED_PLACE, "paper, 825 presses a force")
         place.set(title="(a) place", ylabel="mean error (mm)")
@@ -34,13 +59,12 @@ def touches_plate(found: TouchCurve) -> Plate:
         for axis in (place, force):
             axis.set(xscale="log", yscale="log", xlabel="touches of the calibration")
             axis.set_xticks(found.counts, [str(count) for count in found.counts])
-            for side in ("top", "right"):
-                axis.spines[side].set_visible(False)
+            open_axes(axis)
             low, high = axis.get_ylim()
             ticks = [one for one in _TICKS if low <= one <= high]
             axis.set_yticks(ticks, [f"{one:g}" for one in ticks])
             axis.minorticks_off()
-        place.legend(fontsize=6.5, loc="upper right", bbox_to_anchor=(1.0, 0.9))
+        place.legend(loc="upper right", bbox_to_anchor=(1.0, 0.9))
         lay_out(figure)
     least, most = found.counts[0], found.counts[-1]
     chips = f"{3 * len(found.chips)} signals"
@@ -65,18 +89,20 @@ def touches_plate(found: TouchCurve) -> Plate:
 
 def _curves(axis: Axes, counts: tuple[int, ...], planned: Floats, random: Floats) -> None:
     """Means over the skins, in bands from the best to the worst."""
-    for values, colour, marker, name in (
-        (planned, BLUE, "o", "planned touches"),
-        (random, ORANGE, "s", "random touches"),
-    ):
-        axis.fill_between(counts, values.min(axis=0), values.max(axis=0), color=colour, alpha=0.15,
-                          linewidth=0)  # fmt: skip
-        axis.plot(counts, np.mean(values, axis=0), color=colour, marker=marker, markersize=3,
-                  linewidth=1.0, label=name)  # fmt: skip
+    kinds = (planned, BLUE, "o", "planned touches"), (random, ORANGE, "s", "random touches")
+    for values, colour, marker, name in kinds:
+        low, high = values.min(axis=0), values.max(axis=0)
+        axis.fill_between(counts, low, high, color=colour, alpha=0.15, linewidth=0)
+        look: Look = {"color": colour, "marker": marker, "markersize": 3, "linewidth": 1.0}
+        axis.plot(counts, np.mean(values, axis=0), label=name, **look)
 
 
 def _level(axis: Axes, value: float, name: str) -> None:
     """A line across, with its name."""
     axis.axhline(value, color=GREY, linewidth=0.8, linestyle="--")
-    axis.annotate(name, (1.0, value), (-2, 2), xycoords=("axes fraction", "data"),
-                  textcoords="offset points", ha="right", fontsize=6.5, color=INK)  # fmt: skip
+    look: Look = {"xycoords": ("axes fraction", "data"), "ha": "right", "color": INK}
+    note(axis, name, (1.0, value), (-2, 2), **look)
+
+
+if __name__ == "__main__":
+    plate(Setting()).show()

@@ -1,48 +1,64 @@
-"""Draws how well a touch could be told everywhere, and how well it is."""
+"""
+How well a touch could be told, and is
+======================================
+
+Not in the paper: the Cramer-Rao bound by the chips' noise for a touch anywhere on the skin, and the
+errors of the Bayesian estimator on made skins.
+"""
 
 from typing import Final
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 
-from paper.style import Plate, lay_out, quiet, styled
-from paper.touch_errors import DRAG, FORCE, TouchErrors
+from paper.shared.setting import Setting
+from paper.shared.style import (
+    COLOURS,
+    Look,
+    Plate,
+    canvas,
+    colour_bar,
+    draw_map,
+    lay_out,
+    styled,
+)
+from paper.shared.touch_errors import DRAG, FORCE, TouchErrors, touch_errors
 from smoskin.arrays import Floats
 from smoskin.sensing.response.bound import BoundMap, SuperResolution
 
-_MAP: Final = "cividis"
 _TICKS: Final = (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50)
-_COLUMNS: Final = (("place (mm)", 1e3), ("normal force (mN)", 1e3), ("drag (mN)", 1e3))
+_COLUMNS: Final = ("place (mm)", "normal force (mN)", "drag (mN)")
 
 
-def bound_plate(found: TouchErrors) -> Plate:
+def plate(setting: Setting) -> Plate:
     """Bounds above, errors below; each column has one scale."""
+    return draw(touch_errors(setting.design, setting.skins))
+
+
+def draw(found: TouchErrors) -> Plate:
+    """Three maps of bounds and three of errors."""
     bound = found.bound
-    tops = (bound.location, bound.force, np.hypot(bound.drag[..., 0], bound.drag[..., 1]))
-    below = (found.distance, found.force, found.drag)
+    bounds = (bound.location, bound.force, np.hypot(bound.drag[..., 0], bound.drag[..., 1]))
+    errors = (found.distance, found.force, found.drag)
     with styled():
-        figure = Figure(figsize=(7.2, 6.4), layout="constrained")
+        figure = canvas(7.2, 6.4)
         axes = figure.subplots(2, 3, sharex=True, sharey=True)
-        for column, (label, factor) in enumerate(_COLUMNS):
-            values = [factor * one[column] for one in (tops, below)]
-            low, high = _ends(np.concatenate([one.ravel() for one in values]))
+        for column, (label, *values) in enumerate(zip(_COLUMNS, bounds, errors, strict=True)):
+            low, high = _ends(1e3 * np.concatenate([one.ravel() for one in values]))
             norm = LogNorm(low, high)
-            for row, (one, kind) in enumerate(zip(values, ("bound of", "error of"), strict=True)):
+            for row, (one, kind) in enumerate(zip(values, ("bound", "error"), strict=True)):
                 axis = axes[row][column]
-                _draw(axis, found, np.maximum(one, low), norm)
-                name = label.rpartition(" (")[0]
-                axis.set_title(f"({'abcdef'[3 * row + column]}) {kind} {name}")
-            bar = figure.colorbar(
-                ScalarMappable(norm, _MAP), ax=list(axes[:, column]), label=label, shrink=0.6,
-                location="bottom", format=FuncFormatter(lambda value, _: f"{value:g}"),
-                ticks=[one for one in _TICKS if low <= one <= high],
-            )  # fmt: skip
+                edges = _edges(bound.x) * 1e3, _edges(bound.y) * 1e3
+                draw_map(axis, np.maximum(1e3 * one, low), norm, edges=edges, line=0)
+                letter, name = "abcdef"[3 * row + column], label.rpartition(" (")[0]
+                axis.set(title=f"({letter}) {kind} of {name}", aspect="equal")
+            look: Look = {"shrink": 0.6, "location": "bottom"}
+            look["ticks"] = [one for one in _TICKS if low <= one <= high]
+            bar = colour_bar(
+                figure, ScalarMappable(norm, COLOURS), list(axes[:, column]), label, **look
+            )
             bar.minorticks_off()
-            quiet(bar)
         for axis in axes[:, 0]:
             axis.set_ylabel("y (mm)")
         for axis in axes[1]:
@@ -95,17 +111,15 @@ def _ends(values: Floats) -> tuple[float, float]:
     return float(low), float(max(high, 1.01 * low))
 
 
-def _draw(axis: Axes, found: TouchErrors, values: Floats, norm: LogNorm) -> None:
-    """One map over the skin, a tile a place."""
-    lines = []
-    for line in (found.bound.x, found.bound.y):
-        half = (line[1] - line[0]) / 2
-        lines.append(np.append(line - half, line[-1] + half) * 1e3)
-    axis.pcolormesh(*lines, values.T, cmap=_MAP, norm=norm, edgecolor="face", linewidth=0.2)
-    axis.set_aspect("equal")
-    axis.tick_params(length=0)
-    axis.spines[:].set_visible(False)
+def _edges(middles: Floats) -> Floats:
+    """Ends of tiles round evenly spread places."""
+    half = (middles[1] - middles[0]) / 2
+    return np.append(middles - half, middles[-1] + half)
 
 
 def _factors(one: SuperResolution) -> str:
     return f"{one.area:.0f} and {one.spacing:.0f}"
+
+
+if __name__ == "__main__":
+    plate(Setting()).show()

@@ -12,8 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from paper.rows import Row, stated
-from paper.trial_skins import TrialSkin
+from paper.shared.setting import TrialSkin
 from smoskin.arrays import Floats
 from smoskin.commands.score.evaluate import Judged, grid_sessions, judge, press
 from smoskin.design.skin import SkinDesign
@@ -67,7 +66,7 @@ class TouchErrors:
 
     @property
     def super_resolution(self) -> SuperResolution:
-        """That the estimator reaches, in both usual definitions."""
+        """Super-resolution that the estimator reaches, in both usual definitions."""
         taxel = self.bound.x[-1] * self.bound.y[-1] / self.bound.chips
         return SuperResolution(
             float(taxel / self.squared.mean()), float(np.sqrt(taxel) / self.distance.mean())
@@ -153,36 +152,6 @@ def pair_errors(design: SkinDesign, skin: TrialSkin) -> PairErrors:
         each_bound=bound.reshape(shape),
         told=told,
     )
-
-
-def touch_error_rows(single: TouchErrors, pairs: PairErrors) -> list[Row]:
-    """What Text S8 says of two touches at once, beside what came out."""
-    apart = pairs.apart
-    far = pairs.each[apart]
-    return [
-        stated(
-            "touch.solved",
-            "Text S8",
-            "two touches have 6 unknowns and the skin 9 signals: mathematically it can be solved",
-            f"the signals' slopes by the unknowns have rank 6 for {100 * pairs.told:.0f} % of "
-            f"{pairs.each.size} pairs; by the chips' noise alone the places of pairs from 40 mm "
-            "and 0.3 N on could be told to "
-            f"{1e3 * np.median(pairs.each_bound[apart]):.1f} mm in the median, and are told to "
-            f"{1e3 * np.nanmean(far):.1f} mm in the mean",
-            pairs.told == 1.0,
-            "Cramer-Rao bound and Bayesian estimator on a made skin after 60 calibration touches",
-        ),
-        stated(
-            "touch.switch",
-            "Text S8",
-            "the learned algorithm cannot tell one touch from several; improvement is required",
-            f"counted right: {100 * pairs.counted[apart].mean():.0f} % of the pairs from 40 mm and "
-            f"0.3 N on, {100 * single.counted:.0f} % of single touches, "
-            f"{100 * single.idle:.0f} % of the moments without touch",
-            min(pairs.counted[apart].mean(), single.counted, single.idle) > 0.9,
-            "by the evidence of one and of two touches on the response table of a made skin",
-        ),
-    ]
 
 
 def _estimator(design: SkinDesign, skin: TrialSkin, drag: float) -> BayesEstimator:

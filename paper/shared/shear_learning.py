@@ -19,7 +19,7 @@ from paper.models.preprocessing import (
     folding_corrections,
     without_shear,
 )
-from paper.trial_skins import TrialSkin, bench_signals
+from paper.shared.setting import TrialSkin, bench_signals
 from smoskin.arrays import Floats, Ints
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.inversion import FieldInverse
@@ -40,11 +40,11 @@ from smoskin.twin.whole import Twin
 DRAGS: Final = (0.0, 0.1, 0.3, 0.5)
 """N."""
 SHOWN: Final = 2
-"""Of the drags, the one that panels a to f show."""
+"""Index of the drag that panels a to f show."""
 FORCES: Final = (0.3, 0.5, 0.7, 1.0)
 """N, normal, on every cell."""
 PLACES: Final = (25, 33)
-"""Where the skin is pressed for the model, as the SI does."""
+"""Places along x and y at which the skin is pressed for the model, as the SI does."""
 _FORCE: Final = (0.1, 1.0)
 """N, from and to, of those presses; two a place."""
 _EFFORT: Final = Effort(rows=1650, evidence_rows=400, iterations=30)
@@ -215,7 +215,7 @@ class _Bench:
 
 
 def _theory(reduced: ReducedTwin, where: Floats, push: Floats) -> Motion:
-    """Of many touches, one at a time."""
+    """Motions under many touches, one at a time."""
     return reduced.motions(Touches(position=where[:, None], force=push[:, None]))
 
 
@@ -285,7 +285,7 @@ def _learn(bench: _Bench) -> LearnedModel:
 
 
 def _inputs(model: LearnedModel, signals: Floats) -> Floats:
-    """Of the model, (T, D)."""
+    """Inputs of the model, (T, D)."""
     return model.encoding.encode(np.arange(len(signals), dtype=np.float64), signals)
 
 
@@ -359,7 +359,7 @@ def _jointly(design: SkinDesign, joint: TouchSolver, axis: int, said: Floats) ->
 
 
 def _readings(values: Floats, where: Floats) -> Readings:
-    """Of x, y and the normal force (D R, 3) at places (R, 2)."""
+    """Readings of x, y and the normal force (D R, 3) at places (R, 2)."""
     shaped = values.reshape(-1, len(where), 3)
     return Readings(place=shaped[..., :2] - where, force=shaped[..., 2])
 

@@ -1,11 +1,12 @@
-"""One line of the report: a printed value, the computed one, and the verdict on both.
+"""Rows of the report: a printed value beside the computed one.
 
-Rows of numbers judge themselves: within `TOLERANCE` a value counts as reproduced, else it is
-unresolved. Only an erratum is `corrected`.
+Decides the verdict. Rows of numbers judge themselves: within `TOLERANCE` a value counts as
+reproduced, else it is unresolved. Only an erratum is `corrected`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 Verdict = Literal["reproduced", "corrected", "unresolved"]
 
@@ -20,11 +21,11 @@ class Row:
     id: str
     """Names the row for ever; errata have their numbers, E1 or U1."""
     place: str
-    """Where it is printed."""
+    """Place in the print."""
     printed: float | str
     """As printed; a float where it is a number."""
     computed: float | str
-    """By this package."""
+    """What this package computes."""
     deviation: float | None
     """computed / printed - 1; None where there is no number to compare."""
     verdict: Verdict
@@ -65,3 +66,33 @@ def stated(id: str, place: str, printed: str, computed: str, holds: bool, why: s
         verdict="reproduced" if holds else "unresolved",
         why=why,
     )
+
+
+def summary(rows: Sequence[Row]) -> str:
+    """How many rows have which verdict, as a sentence."""
+    counts = [
+        f"{sum(row.verdict == verdict for row in rows)} {verdict}" for verdict in get_args(Verdict)
+    ]
+    return f"{len(rows)} rows: {', '.join(counts)}."
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Printed and computed values one below the other, as people read them.
+
+    Examples
+    --------
+    >>> print(table([compared("pi", "a table", 3.0, 3.14159, "by its series")]))
+    pi (a table): unresolved
+      printed   3
+      computed  3.14159
+      why       by its series
+    """
+    return "\n".join(
+        f"{row.id} ({row.place}): {row.verdict}\n  printed   {_text(row.printed)}\n"
+        f"  computed  {_text(row.computed)}\n  why       {row.why}"
+        for row in rows
+    )
+
+
+def _text(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:.8g}"

@@ -1,0 +1,314 @@
+"""
+The attenuation model fitted to the whole sheet
+===============================================
+
+Not in the paper: with which v_a the reduced model (S7-S11) stands for the whole sheet, and what it
+would need to do so. The SI's assumptions are granted to the whole sheet one after the other, and
+its columns made stiffer.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+
+from paper.models.reduction import (
+    LEAST_ATTENUATION,
+    Reduction,
+    UnitPresses,
+    fit_columns,
+    fit_magnets,
+    fit_stiffness,
+    signs_agree,
+    unit_presses,
+)
+from paper.shared.setting import Setting
+from paper.shared.style import (
+    BLUE,
+    GREY,
+    INK,
+    ORANGE,
+    RED,
+    SMALL,
+    Plate,
+    canvas,
+    draw_map,
+    lay_out,
+    logarithmic,
+    note,
+    open_axes,
+    percent,
+    styled,
+)
+from smoskin.arrays import Bools
+from smoskin.design.skin import SkinDesign
+from smoskin.mechanics.sheet.lattice import Springs, build_lattice, springs_of
+from smoskin.mechanics.sheet.model import BarHinge
+from smoskin.mechanics.sheet.touches import Covered, Grip, Sticking
+
+AXIALLY_RIGID: Final = 1e4
+"""Factor on the columns' axial stiffness at which they hardly sink any more."""
+_RIGID_BENDING, _RIGID_MEMBRANE = 1e3, 10.0
+"""Factors on the panels' stiffness at which cells fold, and hardly anything else."""
+AXIAL_FACTORS: Final = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, AXIALLY_RIGID)
+"""On the designed axial stiffness; shear as designed."""
+COLUMN_SIZES: Final = (
+    (1.5e-3, 10e-3),
+    (1.5e-3, 2.5e-3),
+    (3e-3, 2.5e-3),
+    (4.5e-3, 2.5e-3),
+    (4.5e-3, 1.25e-3),
+)
+"""m: radius and height of columns that a mould could make; at 4.5 mm neighbours nearly touch."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Variant:
+    """The whole sheet with some of the SI's assumptions granted, and the model fitted to it."""
+
+    name: str
+    """What is granted."""
+    presses: UnitPresses
+    columns: Reduction
+    """Fitted to the columns' motion, its scale too."""
+    unscaled: Reduction
+    """The same with the whole press folding the cell, as the SI has it."""
+    magnets: Reduction
+    """Fitted to the magnets' motion, its scale too."""
+    stiffness: Reduction
+    """v_a and v_s by the SI's own procedure."""
+    agree: Bools
+    """(N, M, 2, 2): signs of both magnets' motion along both axes are Table S1's."""
+
+    @property
+    def cells_agreeing(self) -> int:
+        """Cells with all four signs of Table S1."""
+        return int(self.agree.all(axis=(2, 3)).sum())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ColumnSize:
+    """What columns of one size would change."""
+
+    radius: float
+    """m."""
+    height: float
+    """m."""
+    axial: float
+    """N/m."""
+    folding: float
+    """Share of the sink that folds the pressed cell, mean over all cells."""
+    stiffness: float
+    """N/m, mean over all cells."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Assumptions:
+    """All variants, and how the share of folding hangs on the columns."""
+
+    variants: tuple[Variant, ...]
+    """As built first."""
+    axial_factors: tuple[float, ...]
+    """On the designed axial stiffness."""
+    folding: tuple[float, ...]
+    """Share of the sink that folds the pressed cell, with the frame."""
+    folding_free: tuple[float, ...]
+    """The same without the frame."""
+    sizes: tuple[ColumnSize, ...]
+
+
+def assumptions(design: SkinDesign) -> Assumptions:
+    """Press the whole sheet in all its variants."""
+    springs = springs_of(design)
+    free = replace(springs, frame=0.0)
+    hard = _axially(springs, AXIALLY_RIGID)
+    rigid = replace(
+        hard,
+        panel_bending=_RIGID_BENDING * springs.panel_bending,
+        panel_membrane=_RIGID_MEMBRANE * springs.panel_membrane,
+    )
+    cases: tuple[tuple[str, Springs, Grip], ...] = (
+        ("as built, a finger sticks", springs, Sticking()),
+        ("loaded vertex guided along z", springs, Covered()),
+        ("guided, no frame", free, Covered()),
+        ("guided, columns rigid along z", hard, Covered()),
+        ("... and no frame", replace(hard, frame=0.0), Covered()),
+        ("... and nearly rigid panels", replace(rigid, frame=0.0), Covered()),
+    )
+    return Assumptions(
+        variants=tuple(_variant(name, _pressed(design, made, grip)) for name, made, grip in cases),
+        axial_factors=AXIAL_FACTORS,
+        folding=tuple(_folding(design, _axially(springs, k)) for k in AXIAL_FACTORS),
+        folding_free=tuple(_folding(design, _axially(free, k)) for k in AXIAL_FACTORS),
+        sizes=tuple(_column_size(design, radius, height) for radius, height in COLUMN_SIZES),
+    )
+
+
+def _axially(springs: Springs, factor: float) -> Springs:
+    """Columns so many times as stiff along z."""
+    return replace(springs, column_axial=factor * springs.column_axial)
+
+
+def _pressed(design: SkinDesign, springs: Springs, grip: Grip) -> UnitPresses:
+    return unit_presses(BarHinge(design, grip=grip, lattice=build_lattice(design, springs)))
+
+
+def _folding(design: SkinDesign, springs: Springs) -> float:
+    """Share of the sink that folds the pressed cell, mean over all cells."""
+    return float(_pressed(design, springs, Covered()).folding.mean())
+
+
+def _variant(name: str, presses: UnitPresses) -> Variant:
+    return Variant(
+        name=name,
+        presses=presses,
+        columns=fit_columns(presses),
+        unscaled=fit_columns(presses, scale=1.0),
+        magnets=fit_magnets(presses),
+        stiffness=fit_stiffness(presses),
+        agree=signs_agree(presses),
+    )
+
+
+def _column_size(design: SkinDesign, radius: float, height: float) -> ColumnSize:
+    made = replace(design, columns=replace(design.columns, radius=radius, height=height))
+    springs = springs_of(made)
+    presses = _pressed(made, springs, Covered())
+    return ColumnSize(
+        radius=radius,
+        height=height,
+        axial=springs.column_axial,
+        folding=float(presses.folding.mean()),
+        stiffness=float(presses.stiffness.mean()),
+    )
+
+
+# %%
+# Drawn
+
+_MAPPED: Final = (0, 3, 5)
+"""Variants that are drawn as maps."""
+
+
+def plate(setting: Setting) -> Plate:
+    """Maps of what the fitted reduced model leaves, and the share of folding over the columns."""
+    return draw(assumptions(setting.design))
+
+
+def draw(found: Assumptions) -> Plate:
+    """Three maps, a table of all variants, and the columns' curve."""
+    with styled():
+        figure = canvas(7.2, 7.8)
+        grid = figure.add_gridspec(3, 3, height_ratios=(1.15, 0.75, 1))
+        for column, (letter, k) in enumerate(zip("abc", _MAPPED, strict=True)):
+            axis = figure.add_subplot(grid[0, column])
+            _draw_map(axis, found.variants[k])
+            axis.set_title(f"({letter}) {_short(found.variants[k].name)}")
+            axis.label_outer()
+        _draw_table(figure.add_subplot(grid[1, :]), found)
+        _draw_columns(figure.add_subplot(grid[2, :]), found)
+        lay_out(figure)
+    built, guided, hard, rigid = (found.variants[k] for k in (0, 1, 3, 5))
+    half = float(np.interp(0.5, found.folding, np.log10(found.axial_factors)))
+    return Plate(
+        name="attenuation_fit",
+        title="The reduced model fitted to the whole sheet",
+        caption="Not in the paper: the attenuation model (S7-S11) fitted to the columns' motion in "
+        "the plane on the whole sheet, for a small press on each cell. Maps: what is left, over "
+        "that motion; a cross marks cells where some magnet moves against Table S1. As built "
+        f"v_a = {_pair(built)} leaves {percent(built.columns.residual)} and needs a scale of "
+        f"{built.columns.scale:.3f}: columns are so soft along z that the sheet sinks on them like "
+        f"a plate, and only {percent(guided.presses.folding.mean())} of a press folds its cell. "
+        "The SI does not provide for that: there bottom vertices move in the plane alone. With "
+        f"columns rigid along z v_a = {_pair(hard)} leaves {percent(hard.columns.residual)}; "
+        "with no frame and nearly rigid panels as well "
+        f"{percent(rigid.columns.residual)}, the sheet's turn about the pressed vertex. Half of "
+        f"the press would fold the cell only with columns {10**half:.0f} times as stiff along z at "
+        "the same shear (d); shorter and thicker ones stiffen in shear as well. The columns' size "
+        "is assumed, not printed (U5).",
+        figure=figure,
+    )
+
+
+def _pair(variant: Variant) -> str:
+    """v_aX and v_aY, fitted to the columns."""
+    return "{:.2f}, {:.2f}".format(*variant.columns.attenuation)
+
+
+def _bound(fit: Reduction) -> str:
+    """v_a, unless the search ended at its lower end, and what is left."""
+    v = fit.attenuation[0]
+    return f"{f'{v:.2f}' if v > 2 * LEAST_ATTENUATION else 'none'}, {percent(fit.residual)}"
+
+
+def _short(name: str) -> str:
+    """A variant's name that fits over its map."""
+    return name.removeprefix("guided, ").replace("...", "same").replace(", a finger sticks", "")
+
+
+def _draw_map(axis: Axes, variant: Variant) -> None:
+    """What is left for a press on each cell."""
+    left = variant.columns.cell_residual
+    draw_map(axis, left, Normalize(0, 1), texts=[[f"{one:.2f}" for one in line] for line in left])
+    for n, m in np.argwhere(~variant.agree.all(axis=(2, 3))):
+        axis.plot(n + 1.32, m + 1.32, "x", color=RED, markersize=4, markeredgewidth=1.2)
+
+
+_COLUMNS: Final[tuple[tuple[float, str, Callable[[Variant], str]], ...]] = (
+    (0.0, "granted to the whole sheet", lambda one: one.name),
+    (0.27, "v_aX, v_aY", lambda one: _pair(one)),
+    (0.375, "scale", lambda one: f"{one.columns.scale:.3f}"),
+    (0.445, "left", lambda one: percent(one.columns.residual)),
+    (0.51, "left,\nscale 1", lambda one: percent(one.unscaled.residual)),
+    (0.585, "magnets\nalone, left", lambda one: percent(one.magnets.residual)),
+    (
+        0.685,
+        "signs as\nTable S1",
+        lambda one: f"{one.cells_agreeing} of {one.agree[..., 0, 0].size}",
+    ),
+    (0.77, "press that\nfolds", lambda one: percent(one.presses.folding.mean())),
+    (0.855, "K mean\n(N/mm)", lambda one: f"{one.presses.stiffness.mean() / 1e3:.1f}"),
+    (0.925, "S5: v_a,\nleft of K", lambda one: _bound(one.stiffness)),
+)
+"""Columns of the table: left edge, head and text."""
+
+
+def _draw_table(axis: Axes, found: Assumptions) -> None:
+    """All variants, one a line."""
+    axis.axis("off")
+    axis.set(xlim=(0, 1), ylim=(-len(found.variants) - 0.2, 1.2))
+    for left, head, _ in _COLUMNS:
+        axis.text(left, 0.1, head, va="bottom", fontsize=SMALL, weight="bold")
+    axis.axhline(-0.1, color=GREY, linewidth=0.5)
+    for line, variant in enumerate(found.variants):
+        for left, _, text in _COLUMNS:
+            axis.text(left, -line - 0.65, text(variant), va="center", fontsize=SMALL)
+
+
+def _draw_columns(axis: Axes, found: Assumptions) -> None:
+    """Share of the press that folds, over the columns' stiffness along z."""
+    factors, folding = np.asarray(found.axial_factors), 100 * np.asarray(found.folding)
+    free = 100 * np.asarray(found.folding_free)
+    alone = "stiffer along z alone, with the frame"
+    axis.plot(factors, folding, "-o", color=BLUE, markersize=3, label=alone)
+    axis.plot(factors, free, "-s", color=ORANGE, markersize=3, label="the same without the frame")
+    label: str | None = "columns of another size (r x h), which stiffen in shear as well"
+    for one in found.sizes:
+        at = one.axial / found.sizes[0].axial, 100 * one.folding
+        axis.plot(*at, "D", color=RED, markersize=4, label=label)
+        text = f"{one.radius * 1e3:g} x {one.height * 1e3:g} mm\n{one.stiffness / 1e3:.1f} N/mm"
+        note(axis, text, at, (4, -11), fontsize=6, color=INK, linespacing=1.1)
+        label = None
+    logarithmic(axis.xaxis)
+    axis.set(title="(d) what the SI's assumption needs of the columns", ylim=(-6, 105))
+    axis.set(xlabel="stiffness of a column along z over the designed one")
+    axis.set(ylabel="press that folds the cell (%)")
+    axis.legend(loc="lower right")
+    open_axes(axis)
+
+
+if __name__ == "__main__":
+    plate(Setting()).show()

@@ -1,0 +1,1 @@
+"""What scripts of the paper share: rows, looks, and the skins that estimators are judged on."""
