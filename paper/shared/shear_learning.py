@@ -32,7 +32,7 @@ from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.learned.gaussian_process import LearnedModel, Output
 from smoskin.sensing.learned.inputs import Encoding, Form
-from smoskin.sensing.learned.training import Effort, Examples, train
+from smoskin.sensing.learned.training import Examples, FittingEffort, train
 from smoskin.twin.readout import Readout
 from smoskin.twin.reduced import ReducedTwin
 from smoskin.twin.whole import Twin
@@ -47,7 +47,7 @@ PLACES: Final = (25, 33)
 """Places along x and y at which the skin is pressed for the model, as the SI does."""
 _FORCE: Final = (0.1, 1.0)
 """N, from and to, of those presses; two a place."""
-_EFFORT: Final = Effort(rows=1650, evidence_rows=400, iterations=30)
+_EFFORT: Final = FittingEffort(rows=1650, evidence_rows=400, iterations=30)
 _SLANTED: Final = (0.3, 0.4, 0.5)
 """N: normal and shear force of the loads at 45 degrees that tell v_f."""
 

@@ -8,7 +8,8 @@ regression and nearest neighbours stand beside the package's own model. Each que
 from collections.abc import Sequence
 from pathlib import Path
 
-from smoskin.sensing.learned.training import Effort, Progress
+from smoskin.roles import Progress, unheard
+from smoskin.sensing.learned.training import FittingEffort
 from studies.recordings.eflesh import EFLESH_SETS, ProbeRun, read_recordings
 from studies.recordings.force import score_force
 from studies.recordings.location import score_location
@@ -24,8 +25,8 @@ def bench_recordings(
     *,
     chips: int | None = None,
     seed: int = 0,
-    effort: Effort | None = None,
-    progress: Progress | None = None,
+    effort: FittingEffort | None = None,
+    progress: Progress = unheard,
 ) -> Benchmark:
     """Train and judge on the recordings under a folder.
 
@@ -37,7 +38,7 @@ def bench_recordings(
         Location is judged with all chips and with the best this many; two by default.
     seed : int, optional
         Of folds and training.
-    effort : Effort, optional
+    effort : FittingEffort, optional
         Of each training.
     progress : callable, optional
         Called with what is being done and the share of the whole that is done.
@@ -54,7 +55,7 @@ def bench_recordings(
         If there are not that many chips.
     """
     probed, touched = read_recordings(directory)
-    trial = Trial(seed, effort or Effort(), progress or (lambda what, share: None))
+    trial = Trial(seed, effort or FittingEffort(), progress)
     scores: list[Score] = []
     sets = EFLESH_SETS if probed else ()
     questions = len(sets) + bool(touched)

@@ -10,10 +10,12 @@ from scipy.spatial import cKDTree
 
 from smoskin.arrays import Bools, Floats, Ints
 from smoskin.errors import RecordingError
+from smoskin.roles import Progress
 from smoskin.sensing.learned.inputs import Encoding
-from smoskin.sensing.learned.training import Effort, Examples, Progress, choose_encoding, train
+from smoskin.sensing.learned.training import Examples, FittingEffort, train
+from studies.recordings.encodings import choose_encoding
 
-_QUICK: Final = Effort(rows=2400, evidence_rows=250, iterations=15)
+_QUICK: Final = FittingEffort(rows=2400, evidence_rows=250, iterations=15)
 _MOST_SUBSETS: Final = 60
 _NEIGHBOURS: Final = 5
 
@@ -21,7 +23,7 @@ _NEIGHBOURS: Final = 5
 class Trial:
     """What all questions share: seed, effort, progress and notes."""
 
-    def __init__(self, seed: int, effort: Effort, progress: Progress) -> None:
+    def __init__(self, seed: int, effort: FittingEffort, progress: Progress) -> None:
         self.seed = seed
         self.effort = effort
         self.progress = progress
@@ -81,9 +83,9 @@ class Trial:
         return subsets[int(np.argmin(errors))]
 
     @property
-    def quick(self) -> Effort:
+    def quick(self) -> FittingEffort:
         """Effort of trainings that only compare."""
-        return Effort(
+        return FittingEffort(
             rows=min(self.effort.rows, _QUICK.rows),
             evidence_rows=min(self.effort.evidence_rows, _QUICK.evidence_rows),
             iterations=min(self.effort.iterations, _QUICK.iterations),

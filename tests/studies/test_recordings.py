@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from smoskin.errors import ArgumentError, RecordingError
-from smoskin.sensing.learned.training import Effort
+from smoskin.sensing.learned.training import FittingEffort
 from studies.recordings import bench_recordings
 from studies.recordings.touches import moments, places
 
-LITTLE = Effort(rows=300, evidence_rows=100, iterations=8)
+LITTLE = FittingEffort(rows=300, evidence_rows=100, iterations=8)
 CHIPS = np.array([[0.0, 0.0], [10.0, 0.0], [5.0, 10.0], [400.0, 400.0]])
 """mm; the last is far away."""
 
@@ -231,7 +231,7 @@ def test_wrong_use(made_up, tmp_path):
 def touches(tmp_path_factory):
     root = tmp_path_factory.mktemp("touches") / "data"
     save_touches(root, pairs=36)
-    return bench_recordings(root, effort=Effort(rows=800, evidence_rows=250, iterations=12))
+    return bench_recordings(root, effort=FittingEffort(rows=800, evidence_rows=250, iterations=12))
 
 
 def test_touches_are_counted_and_placed_on_pairs_never_trained_on(touches):

@@ -77,22 +77,21 @@ def test_the_mean_is_that_of_its_kernel():
 @pytest.mark.parametrize(
     "outputs", [(Output.X, Output.Y), (Output.FZ,), (Output.Y, Output.X, Output.FX, Output.FZ)]
 )
-def test_batch_and_step_agree_and_only_the_outputs_are_numbers(outputs, form, memory):
+def test_steps_give_what_the_model_predicts_and_only_the_outputs_are_numbers(outputs, form, memory):
     this = replace(model(outputs, form, memory), reach=1e3)
-    one, many = LearnedEstimator(this, ZERO), LearnedEstimator(this, ZERO)
+    estimator = LearnedEstimator(this, ZERO)
     stream = readings()
-    stepped = [one.step(reading) for reading in stream]
-    batched = many.batch(stream)
+    stepped = [estimator.step(reading) for reading in stream]
     inputs = this.encoding.encode(
         np.array([r.time for r in stream]), np.stack([r.field for r in stream])
     )
     said = this.predict(inputs)
     known = sorted(output.value for output in outputs)
-    for k, (a, b) in enumerate(zip(stepped, batched, strict=True)):
-        assert a.status is b.status is Status.CONTACT
-        np.testing.assert_allclose(a.contacts[0].position, b.contacts[0].position, rtol=1e-12)
-        np.testing.assert_allclose(a.contacts[0].force, b.contacts[0].force, rtol=1e-12)
-        np.testing.assert_allclose(a.covariance, b.covariance, rtol=1e-12)
+    for k, a in enumerate(stepped):
+        assert a.status is Status.CONTACT
+        rows = [output.value for output in outputs]
+        spread = a.covariance[0][np.ix_(rows, rows)]
+        np.testing.assert_allclose(spread, said.covariance[k], rtol=1e-12)
         whole = np.concatenate([a.contacts[0].position, a.contacts[0].force])
         np.testing.assert_allclose(whole[[o.value for o in outputs]], said.values[k], rtol=1e-12)
         if Output.X not in outputs:
@@ -103,7 +102,7 @@ def test_batch_and_step_agree_and_only_the_outputs_are_numbers(outputs, form, me
         assert np.isnan(np.delete(whole, [*known, 0, 1])).all()
 
 
-def test_memory_of_strength_is_the_same_in_batch_and_live():
+def test_memory_of_strength_is_the_same_at_once_and_live():
     memory = Encoding(
         chips=(0, 1),
         form=Form.DIRECTION,
@@ -123,7 +122,11 @@ def test_memory_of_strength_is_the_same_in_batch_and_live():
         slope=np.ones((9, 2)),
         reach=1e3,
     )
-    places = [e.contacts[0].position for e in LearnedEstimator(this, ZERO).batch(stream)]
+    places = [
+        estimator.step(reading).contacts[0].position
+        for estimator in [LearnedEstimator(this, ZERO)]
+        for reading in stream
+    ]
     np.testing.assert_allclose(places, this.predict(inputs).values, rtol=1e-12)
 
 
@@ -195,6 +198,39 @@ def test_statuses():
     assert status() is Status.CONTACT
     estimator.reset()
     assert status() is Status.NOT_CALIBRATED
+
+
+def test_readings_are_believed_up_to_a_novelty_of_one():
+    this = model()
+    (reading,) = readings(1, seed=5)
+    inputs = this.encoding.encode(np.zeros(1), reading.field[None])
+    row = (inputs[0] - this.centre) / this.scale
+    nearest = np.sqrt(((row - this.support) ** 2).sum(axis=1)).min()
+    assert this.predict(inputs).novelty[0] == pytest.approx(nearest / 4.0)
+    for reach, status in ((1.001, Status.CONTACT), (0.999, Status.OUT_OF_RANGE)):
+        estimator = LearnedEstimator(replace(this, reach=reach * nearest), ZERO)
+        assert estimator.step(reading).status is status
+
+
+def test_a_touch_begins_at_the_stated_length_of_the_used_field():
+    this = replace(model(), reach=1e6)
+    direction = np.zeros((CHIPS, 3))
+    direction[[0, 2], [0, 1]] = 0.6, 0.8
+    direction[1] = 100.0  # not a chip of this model
+    for length, status in ((29.9e-6, Status.NO_CONTACT), (30.1e-6, Status.CONTACT)):
+        estimate = LearnedEstimator(this, ZERO).step(Reading(time=0.0, field=length * direction))
+        assert estimate.status is status
+
+
+def test_the_noise_grows_as_the_field_gets_faint():
+    this = model()
+    field = readings(1)[0].field
+    for factor in (1.0, 0.1):
+        inputs = this.encoding.encode(np.zeros(1), factor * field[None])
+        used = factor * field[[0, 2]]
+        squared = (used**2).sum() + this.encoding.floor**2
+        expected = (0.5 + 1e-6 / squared) * this.residual
+        np.testing.assert_allclose(this.predict(inputs).covariance[0], expected, rtol=1e-9)
 
 
 def test_the_zero_is_taken_off():
@@ -310,7 +346,7 @@ def test_what_is_no_model_file_is_refused(tmp_path):
 def test_wrong_use_is_refused():
     estimator = LearnedEstimator(model(), ZERO)
     four = Reading(time=0.0, field=np.zeros((4, 3)))
-    for act in (estimator.step, lambda r: estimator.batch([r]), lambda r: estimator.zero([r])):
+    for act in (estimator.step, lambda r: estimator.zero([r])):
         with pytest.raises(ArgumentError, match=r"must come from 3 chips.*got 4"):
             act(four)
     with pytest.raises(ArgumentError, match="the used chips are good; got 0 readings"):

@@ -6,68 +6,17 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from learned_examples import cycles, presses
 from smoskin.errors import ArgumentError
-from smoskin.sensing.learned.gaussian_process import Output
 from smoskin.sensing.learned.inputs import Encoding, Form
 from smoskin.sensing.learned.training import (
-    Effort,
-    Examples,
-    choose_encoding,
+    FittingEffort,
+    _judge,
     negative_log_posterior,
     train,
 )
 
-LITTLE = Effort(rows=600, evidence_rows=150, iterations=15)
-CHIPS = np.array([[0.0, 0.0], [0.02, 0.0], [0.01, 0.02]])
-
-
-def press_field(place, depth):
-    """Field of a press under each chip, T: along the line to it, falling with distance."""
-    away = np.concatenate(
-        [place[:, None, :] - CHIPS, np.full((len(place), len(CHIPS), 1), 0.01)], axis=2
-    )
-    fall = np.linalg.norm(away, axis=2, keepdims=True) ** 3
-    return 4e-8 * depth[:, None, None] * away / fall
-
-
-def presses(passes=3, side=9, seed=0, noise=1e-6):
-    """Presses of random depth on a grid of places, a group a place."""
-    rng = np.random.default_rng(seed)
-    axis = np.linspace(0.0, 0.02, side)
-    grid = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
-    place = np.tile(grid, (passes, 1))
-    field = press_field(place, rng.uniform(1.0, 3.0, len(place)))
-    return Examples(
-        time=np.arange(len(place), dtype=float),
-        field=field + noise * rng.normal(size=field.shape),
-        targets=place,
-        outputs=(Output.X, Output.Y),
-        group=np.tile(np.arange(len(grid)), passes),
-        run=np.zeros(len(place), dtype=int),
-    )
-
-
-def cycles(runs=2, seed=0):
-    """Load cycles whose force lags behind the field, one place; every third row unread."""
-    rng = np.random.default_rng(seed)
-    time = np.arange(0.0, 60.0, 0.1)
-    swing = np.sin(time * 2 * np.pi / 12) ** 2
-    rate = np.gradient(swing, time)
-    fields, forces = [], []
-    for _ in range(runs):
-        push = swing[:, None, None] * press_field(np.full((1, 2), 0.01), np.full(1, 3.0))
-        fields.append(push + 1e-6 * rng.normal(size=push.shape))
-        forces.append(-(10 * swing + 2 * rate))
-    targets = np.concatenate(forces)[:, None]
-    targets[::3] = np.nan
-    return Examples(
-        time=np.tile(time, runs),
-        field=np.concatenate(fields),
-        targets=targets,
-        outputs=(Output.FZ,),
-        group=np.repeat(np.arange(5 * runs), len(time) // 5),
-        run=np.repeat(np.arange(runs), len(time)),
-    )
+LITTLE = FittingEffort(rows=600, evidence_rows=150, iterations=15)
 
 
 @pytest.fixture
@@ -120,11 +69,7 @@ def test_location_is_found_at_places_never_seen():
     metrics = {metric.name: metric for metric in model.metrics}
     assert set(metrics) == {"rmse_x", "rmse_y", "mean_error"}
     assert metrics["mean_error"].unit == "m"
-    assert 0.2 < metrics["mean_error"].value / miss.mean() < 5
-    # The stated covariance is of the order of the error made.
-    inverse = np.linalg.inv(said.covariance)
-    error = said.values - examples.targets[apart]
-    assert 0.1 < np.einsum("ti,tij,tj->t", error, inverse, error).mean() / 2 < 10
+    assert 0.5 < metrics["mean_error"].value / miss.mean() < 2
 
 
 def test_faint_fields_are_said_to_be_less_certain():
@@ -183,36 +128,36 @@ def test_progress_ends_complete():
     assert ("lengths and noise", 0.0) in heard
 
 
-@pytest.mark.slow
-def test_the_encoding_that_knows_what_matters_is_chosen():
-    examples = cycles(runs=1)
-    chips = (0, 2)
-    blind, seeing, other = (
-        Encoding(chips=chips, time_constants=times) for times in ((), (1.0,), (50.0,))
-    )
-    for order in ((blind, seeing, other), (other, seeing, blind)):
-        assert choose_encoding(examples, order, effort=LITTLE) is seeing
-    assert choose_encoding(examples, (blind,), effort=LITTLE) is blind
+def test_stated_covariance_reach_and_figures_are_those_of_what_was_held_out():
+    examples, encoding = presses(passes=2, noise=5e-6), Encoding(chips=(0, 2), form=Form.DIRECTION)
+    blank = replace(train(examples, encoding, effort=LITTLE), residual=np.eye(2), reach=1.0)
+    fresh = presses(passes=2, seed=8, noise=5e-6)
+    inputs = fresh.encode(encoding)
+    judged = _judge(blank, inputs, fresh.targets)
+    predicted = judged.predict(inputs)
+    error = predicted.values - fresh.targets
+    squared = np.einsum("ti,tij,tj->t", error, np.linalg.inv(predicted.covariance), error)
+    assert squared.mean() == pytest.approx(2.0)
+    # Both ends of the noise: faint fields and strong ones.
+    strong = predicted.covariance[:, 0, 0] < np.median(predicted.covariance[:, 0, 0])
+    assert 1.2 < squared[strong].mean() < 2.8
+    assert np.mean(predicted.novelty <= 0.5) == pytest.approx(0.99, abs=0.01)
+    figures = {metric.name: metric.value for metric in judged.metrics}
+    assert figures["rmse_x"] == pytest.approx(np.sqrt(np.mean(error[:, 0] ** 2)))
+    assert figures["rmse_y"] == pytest.approx(np.sqrt(np.mean(error[:, 1] ** 2)))
+    assert figures["mean_error"] == pytest.approx(np.linalg.norm(error, axis=1).mean())
 
 
-@pytest.mark.slow
-def test_rows_without_an_answer_and_other_runs_have_no_say_in_the_choice():
-    examples = cycles(runs=2)
-    wrong = np.where(examples.run[:, None] == 1, np.nan, examples.targets)
-    encodings = [Encoding(chips=(0, 2), time_constants=times) for times in ((), (1.0,))]
-    assert (
-        choose_encoding(replace(examples, targets=wrong), encodings, effort=LITTLE)
-        is (encodings[1])
-    )
-
-
-def test_nothing_to_choose_from_is_refused():
-    examples = cycles(runs=1)
-    two = [Encoding(chips=(0,)), Encoding(chips=(1,))]
-    with pytest.raises(ArgumentError, match="encodings must hold at least one; got none"):
-        choose_encoding(examples, [])
-    with pytest.raises(ArgumentError, match="runs of at least three groups"):
-        choose_encoding(replace(examples, group=np.minimum(examples.group, 1)), two)
+def test_held_out_are_whole_groups_and_the_final_model_sees_all():
+    examples = presses(passes=2, side=6)
+    model = train(examples, Encoding(chips=(0, 1, 2)), effort=replace(LITTLE, rows=10_000))
+    assert model.split == "5 of 36 groups held out whole, drawn with seed 0"
+    assert len(model.support) == 72
+    assert model.place.tolist() == [0.0, 0.0]
+    assert model.touch_field == 30e-6
+    # Without noise to speak of the mean goes nearly through the examples.
+    predicted = model.predict(examples.encode(model.encoding))
+    assert np.abs(predicted.values - examples.targets).max() < 1e-3
 
 
 def test_wrong_examples_are_refused():
@@ -231,4 +176,4 @@ def test_wrong_examples_are_refused():
     with pytest.raises(ArgumentError, match=r"field must have the chips \(7,\); got 3 chips"):
         train(examples, Encoding(chips=(7,)))
     with pytest.raises(ArgumentError, match="rows must be at least 1; got 0"):
-        Effort(rows=0)
+        FittingEffort(rows=0)

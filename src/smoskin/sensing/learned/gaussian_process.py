@@ -1,8 +1,8 @@
-"""Estimators that were trained on data: what such a model is, and its use at run time.
+"""Estimators that were trained on recordings: what such a model is, and its use at run time.
 
 A model is a Gaussian process's mean over an encoding of the zeroed field: a Matern 3/2 part
 with one length per input, and a linear part that takes over beyond the data. Decides what is
-said of a touch, when it may be believed, and what its file holds; hides arrays and file
+answered of a touch, when it may be believed, and what its file holds; hides arrays and file
 format. Needs NumPy and SciPy alone; reading and writing files needs `safetensors`. Files carry
 no code. Training lives in `smoskin.sensing.learned.training`.
 """
@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from smoskin.arrays import Floats, floats, frozen
+from smoskin.arrays import Floats, floats, freeze, frozen
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
@@ -27,7 +27,7 @@ _FILE: Final = TensorFile("a model file", "smoskin_model", 2)
 _BAD: Final = int(ChipFlag.MISSING | ChipFlag.INVALID)
 _FULL: Final = int(ChipFlag.SATURATED | ChipFlag.WRAPPED)
 _ROWS: Final = 5
-"""Of an estimate's covariance."""
+"""Rows of an estimate's covariance."""
 _LARGEST: Final = 1e6
 """T: no chip measures more, and squares of more overflow."""
 _TENSORS: Final = (
@@ -44,7 +44,7 @@ _TENSORS: Final = (
 
 
 class Output(Enum):
-    """What a model may give; the value is its row in an estimate's covariance, if it is below 5."""
+    """A quantity that a model gives; values below 5 are rows of an estimate's covariance."""
 
     X = 0
     Y = 1
@@ -73,12 +73,12 @@ class Metric(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """What a model says about T rows of inputs."""
+    """A model's answers to T rows of inputs."""
 
     values: Floats
     """(T, O), SI."""
     covariance: Floats
-    """(T, O, O), SI: of the held-out residuals, scaled to the strength of the field."""
+    """(T, O, O), SI: covariance of the held-out residuals, scaled to the strength of the field."""
     novelty: Floats
     """(T,): distance to the nearest example over the farthest at which the model is believed."""
 
@@ -87,6 +87,10 @@ class Prediction(NamedTuple):
 class LearnedModel:
     """A trained model, complete with what it may be used for.
 
+    With u the inputs, centred and scaled to lengths, and u_n those of the examples, it gives
+    f(u) = sum_n k(|u - u_n|) w_n + S^T u + c, where k(r) = (1 + r) e^-r is the Matern 3/2
+    covariance, w the weights, S the slope and c the intercept.
+
     Raises
     ------
     ModelError
@@ -94,17 +98,17 @@ class LearnedModel:
     """
 
     encoding: Encoding
-    """What it is fed: the field less the mean of readings of the untouched skin."""
+    """Layout of its inputs: of the field less the mean of readings of the untouched skin."""
     chips_in_reading: int
     """Chips that a reading must have."""
     outputs: tuple[Output, ...]
-    """What it gives."""
+    """Quantities that it gives."""
     place: Floats
-    """(2,), m: where it was trained, given as the position by a model without X and Y."""
+    """(2,), m: place of training, given as the position by a model without X and Y."""
     touch_field: float
-    """T: a field shorter than this is no touch."""
+    """Length of the field below which there is no touch, T."""
     centre: Floats
-    """(D,): of the inputs."""
+    """(D,): mean of the inputs."""
     scale: Floats
     """(D,): one length of the process along each input."""
     support: Floats
@@ -122,7 +126,7 @@ class LearnedModel:
     reach: float
     """Distance to the nearest example, in lengths, up to which it is believed."""
     data_sha256: str
-    """Of the examples that it was trained on."""
+    """Hash of the examples that it was trained on."""
     split: str
     """How the held-out examples were chosen, in words."""
     metrics: tuple[Metric, ...]
@@ -130,7 +134,7 @@ class LearnedModel:
 
     def __post_init__(self) -> None:
         inputs, outputs, rows = self.encoding.columns, len(self.outputs), len(self.support)
-        shapes = {
+        shapes: dict[str, tuple[int | None, ...]] = {
             "centre": (inputs,),
             "scale": (inputs,),
             "support": (rows, inputs),
@@ -141,14 +145,13 @@ class LearnedModel:
             "noise": (2,),
             "place": (2,),
         }
-        for name, shape in shapes.items():
-            try:
-                array = frozen(name, getattr(self, name), shape)
-            except ArgumentError as error:
-                raise ModelError(f"model: {error}") from error
-            if not np.isfinite(array).all():
+        try:
+            freeze(self, **shapes)
+        except ArgumentError as error:
+            raise ModelError(f"model: {error}") from error
+        for name in shapes:
+            if not np.isfinite(getattr(self, name)).all():
                 raise ModelError(f"model: {name} must be finite")
-            object.__setattr__(self, name, array)
         if not (self.scale > 0).all() or not rows or not outputs:
             raise ModelError("model: must have examples, outputs and positive scales")
         if not (self.reach > 0 and self.touch_field >= 0):
@@ -170,10 +173,6 @@ class LearnedModel:
         ------
         ArgumentError
             If there is another number of inputs.
-
-        Notes
-        -----
-        Source: k(r) = (1 + r) e^-r, the Matern 3/2 covariance, r in lengths.
         """
         inputs = floats("inputs", inputs, (None, len(self.centre)))
         row = (inputs - self.centre) / self.scale
@@ -196,22 +195,18 @@ class LearnedModel:
         MissingExtraError
             If `safetensors` is not installed.
         """
-        arrays = {name: getattr(self, name) for name in _TENSORS}
-        _FILE.write(path, arrays, self._specification())
-
-    def _specification(self) -> dict[str, object]:
-        """The JSON part of the file."""
-        return {
+        encoding = self.encoding
+        header = {
             "input": {
                 "chips_in_reading": self.chips_in_reading,
-                "chips": list(self.encoding.chips),
+                "chips": list(encoding.chips),
                 "axes": "x, y, z of each chip in turn",
                 "unit": "T",
                 "zero": "less the mean of readings of the untouched skin",
-                "form": self.encoding.form.name,
-                "time_constants_s": list(self.encoding.time_constants),
-                "past": self.encoding.past.name,
-                "floor_T": self.encoding.floor,
+                "form": encoding.form.name,
+                "time_constants_s": list(encoding.time_constants),
+                "past": encoding.past.name,
+                "floor_T": encoding.floor,
             },
             "outputs": [{"name": one.name, "unit": one.unit} for one in self.outputs],
             "touch_field_T": self.touch_field,
@@ -220,6 +215,7 @@ class LearnedModel:
             "split": self.split,
             "metrics": [metric._asdict() for metric in self.metrics],
         }
+        _FILE.write(path, {name: getattr(self, name) for name in _TENSORS}, header)
 
 
 def load_model(path: Path | str) -> LearnedModel:
@@ -263,15 +259,15 @@ class LearnedEstimator(Estimator):
     Parameters
     ----------
     model : LearnedModel
-        From `load_model` or `smoskin.sensing.learned.training.train`.
+        Model from `load_model` or `smoskin.sensing.learned.training.train`.
     zero : Floats, shape (S, 3), optional
-        T: the untouched skin's field, where it is known; zeros for a source that takes its
-        own zero off. Without it every estimate says `NOT_CALIBRATED` until `zero` is called.
+        Field of the untouched skin, T, where it is known; zeros for a source that takes its own
+        zero off. Without it every estimate says `NOT_CALIBRATED` until `zero` is called.
     tracking : ZeroTracking, optional
         How the zero follows drift while the skin is idle; by default it stays, and no reading
         counts as idle.
     idle_field : float
-        T: a field that changes by less than this on every axis counts as idle.
+        Change on every axis, T, below which a field counts as idle.
 
     Notes
     -----
@@ -292,11 +288,9 @@ class LearnedEstimator(Estimator):
         tracking: ZeroTracking | None = None,
         idle_field: float = 40e-6,
     ) -> None:
-        if any(one.value >= _ROWS for one in model.outputs):
-            raise ArgumentError(
-                "model must give one touch; got one of "
-                + ", ".join(one.name for one in model.outputs)
-            )
+        if any(output.value >= _ROWS for output in model.outputs):
+            names = ", ".join(output.name for output in model.outputs)
+            raise ArgumentError(f"model must give one touch; got one of {names}")
         self.model = model
         self._tracking = tracking or ZeroTracking()
         self._idle = None if tracking is None else IdleBand(idle_field)
@@ -314,7 +308,7 @@ class LearnedEstimator(Estimator):
 
     @property
     def drift(self) -> Floats:
-        """How far the zero has followed since it was set, (S, 3), T; 0 of chips not used."""
+        """Change of the zero since it was set, (S, 3), T; 0 of chips not used."""
         drift = np.zeros((self.model.chips_in_reading, 3))
         if self._zero is not None:
             drift[self._chips] = self._zero.drift.reshape(-1, 3)
@@ -328,7 +322,7 @@ class LearnedEstimator(Estimator):
         ArgumentError
             If there are none in which the used chips are good.
         """
-        good = [self._used(one) for one in readings if self._fault(one) is None]
+        good = [self._used(reading) for reading in readings if self._fault(reading) is None]
         if not good:
             raise ArgumentError(
                 "readings must hold at least one in which the used chips are good; "
@@ -344,35 +338,23 @@ class LearnedEstimator(Estimator):
         ArgumentError
             If the reading has another number of chips than the model was made for.
         """
-        return self.batch([reading])[0]
-
-    def batch(self, readings: Sequence[Reading]) -> list[Estimate]:
-        """The same as `step` on each reading in turn, faster.
-
-        Raises
-        ------
-        ArgumentError
-            If a reading has another number of chips than the model was made for.
-        """
-        for reading in readings:
-            self._check(reading)
-        found = [self._condition(reading) for reading in readings]
-        rows = [one for one in found if not isinstance(one, Status)]
-        answers = iter(self._answers(np.stack(rows)) if rows else ())
-        return [
-            Estimate(time=reading.time, status=one)
-            if isinstance(one, Status)
-            else self._estimate(reading.time, *next(answers))
-            for reading, one in zip(readings, found, strict=True)
-        ]
-
-    def _check(self, reading: Reading) -> None:
-        """Refuse a reading of another skin."""
-        if len(reading.field) != self.model.chips_in_reading:
-            raise ArgumentError(
-                f"reading must come from {self.model.chips_in_reading} chips, as the model's "
-                f"examples did; got {len(reading.field)}"
-            )
+        inputs = self._condition(reading)
+        if isinstance(inputs, Status):
+            return Estimate(time=reading.time, status=inputs)
+        predicted = self.model.predict(inputs[None])
+        if not predicted.novelty[0] <= 1.0:
+            return Estimate(time=reading.time, status=Status.OUT_OF_RANGE)
+        rows = [output.value for output in self.model.outputs]
+        values, covariance = np.full(_ROWS, np.nan), np.full((1, _ROWS, _ROWS), np.nan)
+        values[:2] = self.model.place
+        values[rows] = predicted.values[0]
+        covariance[0][np.ix_(rows, rows)] = predicted.covariance[0]
+        return Estimate(
+            time=reading.time,
+            status=Status.CONTACT,
+            contacts=(Contact(position=values[:2], force=values[2:]),),
+            covariance=covariance,
+        )
 
     def _set_zero(self, zero: Floats | None) -> None:
         """Start from this zero, with no past."""
@@ -384,29 +366,34 @@ class LearnedEstimator(Estimator):
         return reading.field[self._chips].reshape(-1)
 
     def _fault(self, reading: Reading) -> Status | None:
-        """What is wrong with the used chips' part of a reading."""
-        self._check(reading)
+        """Fault of the used chips' part of a reading of this skin."""
+        if len(reading.field) != self.model.chips_in_reading:
+            raise ArgumentError(
+                f"reading must come from {self.model.chips_in_reading} chips, as the model's "
+                f"examples did; got {len(reading.field)}"
+            )
+        used = self._used(reading)
         flags = int(np.bitwise_or.reduce(reading.flags[self._chips]))
-        if flags & _BAD or not np.isfinite(self._used(reading)).all():
+        if flags & _BAD or not np.isfinite(used).all():
             return Status.CHIP_MISSING
-        if flags & _FULL or not (np.abs(self._used(reading)) <= _LARGEST).all():
+        if flags & _FULL or not (np.abs(used) <= _LARGEST).all():
             return Status.SATURATED
         return Status.STALE if flags & int(ChipFlag.OLD) else None
 
     def _condition(self, reading: Reading) -> Floats | Status:
-        """Inputs of one reading, or why there are none."""
+        """Inputs (D,) of one reading, or why there are none."""
+        fault = self._fault(reading)
         if not reading.time > self._last_time:
             return Status.STALE
         self._last_time = reading.time
-        fault = self._fault(reading)
         if self._zero is None:
             return fault or Status.NOT_CALIBRATED
         if fault is not None:
             self._zero.interrupt(reading.time)
             return fault
-        read = self._used(reading)
-        used = read - self._zero.offset
-        idle = self._zero.step(reading.time, read)
+        field = self._used(reading)
+        used = field - self._zero.offset
+        idle = self._zero.step(reading.time, field)
         encoding = self.model.encoding
         lags = self._history.step(reading.time, encoding.followed(used[None])[0])
         if not self._zero.believed:
@@ -414,25 +401,3 @@ class LearnedEstimator(Estimator):
         if idle or np.sqrt(used @ used) < self.model.touch_field:
             return Status.NO_CONTACT
         return np.asarray(encoding.lay_out(used[None], lags[None])[0])
-
-    def _answers(self, inputs: Floats) -> list[tuple[Floats, Floats, float]]:
-        """(x, y, Fx, Fy, Fz), its covariance and the novelty, for each row."""
-        said = self.model.predict(inputs)
-        at = [one.value for one in self.model.outputs]
-        values = np.full((len(inputs), _ROWS), np.nan)
-        values[:, :2] = self.model.place
-        values[:, at] = said.values
-        spread = np.full((len(inputs), _ROWS, _ROWS), np.nan)
-        spread[np.ix_(range(len(inputs)), at, at)] = said.covariance
-        return list(zip(values, spread, said.novelty.tolist(), strict=True))
-
-    def _estimate(self, time: float, values: Floats, spread: Floats, novelty: float) -> Estimate:
-        """One answer as an estimate."""
-        if not novelty <= 1.0:
-            return Estimate(time=time, status=Status.OUT_OF_RANGE)
-        return Estimate(
-            time=time,
-            status=Status.CONTACT,
-            contacts=(Contact(position=values[:2], force=values[2:]),),
-            covariance=spread[None],
-        )

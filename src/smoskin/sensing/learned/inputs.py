@@ -15,7 +15,7 @@ from smoskin.arrays import Floats, floats
 from smoskin.errors import ArgumentError
 
 _FLOOR: Final = 1e-6
-"""T, a fraction of a chip's step: faint fields keep their direction."""
+"""Length added to a field's, T, a fraction of a chip's step: faint fields keep their direction."""
 
 
 class Form(Enum):
@@ -29,7 +29,7 @@ class Form(Enum):
 
 
 class Past(Enum):
-    """What of the field is set against its past; the value is a sentence for people."""
+    """The part of a field that is set against its past; the value is a sentence for people."""
 
     COMPONENTS = "Every component of the used chips' zeroed field, in T."
     STRENGTH = (
@@ -40,19 +40,20 @@ class Past(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Encoding:
-    """What a model is fed: fields of some chips, now and against their recent past."""
+    """Inputs of a model: fields of some chips, now and against their recent past."""
 
     chips: tuple[int, ...]
     """Chips used, by their index in the reading."""
     form: Form = Form.COMPONENTS
     """Layout of the present field."""
     time_constants: tuple[float, ...] = ()
-    """s: for each, `past` less its trailing exponential mean is fed too (hysteresis, creep)."""
+    """Time constants, s: for each, `past` less its trailing exponential mean is fed too
+    (hysteresis, creep)."""
     past: Past = Past.COMPONENTS
-    """What the time constants apply to."""
+    """Part of the field that the time constants apply to."""
     floor: float = _FLOOR
-    """T, added to the length in quadrature: a much fainter field has no direction, and its
-    logarithm stays finite."""
+    """Length added in quadrature, T: a much fainter field has no direction, and its logarithm
+    stays finite."""
 
     def __post_init__(self) -> None:
         if not self.chips or min(self.chips) < 0 or len(set(self.chips)) != len(self.chips):
@@ -75,9 +76,9 @@ class Encoding:
         Parameters
         ----------
         time : Floats, shape (T,)
-            s, increasing.
+            Times, s, increasing.
         field : Floats, shape (T, S, 3)
-            T, of all chips of the reading.
+            Fields of all chips of the reading, T.
 
         Returns
         -------
@@ -97,7 +98,7 @@ class Encoding:
         return self.lay_out(used, History(self.time_constants).lags(time, self.followed(used)))
 
     def followed(self, used: Floats) -> Floats:
-        """What a history follows of the used chips' fields (T, C)."""
+        """The part of the used chips' fields (T, C) that a history follows."""
         return used if self.past is Past.COMPONENTS else np.log(self._length(used))
 
     def lay_out(self, used: Floats, lags: Floats) -> Floats:
@@ -119,7 +120,10 @@ class Encoding:
 
 
 class History:
-    """Trailing exponential means of a quantity, one for each time constant."""
+    """Trailing exponential means m of a quantity x, one for each time constant tau.
+
+    dm/dt = (x - m) / tau, exact for an x that stays from step to step.
+    """
 
     def __init__(self, time_constants: tuple[float, ...]) -> None:
         self._time_constants = np.array(time_constants)[:, None]
@@ -127,7 +131,7 @@ class History:
         self._time = 0.0
 
     def step(self, time: float, now: Floats) -> Floats:
-        """What is now, (C,), less each mean, shape (L * C,); the first call starts the means."""
+        """The quantity (C,) less each mean, shape (L * C,); the first call starts the means."""
         if self._means is None:
             self._means = np.tile(now, (len(self._time_constants), 1))
         weight = -np.expm1(-(time - self._time) / self._time_constants)

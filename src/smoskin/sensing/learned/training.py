@@ -1,16 +1,14 @@
 """Training of the Gaussian processes that `learned.gaussian_process` runs.
 
-Decides how examples are held out (whole groups: a place, a cycle, never single rows), which of
-several encodings suits them, how the lengths, amplitudes and noise are found (the most probable
-ones, by the gradient of the marginal likelihood), and what a model is told about its own accuracy
-(residuals on what was held out). The noise has a part that grows as the field gets faint. Needs
-NumPy and SciPy alone.
+Decides how examples are held out (whole groups: a place, a cycle, never single rows), how lengths,
+amplitudes and noise are found (the most probable ones, by SciPy's L-BFGS-B on the marginal
+likelihood), and how a model's accuracy is stated (residuals on what was held out). The noise has a
+part that grows as the field gets faint. Needs NumPy and SciPy alone.
 """
 
 import hashlib
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,18 +17,18 @@ from scipy.linalg.lapack import dpotri
 from scipy.optimize import fmin_l_bfgs_b
 from scipy.spatial.distance import cdist
 
-from smoskin.arrays import Bools, Floats, Ints, floats, frozen
+from smoskin.arrays import Bools, Floats, Ints, assign, floats, freeze
 from smoskin.errors import ArgumentError
+from smoskin.roles import Progress, unheard
 from smoskin.sensing.learned.gaussian_process import LearnedModel, Metric, Output
 from smoskin.sensing.learned.inputs import Encoding, Form
 
-Progress: TypeAlias = Callable[[str, float], None]
-"""Called with what is being done and the share of it that is done, 0 to 1."""
-
 _JITTER: Final = 1e-8
+"""Variance added to the noise's, in units of the targets'."""
 _HELD_OUT: Final = 0.15
-_STRETCHES: Final = 3
+"""Share of the groups that are held out."""
 _BELIEVED_SHARE: Final = 0.99
+"""Share of the held-out examples that decide how far a model is believed."""
 _BEYOND: Final = 2.0
 """A model is believed to this multiple of the distance that holds the believed share."""
 
@@ -46,13 +44,13 @@ class Examples:
     """
 
     time: Floats
-    """(T,), s; increasing within a run."""
+    """(T,), time, s; increasing within a run."""
     field: Floats
-    """(T, S, 3), T, zeroed, of all chips."""
+    """(T, S, 3), zeroed fields of all chips, T."""
     targets: Floats
     """(T, O), SI; NaN in a row whose answer is not known (it still counts as history)."""
     outputs: tuple[Output, ...]
-    """What the targets are."""
+    """Quantities of the targets."""
     group: Ints
     """(T,): place or cycle that the row belongs to; held out only as a whole."""
     run: Ints
@@ -60,12 +58,10 @@ class Examples:
 
     def __post_init__(self) -> None:
         rows = len(self.time)
-        object.__setattr__(self, "time", frozen("time", self.time, (rows,)))
-        object.__setattr__(self, "field", frozen("field", self.field, (rows, None, 3)))
-        shape = (rows, len(self.outputs))
-        object.__setattr__(self, "targets", frozen("targets", self.targets, shape))
+        targets = (rows, len(self.outputs))
+        freeze(self, time=(rows,), field=(rows, None, 3), targets=targets)
         for name in ("group", "run"):
-            object.__setattr__(self, name, _whole(name, getattr(self, name), rows))
+            assign(self, **{name: _whole(name, getattr(self, name), rows)})
         if not (np.isfinite(self.field).all() and np.isfinite(self.time).all()):
             raise ArgumentError("field and time must be finite; drop the rows that are not")
 
@@ -84,15 +80,7 @@ class Examples:
 
     def where(self, rows: Bools) -> "Examples":
         """The same with the answers of all other rows unknown, so that histories stay whole."""
-        targets = np.where(rows[:, None], self.targets, np.nan)
-        return Examples(
-            time=self.time,
-            field=self.field,
-            targets=targets,
-            outputs=self.outputs,
-            group=self.group,
-            run=self.run,
-        )
+        return replace(self, targets=np.where(rows[:, None], self.targets, np.nan))
 
     def sha256(self) -> str:
         """Hash of everything in it that a model depends on."""
@@ -104,15 +92,21 @@ class Examples:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Effort:
-    """How much work training may do; less of it gives a rougher model, sooner."""
+class FittingEffort:
+    """How much work training may do; less of it gives a rougher model, sooner.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is not positive.
+    """
 
     rows: int = 4000
     """Most examples that a model remembers; the rest are left out at random."""
     evidence_rows: int = 500
-    """Examples that lengths and noise are found from."""
+    """Examples from which lengths and noise are found."""
     iterations: int = 30
-    """Steps of that search."""
+    """Most steps of that search."""
 
     def __post_init__(self) -> None:
         for name in ("rows", "evidence_rows", "iterations"):
@@ -125,26 +119,29 @@ def train(
     encoding: Encoding,
     *,
     seed: int = 0,
-    effort: Effort | None = None,
+    effort: FittingEffort | None = None,
     place: ArrayLike = (0.0, 0.0),
     touch_field: float = 30e-6,
-    progress: Progress | None = None,
+    progress: Progress = unheard,
 ) -> LearnedModel:
     """A model of the examples; the same seed and examples give the same model.
 
     Parameters
     ----------
     examples : Examples
+        Readings with known answers.
     encoding : Encoding
-        What the model is fed.
+        Layout of the model's inputs.
     seed : int, optional
-        Of the draw of what is held out and left out.
-    effort : Effort, optional
+        Seed of the draw of what is held out and left out.
+    effort : FittingEffort, optional
+        How much work is done.
     place : array_like, shape (2,), optional
-        m: where the examples were made, for outputs without X and Y.
+        Place where the examples were made, m, for outputs without X and Y.
     touch_field : float, optional
-        T: a field shorter than this is no touch.
-    progress : callable, optional
+        Length of the field below which there is no touch, T.
+    progress : Progress, optional
+        Listener.
 
     Returns
     -------
@@ -162,8 +159,7 @@ def train(
     Source: the log marginal likelihood of a Gaussian process and its gradient in the
     logarithms of its parameters, with a wide normal prior on the lengths.
     """
-    report = progress or (lambda what, share: None)
-    effort = effort or Effort()
+    effort = effort or FittingEffort()
     known = examples.known
     inputs = examples.encode(encoding)[known]
     targets, group = examples.targets[known], examples.group[known]
@@ -178,15 +174,15 @@ def train(
     count = max(1, round(_HELD_OUT * len(groups)))
     held = np.isin(group, rng.permutation(groups)[:count])
 
-    report("lengths and noise", 0.0)
+    progress("lengths and noise", 0.0)
     fit_inputs, fit_targets = inputs[~held], targets[~held]
     problem = _Problem.of(encoding, fit_inputs, fit_targets)
     few = rng.permutation(len(fit_inputs))[: effort.evidence_rows]
     parameters = _most_probable(
-        problem, fit_inputs[few], fit_targets[few], effort.iterations, report
+        problem, fit_inputs[few], fit_targets[few], effort.iterations, progress
     )
 
-    report("held-out figures", 0.0)
+    progress("held-out figures", 0.0)
     # Fewer rows suffice to see how residuals scale; the final fit sees them all.
     some = rng.permutation(len(fit_inputs))[: max(effort.rows // 2, 1)]
     blank = LearnedModel(
@@ -200,83 +196,15 @@ def train(
         data_sha256=examples.sha256(),
         split=f"{count} of {len(groups)} groups held out whole, drawn with seed {seed}",
         metrics=(),
-        **_solve(problem, parameters, fit_inputs[some], fit_targets[some])._asdict(),
+        **_solve(problem, parameters, fit_inputs[some], fit_targets[some]),
     )
     judged = _judge(blank, inputs[held], targets[held])
 
-    report("final fit", 0.0)
+    progress("final fit", 0.0)
     rows = np.sort(rng.permutation(len(inputs))[: effort.rows])
-    final = _solve(problem, parameters, inputs[rows], targets[rows])
-    report("final fit", 1.0)
-    return replace(judged, **final._asdict())
-
-
-def choose_encoding(
-    examples: Examples,
-    encodings: Sequence[Encoding],
-    *,
-    seed: int = 0,
-    effort: Effort | None = None,
-) -> Encoding:
-    """The encoding that errs least on stretches of time that training did not see.
-
-    Parameters
-    ----------
-    examples : Examples
-        Of one run or several, each of at least three groups one after the other.
-    encodings : sequence of Encoding
-        To choose from; the first of equals is taken.
-    seed : int, optional
-        Of each training.
-    effort : Effort, optional
-        Of each training, of which there are three for every encoding.
-
-    Returns
-    -------
-    Encoding
-
-    Raises
-    ------
-    ArgumentError
-        If there is no encoding, or no group to hold out.
-
-    Notes
-    -----
-    A third of each run's groups, consecutive in time, is held out in turn. The first group of a
-    run is always trained on: histories start empty there, as they do wherever a model is used.
-    """
-    if not encodings:
-        raise ArgumentError("encodings must hold at least one; got none")
-    if len(encodings) == 1:
-        return encodings[0]
-    stretch = _stretches(examples)
-    held = [stretch == k for k in range(_STRETCHES) if (stretch == k).any()]
-    if len(held) < 2:
-        raise ArgumentError("examples must hold runs of at least three groups with known answers")
-
-    def error(encoding: Encoding) -> float:
-        inputs = examples.encode(encoding)
-        errors = []
-        for rows in held:
-            model = train(examples.where(~rows), encoding, seed=seed, effort=effort)
-            miss = model.predict(inputs[rows]).values - examples.targets[rows]
-            errors.append(np.sqrt((miss**2).mean(axis=0)))
-        return float((np.mean(errors, axis=0) / np.nanstd(examples.targets, axis=0)).mean())
-
-    return min(encodings, key=error)
-
-
-def _stretches(examples: Examples) -> Ints:
-    """Which stretch of its run a row with a known answer belongs to; -1 is never held out."""
-    stretch = np.full(len(examples.time), -1)
-    for run in np.unique(examples.run):
-        rows = np.flatnonzero((examples.run == run) & examples.known)
-        groups, first, member = np.unique(
-            examples.group[rows], return_index=True, return_inverse=True
-        )
-        order = np.argsort(np.argsort(first))[member.reshape(-1)]
-        stretch[rows] = (order - 1) * _STRETCHES // max(len(groups) - 1, 1)
-    return stretch
+    model = replace(judged, **_solve(problem, parameters, inputs[rows], targets[rows]))
+    progress("final fit", 1.0)
+    return model
 
 
 class _Problem(NamedTuple):
@@ -288,11 +216,11 @@ class _Problem(NamedTuple):
     mean: Floats
     size: Floats
     faint: float
-    """T^2: the squared field at which both parts of the noise count as given."""
+    """Squared field at which both parts of the noise count as given, T^2."""
 
     @classmethod
     def of(cls, encoding: Encoding, inputs: Floats, targets: Floats) -> "_Problem":
-        """From the examples that are fitted."""
+        """The standardisation of examples that are fitted."""
         spread = inputs.std(axis=0)
         faint = 0.0
         if encoding.form is Form.DIRECTION:
@@ -313,38 +241,26 @@ class _Problem(NamedTuple):
 
 
 class _Parameters(NamedTuple):
-    """What the search finds; its vector holds the logarithms, in this order."""
+    """Parameters of a process; the search's vector holds their logarithms, in this order."""
 
     lengths: Floats
-    """(D,), of the standardised inputs."""
+    """(D,): lengths along the standardised inputs."""
     amplitude: float
     linear: float
     floor: float
-    """Noise at any field."""
+    """Deviation of the noise at any field."""
     faint: float
-    """Noise that a faint field adds."""
+    """Deviation of the noise that a faint field adds."""
 
     @classmethod
     def of(cls, vector: Floats) -> "_Parameters":
-        """From the search's vector."""
+        """The parameters of the search's vector."""
         values = np.exp(vector)
         return cls(values[:-4], *(float(one) for one in values[-4:]))
 
 
-class _Fit(NamedTuple):
-    """What `LearnedModel` keeps of a solved process, by the names it keeps it under."""
-
-    centre: Floats
-    scale: Floats
-    support: Floats
-    weights: Floats
-    slope: Floats
-    intercept: Floats
-    noise: Floats
-
-
 def _most_probable(
-    problem: _Problem, inputs: Floats, targets: Floats, iterations: int, report: Progress
+    problem: _Problem, inputs: Floats, targets: Floats, iterations: int, progress: Progress
 ) -> _Parameters:
     """Parameters of the greatest posterior density, from a subset of the examples."""
     x, y, faintness = problem.standard(inputs, targets)
@@ -358,7 +274,7 @@ def _most_probable(
     def count(_: Floats) -> None:
         nonlocal done
         done += 1
-        report("lengths and noise", min(done / iterations, 1.0))
+        progress("lengths and noise", min(done / iterations, 1.0))
 
     best, _, _ = fmin_l_bfgs_b(
         negative_log_posterior,
@@ -435,8 +351,12 @@ def _variance(p: _Parameters, faintness: Floats) -> Floats:
     return p.floor**2 + p.faint**2 * faintness + _JITTER
 
 
-def _solve(problem: _Problem, p: _Parameters, inputs: Floats, targets: Floats) -> _Fit:
-    """The process's mean given these examples."""
+def _solve(problem: _Problem, p: _Parameters, inputs: Floats, targets: Floats) -> dict[str, Any]:
+    """Fields of `LearnedModel` that hold the process's mean given these examples.
+
+    The mean is k(x, X) a + intercepts, with a = (K + N)^-1 y; its linear part is gathered in the
+    slope.
+    """
     x, y, faintness = problem.standard(inputs, targets)
     support = x / p.lengths
     kernel = cdist(support, support)
@@ -444,23 +364,23 @@ def _solve(problem: _Problem, p: _Parameters, inputs: Floats, targets: Floats) -
     kernel += p.linear**2 * (x @ x.T + 1.0)
     kernel[np.diag_indices(len(kernel))] += _variance(p, faintness)
     a = cho_solve(cho_factor(kernel, lower=True, overwrite_a=True), y) * problem.size
-    return _Fit(
-        centre=problem.centre,
-        scale=problem.spread * p.lengths,
-        support=support,
-        weights=p.amplitude**2 * a,
-        slope=p.linear**2 * p.lengths[:, None] * (x.T @ a),
-        intercept=p.linear**2 * a.sum(axis=0) + problem.mean,
-        noise=np.array([p.floor**2, p.faint**2 * problem.faint]),
-    )
+    return {
+        "centre": problem.centre,
+        "scale": problem.spread * p.lengths,
+        "support": support,
+        "weights": p.amplitude**2 * a,
+        "slope": p.linear**2 * p.lengths[:, None] * (x.T @ a),
+        "intercept": p.linear**2 * a.sum(axis=0) + problem.mean,
+        "noise": np.array([p.floor**2, p.faint**2 * problem.faint]),
+    }
 
 
 def _judge(model: LearnedModel, inputs: Floats, targets: Floats) -> LearnedModel:
-    """The model with what held-out examples say of its residuals and its reach."""
-    said = model.predict(inputs)
-    error = said.values - targets
-    factor = said.covariance[:, 0, 0, None]
-    near = float(np.quantile(said.novelty, _BELIEVED_SHARE))
+    """The model with its residuals, reach and figures on held-out examples."""
+    predicted = model.predict(inputs)
+    error = predicted.values - targets
+    factor = predicted.covariance[:, 0, 0, None]
+    near = float(np.quantile(predicted.novelty, _BELIEVED_SHARE))
     metrics = [
         Metric(f"rmse_{one.name.lower()}", float(np.sqrt(np.mean(error[:, k] ** 2))), one.unit)
         for k, one in enumerate(model.outputs)
