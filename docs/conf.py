@@ -56,7 +56,21 @@ sphinx_gallery_conf = {
     "remove_config_comments": True,
 }
 
+suppress_warnings = ["ref.python"]  # a class is known by its home and by `smoskin`
+
 html_theme = "furo"
 html_title = "smoskin"
 html_copy_source = False
 html_show_sourcelink = False
+
+
+def spell_out_bars(app, what, name, obj, options, lines):
+    """Keep bars of absolute values, |F_p|, from being read as substitutions."""
+    for k, line in enumerate(lines):
+        if not line.lstrip().startswith((">>>", "...")):
+            lines[k] = line.replace("|", "\\|")
+
+
+def setup(app):
+    """Register what the pages need."""
+    app.connect("autodoc-process-docstring", spell_out_bars)
