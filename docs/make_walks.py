@@ -116,8 +116,8 @@ def section(found: list[Walk]) -> str:
 def page(found: list[Walk]) -> str:
     """The whole page with the walks as they are."""
     text = PAGE.read_text(encoding="utf-8")
-    marks = r"(<!-- walks -->\n).*(\n<!-- end of walks -->)"
-    return re.sub(marks, lambda m: m[1] + section(found) + m[2], text, flags=re.S)
+    marks = r"(<!-- walks -->\n).*?(<!-- end of walks -->)"
+    return re.sub(marks, lambda m: f"{m[1]}{section(found)}\n{m[2]}", text, flags=re.S)
 
 
 if __name__ == "__main__":
