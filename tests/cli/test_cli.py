@@ -39,13 +39,6 @@ def test_version():
     assert smoskin("--version").stdout == "smoskin 0.1.0\n"
 
 
-def test_headless_demo_for_machines(tmp_path):
-    done = smoskin("demo", "--headless", "--seconds", "3", "--json")
-    assert done.returncode == 0, done.stderr
-    answer = json.loads(done.stdout)
-    assert answer["summary"]["found"] == answer["summary"]["touches"] == 3
-
-
 def test_info_shows_values_provenance_and_what_follows():
     people = smoskin("info", "planar").stdout
     assert "panel_a_mm" in people

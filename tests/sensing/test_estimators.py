@@ -150,11 +150,12 @@ def test_fields_that_no_chip_can_say_are_no_zero(planar):
     estimator = ZeroFirst(ClosedFormEstimator(planar), count=3)
     estimator.step(twin.read(time=0.0))
     beyond = np.full((3, 3), 10.0)
-    for k in range(1, 3):
-        estimator.step(shifted(twin.read(time=0.1 * k), field=beyond))
-    assert estimator.step(twin.read(time=0.3)).status is Status.NO_CONTACT
-    only = ZeroFirst(ClosedFormEstimator(planar), count=1)
-    assert only.step(shifted(twin.read(), field=beyond)).status is Status.SATURATED
+    for k in range(1, 4):
+        reading = shifted(twin.read(time=0.1 * k), field=beyond)
+        assert estimator.step(reading).status is Status.SATURATED
+    for k in range(4, 6):
+        assert estimator.step(twin.read(time=0.1 * k)).status is Status.NOT_CALIBRATED
+    assert estimator.step(twin.read(time=0.6)).status is Status.NO_CONTACT
 
 
 def test_a_zero_of_ones_own_ends_the_waiting(planar):

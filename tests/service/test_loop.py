@@ -3,8 +3,6 @@
 import gc
 import math
 import threading
-import time
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -16,7 +14,7 @@ from smoskin.design.document import read_design
 from smoskin.errors import ArgumentError, SmoskinError, SourceError
 from smoskin.records import ChipFlag, Estimate, Reading, Status
 from smoskin.roles import Estimator, Sink, Source
-from smoskin.service.loop import Latest, Loop, run
+from smoskin.service.loop import Loop, run
 from smoskin.service.recorder import Recorder, open_recording
 
 CHIPS = 3
@@ -172,6 +170,31 @@ def test_rate_and_latency_are_measured() -> None:
     assert 0.004 <= counters.latency_p99 <= 0.104
 
 
+def test_the_rate_is_that_of_the_last_thousand_readings() -> None:
+    """The first 500 come ten times as slowly and are forgotten; two readings have one interval."""
+    moments = np.cumsum([*[0.1] * 500, *[0.01] * 1000]).tolist()
+    clock = iter([moment for moment in moments for _ in range(2)])  # at arrival, and when done
+    loop = Loop(ListSource(ticks(1500)), FlagEstimator(), clock=lambda: next(clock))
+    rates = []
+    for _ in loop:
+        rates.append(loop.counters.rate)
+    assert math.isnan(rates[0])
+    assert rates[1] == pytest.approx(10.0)
+    assert rates[-1] == pytest.approx(100.0)
+    assert rates[-3] < 99.99 < rates[-2]
+
+
+def test_what_sinks_pass_over_is_summed_up() -> None:
+    class Picky(ListSink):
+        @property
+        def dropped(self) -> int:
+            return 2 * len(self.taken)
+
+    loop = Loop(ListSource(ticks(4)), FlagEstimator(), sinks=[Picky(), ListSink(), Picky()])
+    list(loop)
+    assert loop.counters.dropped == 16
+
+
 def test_counters_may_be_asked_from_another_thread() -> None:
     loop = Loop(ListSource(ticks(3000)), FlagEstimator())
     stop, asked = threading.Event(), []
@@ -187,6 +210,7 @@ def test_counters_may_be_asked_from_another_thread() -> None:
     finally:
         stop.set()
         asking.join(5.0)
+    assert asked
     assert asked == sorted(asked)
     assert loop.counters.readings == 3000
 
@@ -268,93 +292,3 @@ def test_the_wrong_number_of_chips_is_wrong_use() -> None:
 def test_nothing_runs_without_a_deadline(deadline: float) -> None:
     with pytest.raises(ArgumentError, match="deadline must be positive and finite"):
         run(ListSource([]), FlagEstimator(), deadline=deadline)
-
-
-# ---------------------------------------------------------------- latest value wins
-
-
-def until(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 10.0
-    while not condition():
-        assert time.monotonic() < deadline, "waited too long"
-        time.sleep(0.001)
-
-
-def test_a_slow_sink_gets_the_newest_and_holds_nobody_up() -> None:
-    busy, go = threading.Event(), threading.Event()
-
-    def wait() -> None:
-        busy.set()
-        assert go.wait(10.0)
-
-    slow, fast = ListSink(wait), ListSink()
-    latest = Latest(slow)
-    loop = Loop(ListSource(ticks(100)), FlagEstimator(), sinks=[fast, latest])
-    with loop:
-        running = iter(loop)
-        next(running)
-        assert busy.wait(10.0)
-        for _ in range(99):
-            next(running)
-        assert loop.counters.dropped == 98
-        assert len(fast.taken) == 100
-        go.set()
-        until(lambda: len(slow.taken) == 2)
-    assert [reading.time for reading, _ in slow.taken] == [0.0, pytest.approx(0.99)]
-    assert slow.closings == 1
-    assert loop.counters.dropped + len(slow.taken) == 100
-
-
-def test_a_sink_that_keeps_up_gets_every_one() -> None:
-    inner = ListSink()
-    with Latest(inner) as latest:
-        for count, reading in enumerate(ticks(50), start=1):
-            latest.write(reading, None)
-            until(lambda count=count: len(inner.taken) == count)  # type: ignore[misc]
-    assert latest.dropped == 0
-    assert [reading for reading, _ in inner.taken] == ticks(50)
-
-
-def test_the_last_value_is_delivered_before_closing() -> None:
-    inner = ListSink(lambda: time.sleep(0.05))
-    latest = Latest(inner)
-    for reading in ticks(3):
-        latest.write(reading, None)
-    latest.close()
-    latest.close()
-    assert inner.taken[-1][0] == ticks(3)[-1]
-    assert inner.closings == 1
-    with pytest.raises(SmoskinError, match="the sink is closed"):
-        latest.write(at(1.0), None)
-
-
-def test_what_a_slow_sink_raises_is_not_swallowed() -> None:
-    def fail() -> None:
-        raise ValueError("no screen")
-
-    source = ListSource(at(0.001 * index) for index in range(10**9))
-    inner = ListSink(fail)
-    estimates = run(source, FlagEstimator(), sinks=[Latest(inner)])
-    with pytest.raises(ValueError, match="no screen"):
-        deque(estimates, maxlen=0)
-    assert (source.closed, inner.closings) == (True, 1)
-
-    alone = Latest(ListSink(fail))
-    alone.write(at(0.0), None)
-    with pytest.raises(ValueError, match="no screen"):
-        alone.close()
-
-
-def test_a_sink_that_hangs_is_given_up() -> None:
-    release = threading.Event()
-    hanging = ListSink(lambda: release.wait(10.0))
-    latest = Latest(hanging, patience=0.05)
-    latest.write(at(0.0), None)
-    try:
-        with pytest.raises(SmoskinError, match=r"ListSink has not finished within 0\.05 s"):
-            latest.close()
-        assert hanging.closings == 1
-    finally:
-        release.set()
-    with pytest.raises(ArgumentError, match="patience must be positive and finite"):
-        Latest(hanging, patience=math.inf)

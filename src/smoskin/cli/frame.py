@@ -1,16 +1,19 @@
-"""What commands share: the group they belong to, options that mean the same, tables and bars.
+"""What commands share: the help that groups them, options that mean the same, tables and bars.
 
 Decides how errors end the program: one line on standard error, without a traceback. Exit codes: 0
-done, 1 the asked-for thing failed or was missed, 2 wrong use.
+done, 1 the asked-for thing failed or was missed, 2 wrong use, 130 interrupted. Decides too that
+what JAX compiles is kept in the user's cache folder, so that a second run starts at once.
 """
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
+from typer.core import TyperGroup
 
 from smoskin import __version__
 from smoskin.errors import SmoskinError
@@ -18,9 +21,47 @@ from smoskin.errors import SmoskinError
 if TYPE_CHECKING:
     from rich.table import Table
 
+_GROUPS: Final = {
+    "See and read a skin": ("demo", "run", "info"),
+    "Calibrate a skin": ("calibrate", "touches", "fit-paper", "virtual-bench"),
+    "Simulate": ("simulate", "sweep", "table"),
+    "Train, judge, design": ("train", "score", "optimise"),
+}
+"""Commands by what they are for, in the order of the help."""
+
+
+class GroupedCommands(TyperGroup):
+    """A command line whose help lists the commands by what they are for.
+
+    Contexts and formatters are those of click, which typer either needs or brings along.
+    """
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Names in the order of the help; a command that is in no group comes last."""
+        ordered = [name for names in _GROUPS.values() for name in names]
+        there = [name for name in ordered if name in self.commands]
+        return [*there, *(name for name in self.commands if name not in ordered)]
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write each group under its heading, every command with its first sentence."""
+        names = self.list_commands(ctx)
+        room = formatter.width - max(map(len, names)) - 6
+        grouped = {name for group in _GROUPS.values() for name in group}
+        rest = tuple(name for name in names if name not in grouped)
+        for heading, group in {**_GROUPS, "Other": rest}.items():
+            rows = [
+                (name, self.commands[name].get_short_help_str(2 * room))
+                for name in group
+                if name in names
+            ]
+            if rows:
+                with formatter.section(heading):
+                    formatter.write_dl(rows)
+
+
 app = typer.Typer(
+    cls=GroupedCommands,
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     help="Design, simulate, calibrate, train, run and see a sandwich Miura-ori tactile skin.",
@@ -36,8 +77,9 @@ Record = Annotated[
 
 def main() -> None:
     """Run the command line; the console script's entry."""
+    keep_compiled()
     try:
-        app()
+        app(prog_name="smoskin")
     except SmoskinError as error:
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:
@@ -45,6 +87,23 @@ def main() -> None:
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(1)
+    except OSError as error:  # an output that cannot be written: readers refuse their inputs
+        where = f"{error.filename}: " if error.filename else ""
+        sys.exit(f"error: {where}{error.strerror or error}")
+
+
+def keep_compiled() -> None:
+    """Let JAX keep what it compiles in the user's cache folder, unless told otherwise."""
+    if "JAX_COMPILATION_CACHE_DIR" in os.environ:
+        return
+    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    folder = Path(home) / "smoskin" / "jax"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return  # without a place to keep it, it is compiled anew each time
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = str(folder)
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 
 
 def _version(asked: bool) -> None:

@@ -19,27 +19,36 @@ def demo(
     seconds: Seconds = None,
     headless: Annotated[bool, typer.Option("--headless", help="Without the live page.")] = False,
     as_json: Json = False,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the page; 0: a free one.")] = 0,
-    rate: Annotated[float, typer.Option(help="Readings a second, Hz.")] = 100.0,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Of the skin, of all noise and of the hand.")
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="TCP port of the page; 0 takes a free one.")
     ] = 0,
+    rate: Annotated[float, typer.Option(help="Readings a second, Hz.")] = 100.0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the skin, the noise and the hand.")] = 0,
+    touches: Annotated[int, typer.Option(min=1, help="Touches of the rig that calibrates.")] = 15,
+    table: Annotated[
+        Path | None, typer.Option(help="Response table of the design; by default the shipped one.")
+    ] = None,
+    estimator: Annotated[
+        list[Path] | None,
+        typer.Option(help="File of another estimator to choose on the page, such as a network."),
+    ] = None,
     record: Record = None,
 ) -> None:
     """Touch a simulated skin and see what its chips feel, live in a browser.
 
-    The skin is made and calibrated first, which takes some seconds. A scripted hand presses it all
-    over; in the page the mouse presses it too. At the end every touch of the hand is listed beside
-    its estimate; the exit code is 1 if one was missed.
+    A workshop makes the skin and a rig calibrates it by a few touches, which takes some seconds. A
+    scripted hand then touches it anywhere; on the page the mouse presses it too. At the end every
+    touch of the hand is listed beside its estimate; the exit code is 1 if one was missed.
     """
     from smoskin.commands.demo import run_demo
     from smoskin.feasibility import load_design
+    from smoskin.sensing.response.table import load_response_table
 
     if headless and seconds is None:
-        seconds = 10.0
+        seconds = 15.0
 
     def announce(url: str | None) -> None:
-        where = f"The skin is live at {url}" if url else "The hand is touching the skin"
+        where = f"The skin is live at {url}" if url else "A hand touches the skin"
         until = f"for {seconds:g} s" if seconds is not None else "until Ctrl-C"
         typer.echo(f"{where} {until}.", err=True)
 
@@ -50,6 +59,9 @@ def demo(
         port=port,
         rate=rate,
         seed=seed,
+        calibration_touches=touches,
+        table=None if table is None else load_response_table(table),
+        others=estimator or (),
         record=record,
         on_start=announce,
         say=lambda sentence: typer.echo(sentence, err=True),

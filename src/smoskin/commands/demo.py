@@ -1,100 +1,78 @@
-"""The demonstration: a scripted hand, and the mouse, on the twin, seen through the estimator.
+"""The demonstration: a scripted hand, and the mouse, on the twin, seen through an estimator.
 
-The skin is a manufactured one of the whole sheet, which theory's signs and ratios do not fit. So
-it is first measured on a virtual bench, as a real one would be. Then the hand touches it again and
-again, anywhere round the top vertices and with and without drag; each touch is judged by what the
-estimator said while it was held.
+The skin is a manufactured one of the whole sheet, unlike its design within a workshop's tolerances.
+So a virtual rig first touches it a few times, in sight of who watches the page, and the response
+table of its design becomes that of this skin. Then the hand touches it again and again, anywhere,
+with and without drag; each touch is judged by what the estimator said while it was held.
 """
 
 import math
 import os
 import threading
-from collections import Counter, deque
-from collections.abc import Callable, Sequence
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
 
+from smoskin.arrays import Floats
+from smoskin.commands.calibrate import TouchStep, calibrate
+from smoskin.commands.hand import Hand, JudgedTouch, scripted_hand
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate, Reading, Status
-from smoskin.roles import Sink
-from smoskin.sensing.closed_form.calibration import Calibration
+from smoskin.roles import Estimator, Sink
+from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.closed_form.table_fit import fit_press_table
+from smoskin.sensing.estimators import ZeroFirst, load_estimator
+from smoskin.sensing.response.table import ResponseTable, load_response_table
 from smoskin.service.loop import Loop
 from smoskin.service.page.scene import SkinShape
 from smoskin.service.page.view import View
 from smoskin.service.recorder import Recorder
 from smoskin.service.source import TwinSource
 from smoskin.twin.bench import TwinSkin, measure, table_loads
+from smoskin.twin.creep import Creep
+from smoskin.twin.rig import VirtualRig
 from smoskin.twin.whole import Twin
 
-_PERIOD: Final = 0.8
-_RAMP: Final = 0.15
-_FIRST: Final = 0.2
-_HOLD: Final = 0.35
-"""s: a touch starts every period, rises and falls in a ramp, and is held between."""
-_PRESS: Final = (0.2, 0.6)
-_DRAG: Final = (0.1, 0.3)
-"""N: of the scripted touches, as light as a hand's that explores."""
-_OFF_VERTEX: Final = 0.2
-"""Share of a cell by which a scripted touch may lie off the top vertex, each way."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Touch:
-    """One side of a judged touch, in the units people read."""
-
-    x_mm: float
-    y_mm: float
-    fx_N: float
-    fy_N: float
-    fz_N: float
-
-    @classmethod
-    def of(cls, contact: Contact) -> "Touch":
-        """A contact in millimetres and newtons."""
-        (x, y), force = contact.position * 1e3, contact.force
-        return cls(
-            **{
-                name: round(float(value), 4) + 0.0  # no negative zero
-                for name, value in zip(
-                    ("x_mm", "y_mm", "fx_N", "fy_N", "fz_N"), (x, y, *force), strict=True
-                )
-            }
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JudgedTouch:
-    """A scripted touch beside what the estimator said of it."""
-
-    true: Touch
-    estimated: Touch | None
-    """The median over the hold; None where no contact was reported for most of it."""
-    status: str
-    """The commonest status while it was held; NO_READING where nothing was read then."""
-    found: bool
-    """Whether the estimate names the cell that was touched."""
-    position_error_mm: float | None
-    force_error_percent: float | None
-    """Of the force vector, relative to the true force."""
+BAYES: Final = "Bayes"
+CLOSED_FORM: Final = "closed form"
+DEFAULT_TOUCHES: Final = 15
+"""Touches of the calibration: five more or less change the errors by less than skins differ."""
+_ZEROS: Final = 20
+"""Readings of the untouched skin that are its zero."""
+_LIFT: Final = 0.5
+"""s for which the hand lets go so that a new zero can be taken."""
+_SHOWN: Final = 0.25
+"""s for which the page shows each touch of the rig."""
+_PATIENCE: Final = 5.0
+"""s that the rig waits for somebody to open the page."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
-    """The demonstration in six numbers."""
+    """The demonstration in a few numbers."""
 
+    estimator: str
+    """What read the chips in the judged touches."""
+    calibration_touches: int
+    """Touches of the rig that it rests on."""
     touches: int
     found: int
     mean_position_error_mm: float | None
     mean_force_error_percent: float | None
+    """Mean error of the force vector, relative to the true force."""
     rate_hz: float
     latency_us_median: float
+    first_touch_after_s: float | None
+    """Time from the start of the demonstration until the hand's first touch was located."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,37 +90,6 @@ class DemoResult:
         }
 
 
-def scripted_hand(design: SkinDesign, seconds: float, seed: int) -> tuple[Contact, ...]:
-    """As many touches as fit into so many seconds, spread over the whole skin.
-
-    Every other touch drags as well; the first presses straight.
-
-    Raises
-    ------
-    ArgumentError
-        If not even one touch fits.
-    """
-    count = math.floor((seconds - _FIRST) / _PERIOD)
-    if count < 1:
-        raise ArgumentError(f"seconds must be at least {_FIRST + _PERIOD:g}; got {seconds:g}")
-    rng = np.random.default_rng(seed)
-    places = geometry(design).tops.reshape(-1, 2)
-    extent = geometry(design).cell
-    rounds = [rng.permutation(places) for _ in range(-(-count // len(places)))]
-    touches = []
-    for k, place in enumerate(np.concatenate(rounds)[:count]):
-        off = rng.uniform(-_OFF_VERTEX, _OFF_VERTEX, 2) * (extent.length, extent.width)
-        press, drag, way = rng.uniform(*_PRESS), rng.uniform(*_DRAG), rng.uniform(0, math.tau)
-        drag *= k % 2
-        touches.append(
-            Contact(
-                position=place + off,
-                force=(drag * math.cos(way), drag * math.sin(way), -press),
-            )
-        )
-    return tuple(touches)
-
-
 def run_demo(
     design: SkinDesign,
     *,
@@ -151,9 +98,13 @@ def run_demo(
     port: int = 0,
     rate: float = 100.0,
     seed: int = 0,
+    calibration_touches: int = DEFAULT_TOUCHES,
+    table: ResponseTable | None = None,
+    others: Sequence[str | os.PathLike[str]] = (),
     record: str | os.PathLike[str] | None = None,
     on_start: Callable[[str | None], None] = lambda url: None,
     say: Callable[[str], None] = lambda sentence: None,
+    stop: threading.Event | None = None,
 ) -> DemoResult:
     """Run the demonstration and judge every touch of the hand.
 
@@ -165,79 +116,145 @@ def run_demo(
     page : bool
         Serve the live page, on which the mouse presses the skin too.
     port : int
-        Of the page; 0 takes a free one.
+        TCP port of the page; 0 takes a free one.
     rate : float
-        Hz, of the readings.
+        Readings a second, Hz.
     seed : int
-        Of the skin, of all noise and of the hand.
+        Seed of the skin, of all noise and of the hand.
+    calibration_touches : int
+        Touches that the rig makes.
+    table : ResponseTable, optional
+        Table of the design; by default the one that comes with the package.
+    others : sequence of path
+        Files of more estimators to choose from on the page, as `smoskin.load_estimator` reads them.
     record : path, optional
-        Write everything to this MCAP file.
+        Write readings and estimates to this MCAP file.
     on_start : callable
-        Called once with the page's address, or None without a page.
+        Function called once with the page's address, or None without a page.
     say : callable
-        Called with a sentence before each step that takes seconds.
+        Function called with a sentence before each step that takes time.
+    stop : threading.Event, optional
+        Ends the demonstration when it is set.
 
     Returns
     -------
     DemoResult
-        Of the touches that the hand finished; those met by the mouse are left out.
+        Touches that the hand finished; those met by the mouse, by a new zero or read by another
+        estimator are left out.
 
     Raises
     ------
+    ArgumentError
+        If a number is out of its range or the port is in use.
+    ModelError
+        If no table comes with the package and none is given, or a file cannot be read.
     MissingExtraError
-        If the extra ``twin`` or, with a page, ``view`` is not installed.
+        If the extra ``demo`` is not installed.
     """
-    script = scripted_hand(design, seconds or 60.0, seed)
-    say("Making a virtual skin of the whole folded sheet.")
-    twin = Twin(design, seed=seed, manufactured=True)
-    measured = sum(load.cell is not None for load in table_loads(design))
-    say(f"Calibrating it on a virtual bench: {measured} touches, on every cell.")
-    calibration = _calibrated(twin, np.random.default_rng(seed))
-    source = TwinSource(twin, rate=rate)
-    estimator = ClosedFormEstimator(design, calibration)
-    hand = _Hand(script, repeat=seconds is None)
+    begun = time.monotonic()
+    _check_rate(rate)
+    script = scripted_hand(design, seconds or 60.0, seed, start=_ZEROS / rate)
+    hand = Hand(script, repeat=seconds is None)
+    table = load_response_table(design.name) if table is None else table
+    makers: dict[str, Callable[[], Estimator]] = {
+        os.fspath(path): partial(load_estimator, path, design) for path in others
+    }
     with ExitStack() as stack:
-        sinks: list[Sink] = []
-        if record is not None:
-            sinks.append(Recorder(record, design))
-        show = _Page(design, twin, hand, port) if page else None
-        if show is not None:
-            sinks.append(show)
-        loop = stack.enter_context(Loop(source, estimator, sinks=sinks))
-        on_start(show.url if show is not None else None)
+        shown = None
+        if page:
+            shown = stack.enter_context(_Page(design, hand, port, (BAYES, CLOSED_FORM, *makers)))
+        on_start(None if shown is None else shown.url)
+
+        def tell(word: str, sentence: str) -> None:
+            say(sentence)
+            if shown is not None:
+                shown.announce(word, sentence)
+
+        tell("Making a skin", "A workshop makes a virtual skin of the whole folded sheet.")
+        twin = Twin(design, seed=seed, manufactured=True)
+        twin.prepare()
+        if shown is not None:
+            shown.begin(twin)
+
+        def follow(step: TouchStep) -> None:
+            tell("Calibrating", f"A rig touches the skin: {step.sentence}.")
+            if shown is not None:
+                shown.show_touch(step.contact)
+
+        done = calibrate(
+            table,
+            VirtualRig(twin, seed=seed),
+            design=design,
+            count=calibration_touches,
+            progress=follow,
+        )
+
+        def closed_form() -> Estimator:
+            tell("Calibrating", "A bench presses every cell for the closed form: some seconds.")
+            touches = measure(TwinSkin(twin), table_loads(design), np.random.default_rng(seed))
+            fit = fit_press_table(design, touches, date="", data_sha256="")
+            return ClosedFormEstimator(design, fit.calibration)
+
+        readers = Readers(
+            {BAYES: lambda: BayesEstimator(design, done.table), CLOSED_FORM: closed_form, **makers}
+        )
+        source = TwinSource(twin, rate=rate, creep=Creep(design))
+        sinks: list[Sink] = [] if record is None else [Recorder(record, design)]
+        if shown is not None:
+            shown.announce()
+            sinks.append(shown)
+        loop = stack.enter_context(Loop(source, readers, sinks=sinks))
+        first: float | None = None
+        zero_at = math.inf
         try:
             for number, estimate in enumerate(loop):
+                if estimate.status is not Status.NOT_CALIBRATED:
+                    hand.begin(estimate.time)
                 hand.note(estimate)
-                if show is not None and number % 25 == 0:
-                    show.latency = loop.counters.latency_median
-                if show is not None and show.zero_asked.is_set():
-                    show.zero_asked.clear()
-                    estimator.zero(tuple(show.latest))
-                if seconds is not None and estimate.time >= seconds:
+                if first is None and estimate.status is Status.CONTACT:
+                    first = time.monotonic() - begun
+                if readers.name != BAYES:
+                    hand.spoil(estimate.time)
+                if shown is not None:
+                    if number % 25 == 0:
+                        shown.latency = loop.counters.latency_median
+                    if (chosen := shown.take_choice()) is not None:
+                        readers.choose(chosen)
+                        shown.announce()
+                    if shown.take_zero():
+                        zero_at = estimate.time + _LIFT
+                        hand.lift(zero_at)
+                    if estimate.time >= zero_at:
+                        readers.zero(shown.latest(_LIFT / 2))
+                        zero_at = math.inf
+                if (seconds is not None and estimate.time >= seconds) or (stop and stop.is_set()):
                     break
                 source.touch(hand.contacts(estimate.time + 1 / rate))
         except KeyboardInterrupt:
             if seconds is not None:
                 raise
         counters = loop.counters
-    touches = hand.judge(design)
+    touches = hand.judge()
     return DemoResult(
         touches=touches,
         summary=Summary(
+            estimator=BayesEstimator.__name__,
+            calibration_touches=done.used,
             touches=len(touches),
             found=sum(touch.found for touch in touches),
             mean_position_error_mm=_mean([touch.position_error_mm for touch in touches]),
             mean_force_error_percent=_mean([touch.force_error_percent for touch in touches]),
             rate_hz=round(counters.rate, 2),
             latency_us_median=round(counters.latency_median * 1e6, 1),
+            first_touch_after_s=None if first is None else round(first, 2),
         ),
     )
 
 
-def _calibrated(twin: Twin, rng: np.random.Generator) -> Calibration:
-    """What a bench with this noise finds of the skin."""
-    touches = measure(TwinSkin(twin), table_loads(twin.design), rng)
-    return fit_press_table(twin.design, touches, date="", data_sha256="").calibration
+def _check_rate(rate: float) -> None:
+    """Refuse a rate before seconds are spent on a skin."""
+    if not 0.0 < rate < math.inf:
+        raise ArgumentError(f"rate must be positive and finite; got {rate} Hz")
 
 
 def _mean(errors: Sequence[float | None]) -> float | None:
@@ -246,118 +263,121 @@ def _mean(errors: Sequence[float | None]) -> float | None:
     return round(float(np.mean(known)), 3) if known else None
 
 
-class _Hand:
-    """The scripted hand, the mouse beside it, and what was estimated meanwhile."""
+class Readers(Estimator):
+    """One of several estimators at a time, each made when it is first chosen.
 
-    def __init__(self, script: Sequence[Contact], *, repeat: bool) -> None:
-        self.mouse: Contact | None = None
-        self._script = script
-        self._repeat = repeat
-        self._held: dict[int, list[Estimate]] = {}
-        self._latest = -math.inf
-        self._spoilt: set[int] = set()
+    Parameters
+    ----------
+    makers : mapping of str to callable
+        Functions that make each estimator, by its name; the first one is chosen.
+    """
 
-    def contacts(self, time: float) -> tuple[Contact, ...]:
-        """What touches the skin at a time; the mouse pushes the hand aside."""
-        # Times that differ in their last bits alone are one, lest the twin be solved for each.
-        number, since = self._turn(round(time, 6))
-        mouse = self.mouse
-        if mouse is not None:
-            self._spoilt.add(number)
-            return (mouse,)
-        touch = self._touch(number)
-        strength = min(since / _RAMP, 1.0, (_HOLD + 2 * _RAMP - since) / _RAMP)
-        if touch is None or strength <= 0:
-            return ()
-        return (Contact(position=touch.position, force=strength * touch.force),)
+    def __init__(self, makers: Mapping[str, Callable[[], Estimator]]) -> None:
+        self._makers = dict(makers)
+        self._made: dict[str, Estimator] = {}
+        self._untouched: tuple[Reading, ...] = ()
+        self.choose(next(iter(makers)))
 
-    def note(self, estimate: Estimate) -> None:
-        """Keep an estimate that was made while a touch was held."""
-        self._latest = estimate.time
-        number, since = self._turn(estimate.time)
-        if self._touch(number) is not None and _RAMP < since < _RAMP + _HOLD:
-            self._held.setdefault(number, []).append(estimate)
+    def choose(self, name: str) -> None:
+        """Let the estimator of this name read the skin, with the zero of the one before it."""
+        if name not in self._made:
+            self._made[name] = self._makers[name]()
+        self.name = name
+        self._current = ZeroFirst(self._made[name], count=_ZEROS)
+        self._current.reset()
+        if self._untouched:
+            self._current.zero(self._untouched)
 
-    def judge(self, design: SkinDesign) -> tuple[JudgedTouch, ...]:
-        """Every touch that the hand finished and the mouse left alone, read or not."""
-        if self._latest < _FIRST:
-            return ()
-        number, since = self._turn(self._latest)
-        finished = number + (since >= _RAMP + _HOLD)
-        return tuple(
-            _judge(touch, self._held.get(number, []), design)
-            for number in range(finished)
-            if number not in self._spoilt and (touch := self._touch(number)) is not None
-        )
+    @property
+    def drift(self) -> Floats:
+        """How far the zero has followed since it was set, shape (S, 3), T."""
+        return self._current.drift
 
-    def _turn(self, time: float) -> tuple[int, float]:
-        """Running number of the touch whose turn it is, and the time since its start, s."""
-        number = math.floor((time - _FIRST) / _PERIOD)
-        return number, time - _FIRST - number * _PERIOD
+    def zero(self, readings: Sequence[Reading]) -> None:
+        """Take these readings of the untouched skin as the zero, of whatever reads the skin."""
+        self._untouched = tuple(readings)
+        self._current.zero(readings)
 
-    def _touch(self, number: int) -> Contact | None:
-        """The scripted touch of a running number."""
-        if number < 0 or (number >= len(self._script) and not self._repeat):
-            return None
-        return self._script[number % len(self._script)]
+    def reset(self) -> None:
+        """Forget everything; the next good readings are the new zero."""
+        self._untouched = ()
+        self._current.reset()
 
-
-def _judge(true: Contact, held: Sequence[Estimate], design: SkinDesign) -> JudgedTouch:
-    """A touch against the estimates made while it was held."""
-    commonest = Counter(estimate.status for estimate in held).most_common(1)
-    status = commonest[0][0] if commonest else None
-    contacts = [one for estimate in held for one in estimate.contacts]
-    if status is not Status.CONTACT:
-        return JudgedTouch(
-            true=Touch.of(true), estimated=None, found=False,
-            status="NO_READING" if status is None else status.name,
-            position_error_mm=None, force_error_percent=None,
-        )  # fmt: skip
-    median = Contact(
-        position=np.median([one.position for one in contacts], axis=0),
-        force=np.median([one.force for one in contacts], axis=0),
-    )
-    extent = geometry(design).cell
-    off = np.abs(median.position - true.position)
-    miss = float(np.linalg.norm(median.force - true.force) / np.linalg.norm(true.force))
-    return JudgedTouch(
-        true=Touch.of(true),
-        estimated=Touch.of(median),
-        status=status.name,
-        found=bool(off[0] < extent.length / 2 and off[1] < extent.width / 2),
-        position_error_mm=round(float(np.linalg.norm(off)) * 1e3, 3),
-        force_error_percent=round(100 * miss, 3),
-    )
+    def step(self, reading: Reading) -> Estimate:
+        """What the chosen estimator makes of a reading."""
+        estimate = self._current.step(reading)
+        if estimate.status is Status.NOT_CALIBRATED and len(self._untouched) < _ZEROS:
+            self._untouched += (reading,)
+        return estimate
 
 
 class _Page(Sink):
-    """The live page as a sink of the loop, with the truth beside the estimate."""
+    """The live page as a sink of the loop, with the truth beside the estimate.
 
-    def __init__(self, design: SkinDesign, twin: Twin, hand: _Hand, port: int) -> None:
-        self.zero_asked = threading.Event()
-        self.latest: deque[Reading] = deque(maxlen=20)
+    What people ask for on the page waits here until the loop takes it.
+    """
+
+    def __init__(self, design: SkinDesign, hand: Hand, port: int, names: Sequence[str]) -> None:
         self.latency = math.nan
-        self._twin, self._hand = twin, hand
+        self._hand = hand
+        self._twin: Twin | None = None
+        self._zero_asked = threading.Event()
+        self._choices: deque[str] = deque(maxlen=1)
+        self._latest: deque[Reading] = deque(maxlen=1000)
         self._view = View(
-            _shape(design),
+            SkinShape.of_design(design),
             port=port,
             on_press=self._press,
-            on_zero=self.zero_asked.set,
+            on_zero=self._zero_asked.set,
+            estimators=names,
+            on_choose=self._choices.append,
             title=f"smoskin: {design.name}",
         )
+        self.announce = self._view.announce
 
     @property
     def url(self) -> str:
         """Address of the page."""
         return self._view.url
 
+    @property
+    def dropped(self) -> int:
+        """How many readings the page did not draw."""
+        return self._view.dropped
+
+    def begin(self, twin: Twin) -> None:
+        """Show this skin, once somebody looks or after some patience."""
+        self._twin = twin
+        end = time.monotonic() + _PATIENCE
+        while not self._view.watched and time.monotonic() < end:
+            time.sleep(0.05)
+        self._show(())  # the curves begin with the untouched skin
+
+    def show_touch(self, contact: Contact) -> None:
+        """Show a touch of the rig for a moment."""
+        assert self._twin is not None, "begin comes first"
+        # The rig reports its own place, which may lie off the rim by its stage's error.
+        place = np.clip(contact.position, 0.0, geometry(self._twin.design).extent)
+        self._show((Contact(position=place, force=contact.force),))
+        time.sleep(_SHOWN)
+        self._show(())
+
+    def _show(self, contacts: tuple[Contact, ...]) -> None:
+        """Show the skin under these contacts, with no estimate of them, until it is drawn."""
+        assert self._twin is not None, "begin comes first"
+        self._view.write(
+            self._twin.read(contacts, time=time.monotonic()),
+            truth=contacts,
+            vertices=self._twin.sheet_vertices(contacts),
+        )
+        time.sleep(_SHOWN / 4)
+
     def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
         """Show a reading, its estimate and the true touch."""
-        self.latest.append(reading)
-        if estimate is None:
-            return
+        assert self._twin is not None, "begin comes first"
+        self._latest.append(reading)
         truth = self._hand.contacts(reading.time)
-        self._view.show(
+        self._view.write(
             reading,
             estimate,
             truth=truth,
@@ -365,26 +385,24 @@ class _Page(Sink):
             latency=self.latency,
         )
 
+    def take_zero(self) -> bool:
+        """Whether a new zero has been asked for since the last call."""
+        asked = self._zero_asked.is_set()
+        self._zero_asked.clear()
+        return asked
+
+    def take_choice(self) -> str | None:
+        """Name of the estimator that has been chosen since the last call."""
+        return self._choices.popleft() if self._choices else None
+
+    def latest(self, seconds: float) -> list[Reading]:
+        """Readings of the last so many seconds."""
+        end = self._latest[-1].time
+        return [reading for reading in self._latest if reading.time >= end - seconds]
+
     def close(self) -> None:
         """End the page."""
         self._view.close()
 
     def _press(self, contact: Contact | None) -> None:
         self._hand.mouse = contact
-
-
-def _shape(design: SkinDesign) -> SkinShape:
-    """What the page draws of a design."""
-    sheet = geometry(design).sheet
-    length, width = geometry(design).extent.tolist()
-    return SkinShape(
-        vertices=sheet.vertices,
-        facets=sheet.facets,
-        chip_names=tuple(site.name for site in design.halls),
-        chips=geometry(design).chips,
-        magnets=geometry(design).magnets,
-        magnet_radius=design.magnets[0].radius,
-        magnet_height=design.magnets[0].height,
-        board=-design.columns.height,
-        extent=(length, width),
-    )

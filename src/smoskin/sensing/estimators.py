@@ -8,9 +8,6 @@ how kinds of files are told apart.
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
-
-import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.document import shipped_design
@@ -26,9 +23,6 @@ from smoskin.sensing.learned.gaussian_process import LearnedEstimator, load_mode
 from smoskin.sensing.network.estimator import NetworkEstimator
 from smoskin.sensing.network.model import load_network
 from smoskin.sensing.response.table import load_response_table
-
-_FAULTS: Final = (Status.CHIP_MISSING, Status.SATURATED, Status.STALE)
-"""Statuses that name what is wrong with a reading, whatever the zero."""
 
 
 def load_estimator(path: str | os.PathLike[str], design: SkinDesign | None = None) -> Estimator:
@@ -141,17 +135,13 @@ class ZeroFirst(Estimator):
         """
         if self._zeroed:
             return self.estimator.step(reading)
-        if not self._untouched or reading.flags.any() or not np.isfinite(reading.field).all():
-            # The estimator refuses readings of another skin and names what is wrong with a chip.
-            estimate = self.estimator.step(reading)
-            if estimate.status in _FAULTS:
-                return estimate
+        try:
+            self.estimator.zero([reading])
+        except ArgumentError:  # it is bad, or of another skin: the estimator says which
+            return self.estimator.step(reading)
         self._untouched.append(reading)
         if len(self._untouched) == self._count:
-            try:
-                self.zero(self._untouched)
-            except ArgumentError:  # not one of them lies within the chips' range
-                self._untouched.clear()
+            self.zero(self._untouched)
         return Estimate(time=reading.time, status=Status.NOT_CALIBRATED)
 
 

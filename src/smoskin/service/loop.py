@@ -1,8 +1,8 @@
 """The loop at run time: source to estimator to sinks, with counters.
 
-Decides the order of things (read, estimate, hand to every sink, yield), who waits for whom and
-what is closed when. A sink that may be slow is wrapped in `Latest` and then gets the newest
-value only; every other sink gets every one.
+Decides the order of things (read, estimate, hand to every sink, yield) and what is closed when. The
+loop waits for its sinks: one that may be slow takes what it is given in a thread of its own, as the
+live page does, and counts what it passes over.
 """
 
 import threading
@@ -16,97 +16,12 @@ from typing import Final, final
 
 import numpy as np
 
-from smoskin.errors import ArgumentError, SmoskinError
-from smoskin.records import Estimate, Reading, Status
+from smoskin.errors import ArgumentError
+from smoskin.records import Estimate, Status
 from smoskin.roles import Estimator, Resource, Sink, Source
 
-#: Rate and latency are those of this many last readings.
 _WINDOW: Final = 1000
-
-
-@final
-class Latest(Sink):
-    """Gives a slow sink the newest value whenever it is ready; counts those it passed over.
-
-    The sink runs in a thread of its own, so `write` never waits for it. What the sink raises
-    is raised by the next `write`, or by `close`.
-
-    Parameters
-    ----------
-    sink : Sink
-        The slow one, such as a view; closed with this one.
-    patience : float
-        s that `close` waits for the sink to finish its last value.
-    """
-
-    def __init__(self, sink: Sink, *, patience: float = 5.0) -> None:
-        if not 0.0 < patience < float("inf"):
-            raise ArgumentError(f"patience must be positive and finite; got {patience}")
-        self._sink = sink
-        self._patience = patience
-        self._changed = threading.Condition()
-        self._value: tuple[Reading, Estimate | None] | None = None
-        self._error: Exception | None = None
-        self._error_told = False
-        self._dropped = 0
-        self._closing = False
-        self._thread = threading.Thread(target=self._work, name="smoskin-latest", daemon=True)
-        self._thread.start()
-
-    @property
-    def dropped(self) -> int:
-        """How many readings were overtaken by newer ones."""
-        return self._dropped
-
-    def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
-        """Leave a value for the sink, in place of one that it has not taken yet."""
-        with self._changed:
-            if self._error is not None:
-                self._error_told = True
-                raise self._error
-            if self._closing:
-                raise SmoskinError("the sink is closed")
-            if self._value is not None:
-                self._dropped += 1
-            self._value = (reading, estimate)
-            self._changed.notify()
-
-    def close(self) -> None:
-        """Let the sink take the last value, then close it.
-
-        Raises
-        ------
-        SmoskinError
-            If the sink does not finish within `patience`.
-        """
-        with self._changed:
-            if self._closing:
-                return
-            self._closing = True
-            self._changed.notify()
-        self._thread.join(self._patience)
-        # Closed even where it hangs: that may be what sets it free.
-        self._sink.close()
-        if self._thread.is_alive():
-            raise SmoskinError(
-                f"{type(self._sink).__name__} has not finished within {self._patience} s"
-            )
-        if self._error is not None and not self._error_told:
-            raise self._error
-
-    def _work(self) -> None:
-        """Feed the sink until closed and nothing is left."""
-        while True:
-            with self._changed:
-                self._changed.wait_for(lambda: self._value is not None or self._closing)
-                value, self._value = self._value, None
-            if value is None:
-                return
-            try:
-                self._sink.write(*value)
-            except Exception as error:  # handed over to the thread that writes, not swallowed
-                self._error = error
-                return
+"""Number of last readings of which rate and latency are told."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,7 +33,7 @@ class Counters:
     statuses: Mapping[Status, int]
     """Estimates of each status; they sum up to the readings."""
     dropped: int
-    """Readings that slow sinks passed over, summed over the sinks."""
+    """Readings that sinks passed over, summed over the sinks."""
     rate: float
     """Hz, over the last thousand readings; NaN before the second."""
     latency_median: float
@@ -140,8 +55,7 @@ class Loop(Resource):
     estimator : Estimator
         Made for the same number of chips.
     sinks : sequence of Sink
-        Each gets every reading with its estimate, before the estimate is yielded; wrap slow
-        ones in `Latest`.
+        Each gets every reading with its estimate, before the estimate is yielded.
     deadline : float
         s after which a silent source is given up.
     clock : callable
@@ -156,7 +70,7 @@ class Loop(Resource):
     --------
     ::
 
-        with Loop(source, estimator, sinks=[recorder, Latest(view)]) as loop:
+        with Loop(source, estimator, sinks=[recorder, view]) as loop:
             for estimate in loop:
                 robot.follow(estimate)
             print(loop.counters.rate)

@@ -15,11 +15,14 @@ from hypothesis import strategies as st
 
 from chromium import OpenPage, open_page
 from smoskin.arrays import Floats
-from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.feasibility import load_design
 from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
+from smoskin.roles import Source
+from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
+from smoskin.sensing.estimators import ZeroFirst
+from smoskin.service.loop import Loop
 from smoskin.service.page.scene import ESTIMATED, SkinShape, camera, pick
 from smoskin.service.page.view import View
 
@@ -27,21 +30,8 @@ TOUCH = Contact(position=(0.045, 0.080), force=(0.1, -0.05, -0.5))
 NOTHING = Estimate(time=0.0, status=Status.NO_CONTACT)
 
 
-def shape_of(design: SkinDesign) -> SkinShape:
-    sheet, extent = geometry(design).sheet, geometry(design).cell
-    return SkinShape(
-        vertices=sheet.vertices,
-        facets=sheet.facets,
-        chip_names=tuple(site.name for site in design.halls),
-        chips=geometry(design).chips,
-        magnets=geometry(design).magnets,
-        board=-design.columns.height,
-        extent=(design.cells[0] * extent.length, design.cells[1] * extent.width),
-    )
-
-
 PLANAR = load_design("planar")
-SHAPE = shape_of(PLANAR)
+SHAPE = SkinShape.of_design(PLANAR)
 
 
 def reading(time: float = 0.0, field: float = 0.0, flags: object = None) -> Reading:
@@ -148,9 +138,9 @@ def test_a_wrong_shape_says_what_is_wrong(facets: list[list[int]], message: str)
 def test_wrong_moments_are_refused() -> None:
     with View(SHAPE) as view:
         with pytest.raises(ArgumentError, match="reading must have 3 chips; got 2"):
-            view.show(Reading(time=0.0, field=np.zeros((2, 3))), NOTHING)
+            view.write(Reading(time=0.0, field=np.zeros((2, 3))), NOTHING)
         with pytest.raises(ArgumentError, match=r"vertices must have shape \(\.\.\., 169, 3\)"):
-            view.show(reading(), NOTHING, vertices=np.zeros((4, 3)))
+            view.write(reading(), NOTHING, vertices=np.zeros((4, 3)))
 
 
 def test_a_port_in_use_is_refused() -> None:
@@ -171,20 +161,44 @@ def test_the_page_is_on_this_machine_only() -> None:
 def test_closing_twice_leaves_no_thread_and_no_output(capsys: pytest.CaptureFixture[str]) -> None:
     before = set(threading.enumerate())
     with View(SHAPE) as view:
-        view.show(reading(), NOTHING)
+        view.write(reading(), NOTHING)
     view.close()
     assert_gone(before)
     assert capsys.readouterr().out == ""
 
 
-def test_showing_never_waits() -> None:
+def test_writing_never_waits() -> None:
     with View(SHAPE) as view:
         spans = []
         for number in range(200):
             begin = time.perf_counter()
-            view.show(reading(number * 1e-3), NOTHING, truth=[TOUCH], vertices=SHAPE.vertices)
+            view.write(reading(number * 1e-3), NOTHING, truth=[TOUCH], vertices=SHAPE.vertices)
             spans.append(time.perf_counter() - begin)
         assert float(np.median(spans)) < 1e-3
+
+
+def test_a_view_is_a_sink_of_the_loop_and_counts_what_it_passes_over() -> None:
+    """Four readings that come while the page draws nothing yet: the newest wins."""
+
+    class Four(Source):
+        chips = 3
+        times = iter(range(4))
+
+        def read(self, timeout: float = 1.0) -> Reading | None:
+            time = next(self.times, None)
+            return None if time is None else reading(0.01 * time)
+
+        def close(self) -> None:
+            """Hold nothing."""
+
+    view = View(SHAPE)
+    view._closing.set()  # its thread draws no more
+    view._thread.join(10.0)
+    loop = Loop(Four(), ZeroFirst(ClosedFormEstimator(PLANAR)), sinks=[view])
+    assert len(list(loop)) == 4
+    assert loop.counters.dropped == view.dropped == 3
+    assert not view.watched
+    view._server.stop()
 
 
 # The page in a browser
@@ -236,8 +250,17 @@ def test_the_page_shows_what_it_is_told() -> None:
 
     with View(SHAPE, title="a skin") as view, open_page(view.url) as opened:
         opened.wait_until(lambda: opened.text("status") == "Waiting")
+        assert view.watched
+        view.announce("Calibrating", "Touch 1 of 15.")
+        opened.wait_until(lambda: opened.text("status") == "Calibrating")
+        assert opened.text("sentence") == "Touch 1 of 15."
+        view.announce()
+        opened.wait_until(lambda: opened.text("status") == "Waiting")
+        assert opened.page.get_by_text("Estimator").count() == 0
+        with feeding(lambda k: view.write(reading(0.02 * k))):
+            opened.wait_until(lambda: opened.text("status") == "Reading")
 
-        with feeding(lambda k: view.show(reading(0.02 * k), NOTHING, latency=1.25e-3)):
+        with feeding(lambda k: view.write(reading(0.02 * k), NOTHING, latency=1.25e-3)):
             opened.wait_until(lambda: opened.text("status") == "Not touched")
             opened.wait_until(lambda: float(opened.text("rate").removesuffix(" Hz")) > 10)
             assert opened.text("latency") == "1.2 ms"
@@ -253,7 +276,7 @@ def test_the_page_shows_what_it_is_told() -> None:
         assert middle.mean(axis=-1).std() > 8
         assert vermilion(untouched) < 20
 
-        with feeding(lambda k: view.show(reading(100 + 0.02 * k), touched, truth=[TOUCH])):
+        with feeding(lambda k: view.write(reading(100 + 0.02 * k), touched, truth=[TOUCH])):
             opened.wait_until(lambda: opened.text("status") == "Touched")
             assert opened.text("sentence") == Status.CONTACT.value
         assert opened.text("touch") == "x 45.0 mm  y 80.0 mm  Fn 0.50 N"
@@ -267,7 +290,7 @@ def test_the_page_shows_what_it_is_told() -> None:
         ]
         opened.wait_until(lambda: vermilion(picture(opened)) > 100)
 
-        with feeding(lambda k: view.show(reading(200 + 0.02 * k, flags=flags), missing)):
+        with feeding(lambda k: view.write(reading(200 + 0.02 * k, flags=flags), missing)):
             opened.wait_until(lambda: opened.text("status") == "Chip missing")
             opened.wait_until(lambda: opened.page.get_by_text("S2 · missing").count() == 1)
         opened.wait_until(lambda: vermilion(picture(opened)) < 20)
@@ -285,7 +308,7 @@ def test_a_mouse_presses_the_skin() -> None:
         zeros.append(time.monotonic())
 
     with View(SHAPE, on_press=press, on_zero=zero) as view, open_page(view.url) as opened:
-        view.show(reading(), NOTHING)
+        view.write(reading(), NOTHING)
         opened.wait_until(lambda: opened.text("status") != "Waiting")
         opened.page.get_by_text("Press with the mouse").wait_for()
         opened.page.wait_for_timeout(1500)  # The panels slide in and the canvas shrinks.
@@ -335,6 +358,21 @@ def test_a_mouse_presses_the_skin() -> None:
 
 
 @pytest.mark.browser
+def test_an_estimator_is_chosen_from_the_list() -> None:
+    chosen: list[str] = []
+    names = ["Bayes", "closed form"]
+    with (
+        View(SHAPE, estimators=names, on_choose=chosen.append) as view,
+        open_page(view.url) as opened,
+    ):
+        box = opened.page.locator('input[role="combobox"][value="Bayes"]')
+        box.click()
+        opened.page.get_by_role("option", name="closed form").click()
+        opened.wait_until(lambda: chosen)
+    assert chosen == ["closed form"]
+
+
+@pytest.mark.browser
 def test_what_a_callback_raises_reaches_the_caller() -> None:
     def zero() -> None:
         raise RuntimeError("no zero to be had")
@@ -345,7 +383,7 @@ def test_what_a_callback_raises_reaches_the_caller() -> None:
 
         def failed() -> bool:
             try:
-                view.show(reading(), NOTHING)
+                view.write(reading(), NOTHING)
             except RuntimeError as error:
                 return str(error) == "no zero to be had"
             return False

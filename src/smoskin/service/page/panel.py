@@ -1,13 +1,14 @@
 """The flat half of the page: what the skin says in words, numbers and curves, and the controls.
 
-This module decides the wording, the colours of the statuses, the units shown (mm, N, uT, ms)
-and how much history is drawn. It hides the viewer's widgets. Numbers for people carry a
-`data-name` attribute, by which programs find them in the page.
+Decides the wording, the colours of the statuses, the units shown (mm, N, uT, ms) and how much
+history is drawn. Hides the viewer's widgets. Numbers for people carry a `data-name` attribute, by
+which programs find them in the page.
 """
 
 import math
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Final
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 _HISTORY: Final = 10.0
 _STALE_AFTER: Final = 1.0
-_GREY, _GREEN, _AMBER, _RED = "#8a919c", "#2b8a5f", "#d08700", "#c92a2a"
+_GREY, _GREEN, _AMBER, _RED, _BLUE = "#8a919c", "#2b8a5f", "#d08700", "#c92a2a", "#1f6fb5"
 _STATUS: Final = {
     Status.CONTACT: ("Touched", _GREEN),
     Status.NO_CONTACT: ("Not touched", _GREY),
@@ -38,23 +39,48 @@ _AXES: Final = (("Bx", "#c2478f"), ("By", "#0f9d74"), ("Bz", "#1f6fb5"))
 _BAD: Final = ChipFlag.MISSING | ChipFlag.INVALID
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Moment:
+    """All that is known of one reading."""
+
+    reading: Reading
+    """What the chips read."""
+    estimate: Estimate | None
+    """What was made of it, if anything."""
+    truth: tuple[Contact, ...]
+    """What really touches, where that is known."""
+    vertices: Floats | None
+    """Vertices of the deformed sheet, (V, 3), m; None at rest."""
+    latency: float
+    """Time from reading to estimate, s; NaN where unknown."""
+    arrival: float
+    """When it came, s, on the clock of the view."""
+
+
 class Panel:
     """The page's panels.
 
     Parameters
     ----------
     server : viser.ViserServer
-        Whose panels to fill.
+        The server whose panels are filled.
     title : str
         Heading.
     chips : sequence of str
-        (S,): names, in the order of every reading's chips.
+        Names of the S chips, in the order of every reading.
     pressable : bool
         Whether presses on the page go anywhere; without, their controls are left out.
+    estimators : tuple of str
+        Names of the estimators to choose from; a choice is shown where there are two.
     """
 
     def __init__(
-        self, server: "viser.ViserServer", title: str, chips: Sequence[str], pressable: bool
+        self,
+        server: "viser.ViserServer",
+        title: str,
+        chips: Sequence[str],
+        pressable: bool,
+        estimators: tuple[str, ...] = (),
     ) -> None:
         gui = server.gui
         self._chips = tuple(chips)
@@ -71,8 +97,15 @@ class Panel:
         gui.set_panel_label(title)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(340)
-        self._card = gui.add_html(_card(None, (), math.nan, math.nan, math.nan))
-        self.zero_button = gui.add_button("Zero", hint="Take the present field as untouched.")
+        self._card = gui.add_html(_card(None, math.nan, 0.0, None))
+        self.chooser = (
+            gui.add_dropdown("Estimator", estimators, hint="What reads the chips.")
+            if len(estimators) > 1
+            else None
+        )
+        self.zero_button = gui.add_button(
+            "Zero", hint="Take the skin as untouched now; let go of it first.", color="gray"
+        )
         with gui.add_folder("Press with the mouse", visible=pressable):
             gui.add_html(
                 _note("Click the sheet to press it; shift-drag to slide a finger over it.")
@@ -111,7 +144,7 @@ class Panel:
 
     @property
     def opacity(self) -> float:
-        """Of the sheet, 0 to 1."""
+        """Opacity of the sheet, 0 to 1."""
         return float(self._opacity.value)
 
     def zero(self) -> None:
@@ -136,34 +169,25 @@ class Panel:
             self._history.popleft()
 
     def write(
-        self,
-        reading: Reading,
-        estimate: Estimate,
-        truth: Sequence[Contact],
-        rate: float,
-        latency: float,
-        age: float,
+        self, moment: Moment | None, rate: float, now: float, announced: tuple[str, str] | None
     ) -> None:
         """Bring words, numbers and curves up to date.
 
         Parameters
         ----------
-        reading : Reading
-            The latest.
-        estimate : Estimate
-            The latest.
-        truth : sequence of Contact
-            What really touches, where known.
+        moment : Moment or None
+            The latest; None before the first.
         rate : float
-            Hz: readings a second.
-        latency : float
-            s, from reading to estimate; NaN where unknown.
-        age : float
-            s, since the reading came.
+            Readings a second, Hz.
+        now : float
+            Time on the clock of the view, s.
+        announced : tuple of str, optional
+            A word and a sentence to say in place of the estimate's status.
         """
-        self._card.content = _card(estimate, truth, rate, latency, age)
-        if not self._history:
+        self._card.content = _card(moment, rate, now, announced)
+        if moment is None or not self._history:
             return
+        reading = moment.reading
         # Running seconds, because the plots lay out their axes anew only when a scale moves.
         times = np.array([time for time, _ in self._history]) - self._start
         changes = np.array([change for _, change in self._history])
@@ -247,22 +271,22 @@ def _curves() -> str:
     )
 
 
-def _card(
-    estimate: Estimate | None,
-    truth: Sequence[Contact],
-    rate: float,
-    latency: float,
-    age: float,
-) -> str:
+def _card(moment: Moment | None, rate: float, now: float, announced: tuple[str, str] | None) -> str:
     """The status, the touches and the pace, as HTML."""
-    if estimate is None:
+    estimate = None if moment is None else moment.estimate
+    latency = math.nan if moment is None else moment.latency
+    if announced is not None:
+        (word, sentence), color = announced, _BLUE
+    elif moment is None:
         word, color, sentence = "Waiting", _GREY, "No reading has come yet."
-    elif age > _STALE_AFTER:
+    elif (age := now - moment.arrival) > _STALE_AFTER:
         word, color, sentence = "Silent", _RED, f"No reading for {age:.0f} s."
+    elif estimate is None:
+        word, color, sentence = "Reading", _GREY, "No estimator reads the skin."
     else:
         word, color = _STATUS[estimate.status]
         sentence = estimate.status.value
-    touches = [] if estimate is None else _touches(estimate, truth)
+    touches = [] if moment is None or estimate is None else _touches(estimate, moment.truth)
     pace = " · ".join(
         (
             f'<span data-name="rate">{_number(rate, 0)} Hz</span>',
@@ -287,7 +311,7 @@ def _touches(estimate: Estimate, truth: Sequence[Contact]) -> list[str]:
     for contact, covariance in zip(estimate.contacts, estimate.covariance, strict=True):
         near = min(
             truth,
-            key=lambda one: float(np.linalg.norm(one.position - contact.position)),
+            key=lambda true: float(np.linalg.norm(true.position - contact.position)),
             default=None,
         )
         blocks.append(_touch(contact, covariance, near))

@@ -1,30 +1,32 @@
 """The 3-D half of the page: the sheet, what lies under it, and the touches on it.
 
-This module decides how a planar skin looks (camera, light, colours, arrows, the exaggerated
-deformation) and where on the skin a ray from the camera lands. It hides the viewer's scene
-graph, its unit (a centimetre) and the triangles that stand for the facets.
+Decides how a planar skin looks (camera, light, colours, the exaggerated deformation) and where on
+the skin a ray from the camera lands. Hides the viewer's scene graph and the triangles that stand
+for the facets.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Floats, Ints, frozen
+from smoskin.arrays import Floats, Ints, assign, freeze
+from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
+from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate
+from smoskin.service.page.markers import LIFT, UNITS, Marker
 
 if TYPE_CHECKING:
     import viser
 
-#: Colour of what is estimated.
 ESTIMATED: Final = (213, 94, 0)
-#: Colour of what is true.
+"""Colour of what is estimated."""
 TRUE: Final = (40, 92, 168)
+"""Colour of what is true."""
 
-_UNITS: Final = 100.0
 _FIELD_OF_VIEW: Final = float(np.deg2rad(34.0))
 
 _PAPER: Final = (247, 226, 186)
@@ -32,14 +34,8 @@ _CREASE: Final = np.array((150, 138, 116), dtype=float)
 _BOARD: Final = (108, 138, 130)
 _MAGNET: Final = (96, 100, 108)
 _CHIP: Final = (38, 40, 44)
-# m: a crease takes the full colour of a touch where it has sunk this deep.
 _VIVID_DEPTH: Final = 0.2e-3
-_ARROW_PER_NEWTON: Final = 0.05 * _UNITS
-_ARROW_SIDES: Final = 24
-_DISC_RADIUS: Final = 0.45
-# Radius of the ellipse that holds 95 % of a normal distribution in the plane.
-_ELLIPSE_95: Final = 2.4477
-_LIFT: Final = 0.05
+"""m: a crease takes the full colour of a touch where it has sunk this deep."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,40 +49,55 @@ class SkinShape:
     """
 
     vertices: Floats
-    """(V, 3), m: of the sheet."""
+    """Vertices of the sheet, (V, 3), m."""
     facets: Ints
-    """(F, 4): vertices of each panel, in order round it."""
+    """Vertices of each panel, in order round it, (F, 4)."""
     chip_names: tuple[str, ...]
-    """(S,): in the order of every reading's chips."""
+    """Names of the S chips, in the order of every reading."""
     chips: Floats
-    """(S, 3), m: their middles."""
+    """Middles of the chips, (S, 3), m."""
     magnets: Floats
-    """(G, 3), m: their middles."""
+    """Middles of the magnets, (G, 3), m."""
     magnet_radius: float = 5e-3
-    """m."""
+    """Radius of every magnet, m."""
     magnet_height: float = 2e-3
-    """m."""
+    """Height of every magnet, m."""
     board: float = -10e-3
-    """m: z of the board's upper face."""
+    """Height of the board's upper face, m."""
     extent: tuple[float, float] | None = None
-    """m: presses outside 0..extent count at the nearest place inside; None: none is outside."""
+    """Length and width of the skin, m: a press outside counts at the nearest place inside; without
+    them none is outside."""
 
     def __post_init__(self) -> None:
-        vertices = frozen("vertices", self.vertices, (None, 3))
         facets = np.array(self.facets, dtype=np.int64)
         if facets.ndim != 2 or facets.shape[1] != 4:
             raise ArgumentError(f"facets must have shape (F, 4); got {facets.shape}")
-        if not (len(facets) and facets.min() >= 0 and facets.max() < len(vertices)):
+        count = len(self.vertices)
+        if not (len(facets) and facets.min() >= 0 and facets.max() < count):
             raise ArgumentError(
-                f"facets must name at least one panel of vertices 0..{len(vertices) - 1}; "
+                f"facets must name at least one panel of vertices 0..{count - 1}; "
                 f"got {len(facets)} panels"
             )
         facets.setflags(write=False)
-        object.__setattr__(self, "vertices", vertices)
-        object.__setattr__(self, "facets", facets)
-        object.__setattr__(self, "chip_names", tuple(self.chip_names))
-        object.__setattr__(self, "chips", frozen("chips", self.chips, (len(self.chip_names), 3)))
-        object.__setattr__(self, "magnets", frozen("magnets", self.magnets, (None, 3)))
+        assign(self, facets=facets, chip_names=tuple(self.chip_names))
+        freeze(self, vertices=(None, 3), chips=(len(self.chip_names), 3), magnets=(None, 3))
+
+    @classmethod
+    def of_design(cls, design: SkinDesign) -> Self:
+        """The shape of a skin of this design."""
+        skin = geometry(design)
+        length, width = skin.extent.tolist()
+        return cls(
+            vertices=skin.sheet.vertices,
+            facets=skin.sheet.facets,
+            chip_names=tuple(site.name for site in design.halls),
+            chips=skin.chips,
+            magnets=skin.magnets,
+            magnet_radius=design.magnets[0].radius,
+            magnet_height=design.magnets[0].height,
+            board=-design.columns.height,
+            extent=(length, width),
+        )
 
     @property
     def triangles(self) -> Ints:
@@ -172,7 +183,7 @@ class SkinScene:
     Parameters
     ----------
     server : viser.ViserServer
-        Whose scene to fill.
+        The server whose scene is filled.
     shape : SkinShape
         The skin at rest.
     """
@@ -182,14 +193,14 @@ class SkinScene:
         self._shape = shape
         self._triangles = shape.triangles
         self._creases = shape.creases
-        self._estimated: list[_Marker] = []
-        self._true: list[_Marker] = []
+        self._estimated: list[Marker] = []
+        self._true: list[Marker] = []
         self._hung: list[tuple[viser.CylinderHandle, int, Floats]] = []
         self._drawn: Floats = shape.vertices
         self._stage()
         self.sheet = server.scene.add_mesh_simple(
             "/sheet",
-            self._drawn * _UNITS,
+            self._drawn * UNITS,
             self._triangles,
             color=_PAPER,
             flat_shading=True,
@@ -198,18 +209,18 @@ class SkinScene:
         """The node that takes clicks."""
         self._lines = server.scene.add_line_segments(
             "/creases",
-            self._drawn[self._creases] * _UNITS,
+            self._drawn[self._creases] * UNITS,
             _CREASE.astype(np.uint8),
             thickness=0.05,
         )
 
     def place_under(self, origin: ArrayLike, direction: ArrayLike) -> Floats | None:
         """The place on the skin that a ray of the viewer's scene meets first, (2,), m."""
-        return pick(self._shape, self._drawn, np.asarray(origin) / _UNITS, direction)
+        return pick(self._shape, self._drawn, np.asarray(origin) / UNITS, direction)
 
     def draw(
         self,
-        estimate: Estimate,
+        estimate: Estimate | None,
         truth: Sequence[Contact],
         vertices: Floats | None,
         exaggeration: float,
@@ -219,7 +230,7 @@ class SkinScene:
 
         Parameters
         ----------
-        estimate : Estimate
+        estimate : Estimate or None
             Its contacts are drawn solid, with their 95 % ellipses where known.
         truth : sequence of Contact
             Drawn translucent.
@@ -228,12 +239,12 @@ class SkinScene:
         exaggeration : float
             How many times larger than life the deformation is drawn.
         opacity : float
-            Of the sheet, 0 to 1.
+            Opacity of the sheet, 0 to 1.
         """
         rest = self._shape.vertices
         moved = np.zeros_like(rest) if vertices is None else np.nan_to_num(vertices - rest)
         self._drawn = rest + exaggeration * moved
-        points = (self._drawn * _UNITS).astype(np.float32)
+        points = (self._drawn * UNITS).astype(np.float32)
         # In the plane a press moves the whole sheet; what lights up is the dent.
         sunk = -moved[self._creases, 2]
         share = np.clip(sunk / _VIVID_DEPTH, 0.0, 1.0)[..., None]
@@ -243,24 +254,25 @@ class SkinScene:
             node.position = tuple(points[vertex] + offset)
         self._lines.points = points[self._creases]
         self._lines.colors = (_CREASE + share * (np.array(ESTIMATED) - _CREASE)).astype(np.uint8)
-        spreads = [spread[:2, :2] for spread in estimate.covariance]
-        unknown = [np.full((2, 2), np.nan)] * len(truth)
+        unknown = np.full((len(truth), 2, 2), np.nan)
         self._mark(self._true, "/true", TRUE, 0.45, truth, unknown)
-        self._mark(self._estimated, "/estimated", ESTIMATED, 1.0, estimate.contacts, spreads)
+        contacts = () if estimate is None else estimate.contacts
+        spread = np.zeros((0, 2, 2)) if estimate is None else estimate.covariance[:, :2, :2]
+        self._mark(self._estimated, "/estimated", ESTIMATED, 1.0, contacts, spread)
 
     def _mark(
         self,
-        markers: "list[_Marker]",
+        markers: "list[Marker]",
         name: str,
         color: tuple[int, int, int],
         opacity: float,
         contacts: Sequence[Contact],
-        spreads: Sequence[Floats],
+        covariance: Floats,
     ) -> None:
         """Move one marker to each contact and hide the rest."""
         while len(markers) < len(contacts):
-            markers.append(_Marker(self._server, f"{name}/{len(markers)}", color, opacity))
-        for marker, contact, spread in zip(markers, contacts, spreads, strict=False):
+            markers.append(Marker(self._server, f"{name}/{len(markers)}", color, opacity))
+        for marker, contact, spread in zip(markers, contacts, covariance, strict=False):
             marker.show(contact, self._height(contact.position), spread)
         for marker in markers[len(contacts) :]:
             marker.hide()
@@ -276,7 +288,7 @@ class SkinScene:
         shape, scene = self._shape, self._server.scene
         position, target, field_of_view = camera(shape)
         start = self._server.initial_camera
-        start.position, start.look_at = position * _UNITS, target * _UNITS
+        start.position, start.look_at = position * UNITS, target * UNITS
         start.fov = field_of_view
         # Light that grazes from the left tells the panels of the sheet apart.
         scene.configure_environment_map(None)
@@ -286,9 +298,9 @@ class SkinScene:
         )
         scene.add_light_directional("/light/sun", intensity=2.2, position=(-30.0, -6.0, 22.0))
         low, high = shape.vertices.min(axis=0), shape.vertices.max(axis=0)
-        middle = (low + high) / 2 * _UNITS
-        width, depth, _ = (high - low + 4e-3) * _UNITS
-        top = shape.board * _UNITS
+        middle = (low + high) / 2 * UNITS
+        width, depth, _ = (high - low + 4e-3) * UNITS
+        top = shape.board * UNITS
         scene.add_box(
             "/board",
             color=_BOARD,
@@ -306,20 +318,20 @@ class SkinScene:
             fade_distance=60.0,
             position=(middle[0], middle[1], top - 1.2),
         )
-        for index, magnet in enumerate(shape.magnets * _UNITS):
+        for index, magnet in enumerate(shape.magnets * UNITS):
             node = scene.add_cylinder(
                 f"/magnets/{index}",
-                radius=shape.magnet_radius * _UNITS,
-                height=shape.magnet_height * _UNITS,
+                radius=shape.magnet_radius * UNITS,
+                height=shape.magnet_height * UNITS,
                 color=_MAGNET,
                 position=tuple(magnet),
             )
             # Above the board a magnet hangs from the sheet; below it, it stays.
             if magnet[2] > top:
-                offsets = magnet - np.array((0.0, 0.0, _LIFT)) - self._drawn * _UNITS
+                offsets = magnet - np.array((0.0, 0.0, LIFT)) - self._drawn * UNITS
                 vertex = int(np.argmin(np.linalg.norm(offsets, axis=1)))
                 self._hung.append((node, vertex, offsets[vertex]))
-        for name, chip in zip(shape.chip_names, shape.chips * _UNITS, strict=True):
+        for name, chip in zip(shape.chip_names, shape.chips * UNITS, strict=True):
             scene.add_box(
                 f"/chips/{name}", color=_CHIP, dimensions=(0.4, 0.4, 0.14), position=tuple(chip)
             )
@@ -330,104 +342,3 @@ class SkinScene:
                 anchor="center-center",
                 depth_test=False,
             )
-
-
-class _Marker:
-    """One touch: a disc where it is, an arrow for its force, an ellipse for its spread."""
-
-    def __init__(
-        self,
-        server: "viser.ViserServer",
-        name: str,
-        color: tuple[int, int, int],
-        opacity: float,
-    ) -> None:
-        scene = server.scene
-        self._solid = opacity >= 1.0
-        self._root = scene.add_frame(name, show_axes=False, visible=False)
-        # Slimmer where translucent, so that it hides inside an estimate that is right.
-        self._girth = 1.0 if self._solid else 0.7
-        points, faces = _arrow(np.array((0.0, 0.0, -1.0)), self._girth)
-        self._arrow = scene.add_mesh_simple(
-            f"{name}/arrow",
-            points,
-            faces,
-            color=color,
-            opacity=None if self._solid else opacity,
-            side="double",
-        )
-        scene.add_cylinder(
-            f"{name}/disc",
-            radius=_DISC_RADIUS if self._solid else 1.35 * _DISC_RADIUS,
-            height=0.02,
-            color=color,
-            opacity=0.8 if self._solid else opacity,
-        )
-        self._ellipse = scene.add_line_segments(
-            f"{name}/ellipse", np.zeros((48, 2, 3)), color, thickness=0.08, visible=False
-        )
-        self._label = scene.add_label(
-            f"{name}/label", "", font_screen_scale=1.0, anchor="bottom-center", visible=False
-        )
-
-    def show(self, contact: Contact, height: float, spread: Floats) -> None:
-        x, y = contact.position * _UNITS
-        force = np.nan_to_num(contact.force)
-        self._root.position = (x, y, height * _UNITS + _LIFT)
-        self._arrow.vertices = _arrow(force, self._girth)[0].astype(np.float32)
-        self._arrow.visible = bool(force.any())
-        known = bool(np.isfinite(spread).all())
-        if known:
-            self._ellipse.points = _ellipse(spread).astype(np.float32)
-        self._ellipse.visible = known
-        if self._solid:
-            self._label.text = f"{np.linalg.norm(force):.2f} N"
-            self._label.position = tuple(_tail(force) + np.array((0.0, 0.0, 0.35)))
-            self._label.visible = True
-        self._root.visible = True
-
-    def hide(self) -> None:
-        self._root.visible = False
-
-
-def _tail(force: Floats) -> Floats:
-    """Where an arrow's blunt end lies, seen from the contact; a pull starts at the contact."""
-    return np.zeros(3) if force[2] > 0.0 else -force * _ARROW_PER_NEWTON
-
-
-def _arrow(force: Floats, girth: float) -> tuple[Floats, Ints]:
-    """Vertices and triangles of an arrow for a force, with the contact at the origin."""
-    length = float(np.linalg.norm(force)) * _ARROW_PER_NEWTON
-    axis = force / np.linalg.norm(force) if length > 0.0 else np.array((0.0, 0.0, -1.0))
-    aside = np.cross(axis, (1.0, 0.0, 0.0) if abs(axis[0]) < 0.9 else (0.0, 1.0, 0.0))
-    aside /= np.linalg.norm(aside)
-    angle = np.linspace(0.0, 2 * np.pi, _ARROW_SIDES, endpoint=False)[:, None]
-    circle = np.cos(angle) * aside + np.sin(angle) * np.cross(axis, aside)
-    head = min(0.75 * girth, 0.5 * length)
-    thin, wide = 0.13 * girth, 0.34 * girth
-    # Stations along the arrow as (distance from its tail, radius).
-    stations = ((0.0, 0.0), (0.0, thin), (length - head, thin), (length - head, wide))
-    rings = [_tail(force) + along * axis + radius * circle for along, radius in stations]
-    rings.append(np.broadcast_to(_tail(force) + length * axis, circle.shape))
-    here = np.arange(_ARROW_SIDES)
-    after = np.roll(here, -1)
-    faces = [
-        np.stack([ring * _ARROW_SIDES + one, ring * _ARROW_SIDES + two, three], axis=1)
-        for ring in range(len(rings) - 1)
-        for one, two, three in (
-            (here, after, (ring + 1) * _ARROW_SIDES + here),
-            (after, after + _ARROW_SIDES, (ring + 1) * _ARROW_SIDES + here),
-        )
-    ]
-    return np.concatenate(rings), np.concatenate(faces)
-
-
-def _ellipse(spread: Floats) -> Floats:
-    """(48, 2, 3), scene units: the 95 % ellipse of a (2, 2) covariance in m^2, as segments."""
-    values, vectors = np.linalg.eigh(spread)
-    angle = np.linspace(0.0, 2 * np.pi, 49)
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    radii = _ELLIPSE_95 * np.sqrt(np.clip(values, 0.0, None)) * _UNITS
-    loop = np.zeros((49, 3))
-    loop[:, :2] = (circle * radii) @ vectors.T
-    return np.stack([loop[:-1], loop[1:]], axis=1)

@@ -1,8 +1,7 @@
 """A live page for a skin, served to browsers on this machine.
 
-This module decides the pace of the page (newest value wins, drawn by its own thread), how a
-mouse press becomes a `Contact`, and how failures reach the caller. It hides the web server
-and the thread.
+Decides the pace of the page (the newest reading wins, drawn by a thread of its own), how a mouse
+press becomes a `Contact`, and how failures reach the caller. Hides the web server and the thread.
 """
 
 import io
@@ -12,7 +11,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, redirect_stdout
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -21,8 +19,8 @@ from numpy.typing import ArrayLike
 from smoskin.arrays import Floats, floats
 from smoskin.errors import ArgumentError, MissingExtraError, SmoskinError
 from smoskin.records import Contact, Estimate, Reading
-from smoskin.roles import Resource
-from smoskin.service.page.panel import Panel
+from smoskin.roles import Sink
+from smoskin.service.page.panel import Moment, Panel
 from smoskin.service.page.scene import SkinScene, SkinShape
 
 if TYPE_CHECKING:
@@ -35,20 +33,8 @@ _CLOSE_DEADLINE: Final = 5.0
 _RATE_WINDOW: Final = 1.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Moment:
-    """All that one call of `View.show` brought."""
-
-    reading: Reading
-    estimate: Estimate
-    truth: tuple[Contact, ...]
-    vertices: Floats | None
-    latency: float
-    shown: float
-
-
-class View(Resource):
-    """A live page for one skin; a context manager.
+class View(Sink):
+    """A live page for one skin: a sink that never waits and shows the newest reading.
 
     Parameters
     ----------
@@ -61,6 +47,10 @@ class View(Resource):
         press moves or changes, and with None when it ends; always from the view's thread.
     on_zero : callable, optional
         Called when somebody asks for a new zero; always from the view's thread.
+    estimators : sequence of str
+        Names of the estimators to choose from, the one that reads the skin first.
+    on_choose : callable, optional
+        Called with the name of the estimator that somebody chooses; always from the view's thread.
     title : str, default: "smoskin"
         Heading of the page.
     clock : callable, default: time.monotonic
@@ -81,23 +71,32 @@ class View(Resource):
         port: int = 0,
         on_press: Callable[[Contact | None], None] | None = None,
         on_zero: Callable[[], None] | None = None,
+        estimators: Sequence[str] = (),
+        on_choose: Callable[[str], None] | None = None,
         title: str = "smoskin",
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._shape = shape
         self._on_press = on_press
         self._on_zero = on_zero
+        self._on_choose = on_choose
         self._clock = clock
         self._lock = threading.Lock()
-        self._newest: _Moment | None = None
+        self._newest: Moment | None = None
+        self._waiting = False
+        self._dropped = 0
+        self._announced: tuple[str, str] | None = None
         self._arrivals: deque[float] = deque()
         self._finger: tuple[Floats, float] | None = None
         self._pressed: Contact | None = None
         self._zero_asked = False
+        self._chosen: str | None = None
         self._failure: Exception | None = None
         self._closing = threading.Event()
         self._server = _serve(port, title)
-        self._panel = Panel(self._server, title, shape.chip_names, on_press is not None)
+        self._panel = Panel(
+            self._server, title, shape.chip_names, on_press is not None, tuple(estimators)
+        )
         self._scene = SkinScene(self._server, shape)
         self._listen()
         self._thread = threading.Thread(target=self._run, name="smoskin-view", daemon=True)
@@ -108,10 +107,25 @@ class View(Resource):
         """Address of the page."""
         return f"http://{_HOST}:{self._server.get_port()}"
 
-    def show(
+    @property
+    def watched(self) -> bool:
+        """Whether a browser shows the page."""
+        return bool(self._server.get_clients())
+
+    @property
+    def dropped(self) -> int:
+        """How many readings were overtaken by newer ones before they were drawn."""
+        return self._dropped
+
+    def announce(self, word: str = "", sentence: str = "") -> None:
+        """Say this in place of the estimates' status; nothing lets the status be said again."""
+        with self._lock:
+            self._announced = (word, sentence) if word else None
+
+    def write(
         self,
         reading: Reading,
-        estimate: Estimate,
+        estimate: Estimate | None = None,
         *,
         truth: Sequence[Contact] = (),
         vertices: Floats | None = None,
@@ -122,15 +136,15 @@ class View(Resource):
         Parameters
         ----------
         reading : Reading
-            With as many chips as the shape.
-        estimate : Estimate
-            What was made of it.
+            A reading of as many chips as the shape has.
+        estimate : Estimate, optional
+            What was made of it, if anything.
         truth : sequence of Contact, optional
             What really touches the skin, where that is known.
         vertices : Floats, optional
-            (V, 3), m: the deformed sheet; at rest by default.
+            Vertices of the deformed sheet, (V, 3), m; at rest by default.
         latency : float, optional
-            s, from reading to estimate, as whoever runs the loop measured it.
+            Time from reading to estimate, s, as whoever runs the loop measured it.
 
         Raises
         ------
@@ -147,16 +161,17 @@ class View(Resource):
             vertices = floats("vertices", vertices, self._shape.vertices.shape)
         self._raise_failure()
         now = self._clock()
-        moment = _Moment(
+        moment = Moment(
             reading=reading,
             estimate=estimate,
             truth=tuple(truth),
             vertices=vertices,
             latency=latency,
-            shown=now,
+            arrival=now,
         )
         with self._lock:
-            self._newest = moment
+            self._dropped += self._waiting
+            self._newest, self._waiting = moment, True
             self._arrivals.append(now)
             while now - self._arrivals[0] > _RATE_WINDOW:
                 self._arrivals.popleft()
@@ -169,7 +184,7 @@ class View(Resource):
         SmoskinError
             If a callback is still running after five seconds.
         Exception
-            Whatever a callback raised since the last call of `show`.
+            Whatever a callback raised since the last call of `write`.
         """
         if self._closing.is_set():
             return
@@ -196,6 +211,14 @@ class View(Resource):
         async def _(event: object) -> None:
             with self._lock:
                 self._zero_asked = True
+
+        chooser = self._panel.chooser
+        if chooser is not None:
+
+            @chooser.on_update
+            async def _(event: object) -> None:
+                with self._lock:
+                    self._chosen = str(chooser.value)
 
         if self._on_press is None:
             return
@@ -227,60 +250,56 @@ class View(Resource):
             self._finger = None if place is None else (place, self._clock() + hold)
 
     def _run(self) -> None:
-        """The view's thread: act on what people did, then draw the newest moment."""
+        """Act on what people did, then draw the newest moment, until closed."""
         try:
-            turn, drawn = 0, None
+            turn = 0
             while not self._closing.wait(_DRAW_PERIOD):
                 self._act()
-                drawn = self._draw(drawn, write=turn % _WRITE_EVERY == 0)
+                self._draw(write=turn % _WRITE_EVERY == 0)
                 turn += 1
             self._lay_finger(None, 0.0)
             self._act()
-        except Exception as error:  # carried over to whoever calls show or close
+        except Exception as error:  # carried over to whoever calls write or close
             self._failure = error
 
     def _act(self) -> None:
-        """Call back for a change of the press and for a zero."""
+        """Call back for a change of the press, for a zero and for another estimator."""
         with self._lock:
             if self._finger is not None and self._clock() >= self._finger[1]:
                 self._finger = None
-            finger, zero, self._zero_asked = self._finger, self._zero_asked, False
+            finger, zero, chosen = self._finger, self._zero_asked, self._chosen
+            self._zero_asked, self._chosen = False, None
         if zero:
             self._panel.zero()
             if self._on_zero is not None:
                 self._on_zero()
+        if chosen is not None and self._on_choose is not None:
+            self._on_choose(chosen)
         wanted = None if finger is None else Contact(position=finger[0], force=self._panel.force)
         if wanted != self._pressed and self._on_press is not None:
             self._pressed = wanted
             self._on_press(wanted)
 
-    def _draw(self, drawn: _Moment | None, *, write: bool) -> _Moment | None:
-        """Draw the newest moment; returns it."""
+    def _draw(self, *, write: bool) -> None:
+        """Draw the newest moment, and with `write` its words too."""
         now = self._clock()
         with self._lock:
             newest, rate = self._newest, self._rate(now)
-        if newest is None:
-            return None
+            new, self._waiting = self._waiting, False
+            announced = self._announced
         with self._server.atomic():
-            self._scene.draw(
-                newest.estimate,
-                newest.truth,
-                newest.vertices,
-                self._panel.exaggeration,
-                self._panel.opacity,
-            )
-            if newest is not drawn:
-                self._panel.record(newest.reading)
-            if write:
-                self._panel.write(
-                    newest.reading,
+            if newest is not None:
+                self._scene.draw(
                     newest.estimate,
                     newest.truth,
-                    rate,
-                    newest.latency,
-                    now - newest.shown,
+                    newest.vertices,
+                    self._panel.exaggeration,
+                    self._panel.opacity,
                 )
-        return newest
+                if new:
+                    self._panel.record(newest.reading)
+            if write:
+                self._panel.write(newest, rate, now, announced)
 
     def _rate(self, now: float) -> float:
         """Hz: readings shown a second, over the last second."""

@@ -1,0 +1,5 @@
+"""The command line as `python -m smoskin`."""
+
+from smoskin.cli import main
+
+main()

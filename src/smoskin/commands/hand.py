@@ -1,0 +1,224 @@
+"""The scripted hand of the demonstration, and what is said of its touches.
+
+Decides where and when the hand touches, when the mouse or a new zero pushes it aside, and how a
+touch is judged: by the median of the estimates made while it was held.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError
+from smoskin.origami.geometry import geometry
+from smoskin.records import Contact, Estimate, Status
+
+PERIOD: Final = 0.8
+"""s from touch to touch."""
+_RAMP: Final = 0.15
+"""s in which a touch rises and in which it falls."""
+_HOLD: Final = 0.35
+"""s for which it is held between."""
+_PRESS: Final = (0.3, 0.8)
+"""N: least and most that the hand presses."""
+_DRAG: Final = (0.1, 0.3)
+"""N: least and most that it drags."""
+_MARGIN: Final = 4e-3
+"""m: the hand keeps so far from the skin's rim, as a fingertip must."""
+_FOUND: Final = 5e-3
+"""m: a touch is found where its estimate lies no further off, about a fingertip's radius."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Touch:
+    """One side of a judged touch, in the units people read."""
+
+    x_mm: float
+    y_mm: float
+    fx_N: float
+    fy_N: float
+    fz_N: float
+
+    @classmethod
+    def of(cls, contact: Contact) -> "Touch":
+        """A contact in millimetres and newtons."""
+        x, y, fx, fy, fz = (
+            round(float(value), 4) + 0.0  # no negative zero
+            for value in (*contact.position * 1e3, *contact.force)
+        )
+        return cls(x_mm=x, y_mm=y, fx_N=fx, fy_N=fy, fz_N=fz)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JudgedTouch:
+    """A scripted touch beside what the estimator said of it."""
+
+    true: Touch
+    """The touch as it was made."""
+    estimated: Touch | None
+    """The median over the hold; None where no contact was reported for most of it."""
+    status: str
+    """The commonest status while it was held; NO_READING where nothing was read then."""
+    found: bool
+    """Whether the estimate lies within 5 mm of the touch."""
+    position_error_mm: float | None
+    """Distance of the estimate from the touch."""
+    force_error_percent: float | None
+    """Error of the force vector, relative to the true force."""
+
+
+def scripted_hand(
+    design: SkinDesign, seconds: float, seed: int, *, start: float = 0.2
+) -> tuple[Contact, ...]:
+    """As many touches as fit into so many seconds, spread over the whole skin.
+
+    The skin is gone over cell by cell in a random order, each touch anywhere in its cell. Every
+    other touch drags as well; the first presses straight.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    seconds : float
+        How long the hand has.
+    seed : int
+        Seed of places and forces.
+    start : float
+        When it begins, s.
+
+    Raises
+    ------
+    ArgumentError
+        If not even one touch fits.
+    """
+    count = math.floor((seconds - start) / PERIOD + 1e-9)
+    if count < 1:
+        raise ArgumentError(f"seconds must be at least {start + PERIOD:g}; got {seconds:g}")
+    rng = np.random.default_rng(seed)
+    cells = np.stack(np.meshgrid(*map(np.arange, design.cells), indexing="ij"), -1).reshape(-1, 2)
+    rounds = [rng.permutation(cells) for _ in range(-(-count // len(cells)))]
+    room = geometry(design).extent - 2 * _MARGIN
+    touches = []
+    for k, cell in enumerate(np.concatenate(rounds)[:count]):
+        place = _MARGIN + (cell + rng.uniform(size=2)) / design.cells * room
+        press, drag, angle = rng.uniform(*_PRESS), rng.uniform(*_DRAG), rng.uniform(0, math.tau)
+        drag *= k % 2
+        force = (drag * math.cos(angle), drag * math.sin(angle), -press)
+        touches.append(Contact(position=place, force=force))
+    return tuple(touches)
+
+
+class Hand:
+    """The scripted hand, the mouse beside it, and what was estimated meanwhile.
+
+    Parameters
+    ----------
+    script : sequence of Contact
+        Its touches, one after the other.
+    repeat : bool
+        Whether it starts over at the end.
+    """
+
+    def __init__(self, script: Sequence[Contact], *, repeat: bool) -> None:
+        self.mouse: Contact | None = None
+        self._script = script
+        self._repeat = repeat
+        self._start = math.inf
+        self._held: dict[int, list[Estimate]] = {}
+        self._latest = -math.inf
+        self._lifted_until = -math.inf
+        self._spoilt: set[int] = set()
+
+    def begin(self, time: float) -> None:
+        """Begin the first touch at this time, s, unless it has begun."""
+        self._start = min(self._start, time)
+
+    def lift(self, until: float) -> None:
+        """Let go of the skin until this time, s; the mouse too."""
+        self._lifted_until = until
+
+    def spoil(self, time: float) -> None:
+        """Leave the touch of this time out of what is judged."""
+        if time >= self._start:
+            self._spoilt.add(self._phase(time)[0])
+
+    def contacts(self, time: float) -> tuple[Contact, ...]:
+        """What touches the skin at a time; the mouse pushes the hand aside."""
+        if time < self._start:
+            return ()
+        # Times that differ in their last bits alone are one, lest the twin be solved for each.
+        number, since = self._phase(round(time, 6))
+        mouse, lifted = self.mouse, time < self._lifted_until
+        if mouse is not None or lifted:
+            self._spoilt.add(number)
+            return () if lifted or mouse is None else (mouse,)
+        touch = self._touch(number)
+        strength = min(since / _RAMP, 1.0, (_HOLD + 2 * _RAMP - since) / _RAMP)
+        if touch is None or strength <= 0:
+            return ()
+        return (Contact(position=touch.position, force=strength * touch.force),)
+
+    def note(self, estimate: Estimate) -> None:
+        """Keep an estimate that was made while a touch was held."""
+        self._latest = estimate.time
+        if estimate.time < self._start:
+            return
+        number, since = self._phase(estimate.time)
+        if self._touch(number) is not None and _RAMP < since < _RAMP + _HOLD:
+            self._held.setdefault(number, []).append(estimate)
+
+    def judge(self) -> tuple[JudgedTouch, ...]:
+        """Every touch that the hand finished and nothing spoilt, read or not."""
+        if self._latest < self._start:
+            return ()
+        number, since = self._phase(self._latest)
+        finished = number + (since >= _RAMP + _HOLD)
+        return tuple(
+            judge(touch, self._held.get(number, []))
+            for number in range(finished)
+            if number not in self._spoilt and (touch := self._touch(number)) is not None
+        )
+
+    def _phase(self, time: float) -> tuple[int, float]:
+        """Running number of a time's touch, and the time since that touch began, s."""
+        number = math.floor((time - self._start) / PERIOD)
+        return number, time - self._start - number * PERIOD
+
+    def _touch(self, number: int) -> Contact | None:
+        """The scripted touch of a running number."""
+        if number < 0 or (number >= len(self._script) and not self._repeat):
+            return None
+        return self._script[number % len(self._script)]
+
+
+def judge(true: Contact, held: Sequence[Estimate]) -> JudgedTouch:
+    """A touch against the estimates made while it was held."""
+    commonest = Counter(estimate.status for estimate in held).most_common(1)
+    status = commonest[0][0] if commonest else None
+    if status is not Status.CONTACT:
+        return JudgedTouch(
+            true=Touch.of(true),
+            estimated=None,
+            status="NO_READING" if status is None else status.name,
+            found=False,
+            position_error_mm=None,
+            force_error_percent=None,
+        )
+    contacts = [contact for estimate in held for contact in estimate.contacts]
+    median = Contact(
+        position=np.median([contact.position for contact in contacts], axis=0),
+        force=np.median([contact.force for contact in contacts], axis=0),
+    )
+    off = float(np.linalg.norm(median.position - true.position))
+    missed = float(np.linalg.norm(median.force - true.force) / np.linalg.norm(true.force))
+    return JudgedTouch(
+        true=Touch.of(true),
+        estimated=Touch.of(median),
+        status=status.name,
+        found=off <= _FOUND,
+        position_error_mm=round(off * 1e3, 3),
+        force_error_percent=round(100 * missed, 3),
+    )
