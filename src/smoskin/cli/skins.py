@@ -23,125 +23,142 @@ def info(design: Design = "planar", as_json: Json = False) -> None:
         show(table)
 
 
+Mechanics = Annotated[
+    Literal["whole", "reduced"],
+    typer.Option(help="whole: the folded sheet; reduced: the paper's model."),
+]
+Grip = Annotated[
+    str | None,
+    typer.Option(help="How touches hold: sticking, frictionless, covered or sliding:FRICTION."),
+]
+
+
 @app.command()
 def simulate(
     design: Design = "planar",
     at: Annotated[
-        list[str] | None, typer.Option(help="x,y of a touch, mm; once for each touch.")
+        list[str] | None, typer.Option(help="x,y of a touch, mm; once for each. The middle.")
     ] = None,
     force: Annotated[
-        list[str] | None, typer.Option(help="Fx,Fy,Fz of each touch on the skin, N; z < 0 presses.")
+        list[str] | None,
+        typer.Option(help="Fx,Fy,Fz on the skin, N; z < 0 presses; one for all. 0,0,-0.5."),
     ] = None,
-    sweep: Annotated[
-        Literal["grid", "shear", "pairs", "random"] | None,
-        typer.Option(help="Instead of one press: every place of a grid; with drags; two at once."),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="The sweep's folder; repeat to resume.", file_okay=False)
-    ] = None,
-    export: Annotated[
-        Path | None, typer.Option(help="Also write the sweep to this one HDF5 file.")
-    ] = None,
-    forces: Annotated[
-        str | None, typer.Option(help="N: 0.1,0.5 or from:to:count; random: from:to.")
-    ] = None,
-    drags: Annotated[str | None, typer.Option(help="Sideways, N, likewise.")] = None,
-    directions: Annotated[str | None, typer.Option(help="Of the drags of a shear sweep.")] = None,
-    places: Annotated[str | None, typer.Option(help="Of the grid, such as 25x33.")] = None,
-    count: Annotated[str | None, typer.Option(help="How many random presses.")] = None,
-    touches: Annotated[str | None, typer.Option(help="At once: 2, or from:to.")] = None,
-    radius: Annotated[str | None, typer.Option(help="Of touches, mm; random: from:to.")] = None,
-    margin: Annotated[str | None, typer.Option(help="Of random presses to the rim, mm.")] = None,
-    temperature: Annotated[
-        str | None, typer.Option(help="degC; for sweeps one or more, as forces.")
-    ] = None,
-    skins: Annotated[int, typer.Option(min=0, help="Sweep over so many manufactured skins.")] = 0,
+    temperature: Annotated[float, typer.Option(help="Temperature of the skin, degC.")] = 25.0,
     manufactured: Annotated[
         bool, typer.Option("--manufactured", help="Press a manufactured skin, of this seed.")
     ] = False,
-    mechanics: Annotated[
-        Literal["whole", "reduced"],
-        typer.Option(help="whole: the folded sheet; reduced: the paper's model."),
-    ] = "whole",
-    grip: Annotated[
-        str | None, typer.Option(help="sticking, frictionless, covered or sliding:FRICTION.")
+    mechanics: Mechanics = "whole",
+    grip: Grip = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of made skin and noise.")] = 0,
+    as_json: Json = False,
+) -> None:
+    """Press a simulated skin once: what sinks, what moves, what the chips read.
+
+    The exit code is 1 if the skin finds no equilibrium.
+    """
+    from smoskin.commands.simulate import simulate_press
+    from smoskin.feasibility import load_design
+
+    press = simulate_press(
+        load_design(design),
+        at or (),
+        force or (),
+        temperature=temperature,
+        mechanics=mechanics,
+        grip=grip,
+        manufactured=manufactured,
+        seed=seed,
+    )
+    if as_json:
+        typer.echo(json.dumps(press.as_json()))
+    else:
+        for table in press.tables():
+            show(table)
+    if not press.valid:
+        typer.echo("The skin has no equilibrium under these touches.", err=True)
+        raise typer.Exit(1)
+
+
+@app.command()
+def sweep(
+    design: Design = "planar",
+    kind: Annotated[
+        Literal["grid", "shear", "pairs", "random"],
+        typer.Option(help="Presses at every place of a grid; with drags; two at once; random."),
+    ] = "grid",
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder of the data set; DESIGN-KIND by default.", file_okay=False),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of noise and of random presses.")] = 0,
-    chunk: Annotated[int | None, typer.Option(min=1, help="Presses a file of the sweep.")] = None,
+    summary: Annotated[
+        Path | None, typer.Option(help="Only tell what this data set holds.", file_okay=False)
+    ] = None,
+    export: Annotated[Path | None, typer.Option(help="Also write this one HDF5 file.")] = None,
+    forces: Annotated[
+        str | None, typer.Option(help="Forces, N: 0.1,0.5 or from:to:count; random: from:to.")
+    ] = None,
+    drags: Annotated[str | None, typer.Option(help="Forces sideways, N, likewise.")] = None,
+    directions: Annotated[str | None, typer.Option(help="Directions of a shear's drags.")] = None,
+    places: Annotated[str | None, typer.Option(help="Places of the grid, such as 25x33.")] = None,
+    count: Annotated[str | None, typer.Option(help="Number of random presses.")] = None,
+    touches: Annotated[str | None, typer.Option(help="Touches at once: 2, or from:to.")] = None,
+    radius: Annotated[str | None, typer.Option(help="Radius of touches, mm; or from:to.")] = None,
+    margin: Annotated[str | None, typer.Option(help="Random presses' way to the rim, mm.")] = None,
+    temperature: Annotated[str, typer.Option(help="Temperatures, degC, written as forces.")] = "25",
+    skins: Annotated[int, typer.Option(min=0, help="Number of manufactured skins.")] = 0,
+    mechanics: Mechanics = "whole",
+    grip: Grip = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of noise and random presses.")] = 0,
+    chunk: Annotated[int | None, typer.Option(min=1, help="Presses a file.")] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes; one a core.")] = None,
-    engine: Annotated[
-        Literal["local", "dask"], typer.Option(help="Where a sweep is computed.")
-    ] = "local",
     scheduler: Annotated[
-        str | None, typer.Option(help="Of a running dask cluster, such as tcp://host:8786.")
+        str | None, typer.Option(help="A dask cluster, tcp://host:8786; or local to start one.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Press a simulated skin: once, to see what it does, or in a sweep that fills a data set.
+    """Press a simulated skin in many ways into a data set; one that was stopped goes on.
 
-    A sweep that was stopped goes on when the command is repeated. The exit code is 1 if a single
-    press finds no equilibrium; a sweep counts such rows and flags them in its files.
+    Presses without an equilibrium are counted and flagged in the files. With --summary the exit
+    code is 1 if rows are missing or damaged.
     """
-    from smoskin.commands import simulate as simulation
-    from smoskin.errors import ArgumentError
+    from smoskin.commands import sweep as sweeps
     from smoskin.feasibility import load_design
 
-    of_sweep = {"forces": forces, "drags": drags, "directions": directions, "places": places,
-                "count": count, "touches": touches, "radius": radius, "margin": margin}  # fmt: skip
-    if sweep is None:
-        others = (*of_sweep.values(), out, export, chunk, workers, scheduler)
-        degrees = simulation.parse_numbers("temperature", temperature or "25")
-        if not at or skins or len(degrees) > 1 or any(value is not None for value in others):
-            raise ArgumentError(
-                "simulate must be given --at and --force for one press, at one temperature, or "
-                "--sweep and --out"
-            )
-        press = simulation.simulate_press(
-            load_design(design),
-            at,
-            force or [],
-            temperature=degrees[0],
+    if summary is not None:
+        report = sweeps.summarise(summary)
+    else:
+        skin = load_design(design)
+        plan = sweeps.plan_sweep(
+            kind,
+            {
+                "forces": forces,
+                "drags": drags,
+                "directions": directions,
+                "places": places,
+                "count": count,
+                "touches": touches,
+                "radius": radius,
+                "margin": margin,
+            },
+            temperatures=temperature,
+            skins=skins,
             mechanics=mechanics,
             grip=grip,
-            manufactured=manufactured,
             seed=seed,
+            presses_per_chunk=chunk,
         )
-        if as_json:
-            typer.echo(json.dumps(press.as_json()))
-        else:
-            for table in press.tables():
-                show(table)
-        if not press.valid:
-            typer.echo("The skin has no equilibrium under these touches.", err=True)
-            raise typer.Exit(1)
-        return
-    if at or force or manufactured or out is None:
-        raise ArgumentError("a sweep must be given --out, and neither --at, --force nor "
-                            "--manufactured (skins says how many)")  # fmt: skip
-    planned = simulation.plan_sweep(
-        sweep,
-        of_sweep,
-        temperatures=temperature,
-        skins=skins,
-        mechanics=mechanics,
-        grip=grip,
-        seed=seed,
-        presses_per_chunk=chunk,
-    )
-    with progress_bar() as progress:
-        done = simulation.run_sweep(
-            load_design(design),
-            planned,
-            out,
-            engine=simulation.parse_engine(engine, workers, scheduler),
-            export=export,
-            progress=lambda state: progress(
-                f"{state.rows}/{state.rows_in_all} rows, {state.rate:.0f}/s",
-                state.rows / state.rows_in_all,
-            ),
-        )
-    if as_json:
-        typer.echo(json.dumps(done.as_json()))
-        return
-    for line in done.lines():
-        typer.echo(line)
+        with progress_bar() as progress:
+            report = sweeps.run_sweep(
+                skin,
+                plan,
+                out or Path(f"{skin.name}-{kind}"),
+                engine=sweeps.choose_engine(workers, scheduler),
+                export=export,
+                progress=lambda state: progress(
+                    f"{state.rows}/{state.rows_in_all} rows, {state.rate:.0f}/s",
+                    state.rows / state.rows_in_all,
+                ),
+            )
+    typer.echo(json.dumps(report.as_json()) if as_json else "\n".join(report.lines()))
+    if not report.sound:
+        raise typer.Exit(1)
