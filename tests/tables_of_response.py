@@ -9,7 +9,9 @@ from smoskin.magnetics import mlx90393
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.geometry import geometry
 from smoskin.records import Motion
+from smoskin.sensing.response.basis import TouchBasis
 from smoskin.sensing.response.fit import add_modes, fit_response_table
+from smoskin.sensing.response.table import ResponseTable
 from smoskin.twin.readout import Readout
 from smoskin.twin.reduced import ReducedTwin
 
@@ -74,3 +76,45 @@ def table_with_modes(design, skins=40):
         for k in range(skins)
     ]
     return add_modes(reduced_table(design), where, push, np.stack(ways))
+
+
+BASIS = TouchBasis(
+    extent=(0.06, 0.05), lines_x=(0.01, 0.028, 0.05), lines_y=(0.012, 0.036), radius=0.005
+)
+"""Unlike along x and y, and small."""
+
+
+def random_table(seed=0, modes=3, chips=(0, 1, 2)):
+    """A table of a small skin that is nobody's, with everything that a table can have."""
+    rng = np.random.default_rng(seed)
+    shape, count, vertices = BASIS.shape, 3 * len(chips), BASIS.vertices
+    order = BASIS.exponents.sum(axis=1)[:, None]
+    size = 1e-3 * 0.1 ** (order - 1)
+    mean = rng.normal(size=(*shape, count)) * size
+    root = 3e-6 * rng.normal(size=(2, count, count))
+    half = 1e-3 * rng.normal(size=(3 * vertices, 3 * vertices))
+    give = (half @ half.T).reshape(vertices, 3, vertices, 3)[:, :2]
+    curvature = 20.0 * rng.normal(size=(len(chips), 3, 3, 3))
+    return ResponseTable(
+        design_hash="nobody's",
+        basis=BASIS,
+        chips=chips,
+        forces=(0.05, 1.2),
+        mean=mean,
+        softening=0.004,
+        warmth=1e-3 * rng.normal(size=mean.shape) * size,
+        modes=0.05 * rng.normal(size=(modes, *mean.shape)) * size,
+        grip=give,
+        grip_modes=0.01 * rng.normal(size=(modes, *give.shape)) * np.abs(give).max(),
+        curvature=curvature + curvature.swapaxes(1, 2),
+        misfit=root[0] @ root[0].T,
+        pair_misfit=root[1] @ root[1].T,
+    )
+
+
+def random_touches(count, seed=0, drag=0.3):
+    """Places and forces all over that skin."""
+    rng = np.random.default_rng([seed, 1])
+    force = rng.uniform(-drag, drag, (count, 3))
+    force[:, 2] = -rng.uniform(0.1, 1.1, count)
+    return rng.uniform(0, BASIS.extent, (count, 2)), force

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from smoskin.errors import ArgumentError
 from smoskin.sensing.bayes.priors import TouchPriors
 from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.response.bound import bound_map, bound_of_slopes, figures, information
-from smoskin.sensing.response.calibrate import plan_touches
 from smoskin.sensing.signals.signals import signal_noise
-from tables_of_response import plain, reduced_table, table_with_modes
+from tables_of_response import BASIS, plain, random_table, reduced_table, table_with_modes
 
 
 @pytest.fixture(scope="module")
@@ -108,12 +108,69 @@ def test_the_solver_meets_the_bound(skin):
     assert reached < 1.5 * np.sqrt(np.trace(bound[:2, :2]))
 
 
+@pytest.mark.parametrize("drags", [True, False])
+@pytest.mark.parametrize("misfit", [True, False])
+def test_the_bound_is_the_inverse_of_the_information(misfit, drags):
+    """At one place under 0.3 N, all components, from slopes taken by differences."""
+    table, noise, force = random_table(), 1e-12 * (np.eye(9) + 0.3), 0.3
+    found = bound_map(table, noise, force=force, misfit=misfit, drags=drags, places=(4, 5))
+    assert_allclose(found.x, np.linspace(0, BASIS.extent[0], 4))
+    assert_allclose(found.y, np.linspace(0, BASIS.extent[1], 5))
+    assert found.chips == 3
+    at = np.array([found.x[1], found.y[3], 0.0, 0.0, -force])
+    steps = np.diag([1e-7, 1e-7, 1e-6, 1e-6, 1e-6])
+    ends = [table.signals((at + s * steps)[:, :2], (at + s * steps)[:, 2:]) for s in (1, -1)]
+    slopes = ((ends[0] - ends[1]) / (2 * steps.sum(axis=0))[:, None]).T
+    spread = noise.copy()
+    if misfit:
+        modes = table.mode_signals(at[None, :2], at[None, 2:])[0]
+        spread += force**2 * table.misfit + modes.T @ modes
+    free = [0, 1, 2, 3, 4] if drags else [0, 1, 4]
+    level = np.diag([*12 / BASIS.extent**2, 1e-6, 1e-6, 1e-6])[np.ix_(free, free)]
+    told = slopes[:, free].T @ np.linalg.inv(spread) @ slopes[:, free] + level
+    expected = np.zeros(5)
+    expected[free] = np.sqrt(np.diag(np.linalg.inv(told)))
+    reached = [*found.place[1, 3], *found.drag[1, 3], found.force[1, 3]]
+    assert_allclose(reached, expected, rtol=1e-5)
+    assert found.location[1, 3] == pytest.approx(np.hypot(*expected[:2]), rel=1e-5)
+
+
+def test_the_usual_bound_is_of_half_a_newton_with_drags_on_the_skin_as_known():
+    table, noise = random_table(), 1e-12 * np.eye(9)
+    usual = bound_map(table, noise)
+    assert usual.place.shape == (49, 65, 2)
+    stated = bound_map(table, noise, force=0.5, drags=True, misfit=False, places=(49, 65))
+    assert_allclose(usual.place, stated.place)
+
+
+def test_a_place_is_blind_from_five_millimetres():
+    x, y = np.linspace(0.0, 2.0, 3), np.linspace(0.0, 3.0, 4)
+    # Of a metre's skin, so that the prior of the place says nothing.
+    slopes = np.zeros((3, 4, 3, 5))
+    slopes[..., 0, 0] = slopes[..., 1, 1] = slopes[..., 2, 4] = 1.0
+    slopes[1, 2, 1, 1] = 0.25
+    seen = 0.003
+    for far, blind in ((3.99e-3, False), (4.01e-3, True)):
+        noise = np.diag([seen**2, (far / 4) ** 2, 1e-6])
+        found = bound_of_slopes(x, y, slopes, noise, drags=False)
+        assert found.location[1, 2] == pytest.approx(np.hypot(seen, far), rel=1e-4)
+        assert found.blind[1, 2] == blind
+        assert found.blind.sum() == blind
+        squared = found.location[~found.blind] ** 2
+        area = 6.0 / 1
+        assert found.super_resolution.area == pytest.approx(area / squared.mean())
+        mean = np.sqrt(squared).mean() * np.sqrt(np.pi) / 2
+        assert found.super_resolution.spacing == pytest.approx(np.sqrt(area) / mean)
+
+
 def test_wrong_use_is_refused(skin):
     table, noise = reduced_table(skin), signal_noise(skin)
     with pytest.raises(ArgumentError, match="force must be positive and places two or more"):
         bound_map(table, noise, force=0.0)
+    with pytest.raises(ArgumentError, match="force must be positive and places two or more"):
+        bound_map(table, noise, places=(2, 1))
+    assert bound_map(table, noise, places=(2, 2)).place.shape == (2, 2, 2)
     with pytest.raises(ArgumentError, match="two places or more"):
         bound_of_slopes(np.zeros(1), np.zeros(2), np.zeros((1, 2, 9, 5)), noise)
     with pytest.raises(ArgumentError, match="slopes"):
         bound_of_slopes(np.zeros(2), np.zeros(2), np.zeros((2, 2, 9, 4)), noise)
-    assert len(plan_touches(table_with_modes(skin), 2, noise)) == 2

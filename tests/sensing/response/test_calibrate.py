@@ -4,18 +4,31 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from smoskin.errors import ArgumentError
+from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
+from smoskin.origami.geometry import places_to_the_rim
 from smoskin.sensing.response.calibrate import (
     LabelledTouches,
     TouchPlanner,
     calibrate_touches,
     plan_touches,
 )
+from smoskin.sensing.response.fit import table_curvature
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.manufacture import draw
 from smoskin.twin.readout import Readout
-from tables_of_response import motions, plain, presses, signals, table_with_modes
+from tables_of_response import (
+    BASIS,
+    motions,
+    plain,
+    presses,
+    random_table,
+    random_touches,
+    signals,
+    table_with_modes,
+)
 
 
 @pytest.fixture(scope="module")
@@ -164,11 +177,210 @@ def test_labels_that_are_off_are_believed_less(skin, noise):
     assert errors[1] < errors[0]
 
 
+FLOOR = 1e-12 * (np.eye(9) + 0.3)
+"""T^2: noise of chips that are off together."""
+
+
+def labelled(table, weights, count=12, temperature=REFERENCE_TEMPERATURE, off=0.0, **spreads):
+    """Touches of the skin with these weights, off by so much of each signal."""
+    place, force = random_touches(count, seed=4)
+    y = table.signals(place, force, temperature)
+    y = y + np.einsum("k,nkc->nc", weights, table.mode_signals(place, force)) + off
+    return LabelledTouches(
+        position=place, force=force, signals=y.reshape(count, -1, 3), temperature=temperature,
+        **spreads,
+    )  # fmt: skip
+
+
+def test_weights_are_those_of_linear_regression():
+    """Against the same posterior by the signals' joint covariance, at other places."""
+    table = random_table()
+    touches = labelled(
+        table, [0.3, -0.2, 0.1], temperature=31.0, place_spread=2e-4, force_spread=5e-3
+    )
+    skin = calibrate_touches(table, touches, FLOOR)
+    place, force = touches.position, touches.force
+    modes, slopes = table.mode_signals(place, force), table.slopes(place, force)
+    off = np.array([2e-4, 2e-4, 5e-3, 5e-3, 5e-3]) ** 2
+    spoilt = np.einsum("nck,k,ndk->ncd", slopes, off, slopes) + FLOOR
+    spoilt += (force**2).sum(axis=1)[:, None, None] * table.misfit
+    flat = modes.swapaxes(1, 2).reshape(-1, 3)
+    joint = flat @ flat.T
+    for n in range(12):
+        joint[9 * n : 9 * n + 9, 9 * n : 9 * n + 9] += spoilt[n]
+    residual = touches.signals.reshape(-1) - table.signals(place, force, 31.0).ravel()
+    weights = flat.T @ np.linalg.solve(joint, residual)
+    covariance = np.eye(3) - flat.T @ np.linalg.solve(joint, flat)
+    assert_allclose(skin.misfit, table.misfit, rtol=1e-12)
+    assert_allclose(skin.mean, table.mean + np.tensordot(weights, table.modes, 1), atol=1e-11)
+    assert_allclose(skin.grip, table.grip + np.tensordot(weights, table.grip_modes, 1), rtol=1e-9)
+    late = random_touches(20, seed=6)
+    new, old = skin.mode_signals(*late), table.mode_signals(*late)
+    expected = np.einsum("akc,kl,ald->acd", old, covariance, old)
+    size = np.abs(expected).max()
+    assert_allclose(np.einsum("akc,akd->acd", new, new), expected, atol=1e-9 * size)
+    # The grip goes along with each mode.
+    expected = np.einsum("k...,kl,alc->...ac", table.grip_modes, covariance, old)
+    together = np.einsum("k...,akc->...ac", skin.grip_modes, new)
+    assert_allclose(together, expected, atol=1e-9 * np.abs(expected).max())
+    bent = table_curvature(skin) - table_curvature(table)
+    assert np.abs(bent).max() > 0
+    assert_allclose(skin.curvature, table.curvature + bent, rtol=1e-9)
+
+
+def test_the_misfit_of_each_signal_grows_to_what_it_misses():
+    table = random_table()
+    table = replace(table, misfit=np.diag(np.diag(table.misfit)))
+    force = random_touches(400, seed=4)[1]
+    size = np.sqrt(np.diag(table.misfit))
+    factor = np.array([1.0, 3.0, 1.0, 1.0, 1.0, 0.3, 1.0, 1.0, 6.0])
+    off = np.random.default_rng(3).normal(size=(400, 9)) * size * factor
+    off *= np.linalg.norm(force, axis=1)[:, None]
+    touches = labelled(table, np.zeros(3), count=400, off=off)
+    skin = calibrate_touches(table, touches, 1e-18 * np.eye(9))
+    grown = np.sqrt(np.diag(skin.misfit)) / size
+    # What fits better than the table says is not believed to do so everywhere.
+    assert_allclose(grown, np.maximum(factor, 1.0), rtol=0.1)
+    assert_allclose(skin.misfit, table.misfit * grown[:, None] * grown, rtol=1e-9)
+    far = labelled(table, np.zeros(3), count=400, off=1e3 * off)
+    grown = np.sqrt(np.diag(calibrate_touches(table, far, 1e-18 * np.eye(9)).misfit)) / size
+    assert_allclose(grown, 1e3 * factor, rtol=0.1)
+
+
+def expected_error(table, noise, covariance):
+    """Root mean square of where straight touches of 0.5 N are found, one place after the other."""
+    squares = []
+    for place in places_to_the_rim(table.basis.extent, (9, 11)):
+        shift, spread, _ = shift_at(table, noise, place)
+        squares.append(np.trace(spread[:2, :2]) + np.trace((shift @ covariance @ shift.T)[:2, :2]))
+    return np.sqrt(np.mean(squares))
+
+
+def shift_at(table, noise, place):
+    touch = place[None], np.array([[0.0, 0.0, -0.5]])
+    slopes = table.slopes(*touch)[0][:, [0, 1, 4]]
+    precision = np.linalg.inv(noise + 0.25 * table.misfit)
+    level = np.diag([*12 / table.basis.extent**2, 0.0])
+    spread = np.linalg.inv(slopes.T @ precision @ slopes + level)
+    shift = spread @ slopes.T @ precision @ table.mode_signals(*touch)[0].T
+    return shift, spread, np.diag([1.0, 1.0, 0.05 / 0.5])
+
+
+def covariance_after(table, noise, covariance, place, force, off):
+    """What is open of the weights after one more touch."""
+    slopes = table.slopes(place[None], force[None])[0]
+    spoilt = noise + (force @ force) * table.misfit + (slopes * off) @ slopes.T
+    modes = table.mode_signals(place[None], force[None])[0]
+    more = modes @ np.linalg.inv(spoilt) @ modes.T
+    return np.linalg.inv(np.linalg.inv(covariance) + more)
+
+
+def test_the_next_touch_is_the_best_of_all_that_may_be_made():
+    table = random_table(seed=2)
+    planner = TouchPlanner(table, FLOOR, force=0.9, drag=0.2, place_spread=1e-4, force_spread=4e-3)
+    aim = np.zeros((3, 3))
+    for place in places_to_the_rim(BASIS.extent, (9, 11)):
+        shift, _, weight = shift_at(table, FLOOR, place)
+        aim += (weight @ shift).T @ (weight @ shift)
+    pushes = np.array([[0, 0, -0.9], [0, 0, -0.36], [0.2, 0, -0.9], [-0.2, 0, -0.9],
+                       [0, 0.2, -0.9], [0, -0.2, -0.9]])  # fmt: skip
+    places = places_to_the_rim(BASIS.extent, (13, 17))
+    off = np.array([1e-4, 1e-4, 4e-3, 4e-3, 4e-3]) ** 2
+    open_still, made = np.eye(3), []
+    assert planner.error == pytest.approx(expected_error(table, FLOOR, open_still), rel=1e-9)
+    for _ in range(3):
+        after = [
+            (covariance_after(table, FLOOR, open_still, place, force, off), place, force)
+            for force in pushes
+            for place in places
+            if tuple(place) not in made
+        ]
+        open_still, place, force = min(after, key=lambda one: np.sum(aim * one[0]))
+        target = planner.next()
+        assert_allclose([*target.position, *target.force], [*place, *force], atol=1e-12)
+        assert target.error == pytest.approx(expected_error(table, FLOOR, open_still), rel=1e-8)
+        planner.made(target.position, target.force)
+        made.append(tuple(place))
+        assert planner.error == pytest.approx(target.error, rel=1e-9)
+
+
+def test_the_usual_rig_is_a_good_one_that_presses_with_0_8_newton():
+    table = random_table(seed=2)
+    usual = TouchPlanner(table, FLOOR)
+    stated = TouchPlanner(table, FLOOR, force=0.8, drag=0.3, place_spread=20e-6, force_spread=2e-3)
+    for target, plan in zip(plan_touches(table, 4, FLOOR), (usual, stated, usual, stated),
+                            strict=True):  # fmt: skip
+        assert plan.next().error == target.error
+        for planner in (usual, stated):
+            planner.made(target.position, target.force)
+    assert usual.error == stated.error
+
+
+@pytest.mark.parametrize(("away", "again"), [(1.9e-3, False), (2.1e-3, True)])
+def test_a_place_is_not_touched_again_within_two_millimetres(away, again):
+    table = random_table(seed=3, modes=1)
+    planner = TouchPlanner(table, 1e-4 * np.eye(9), drag=0.0)
+    first = planner.next()
+    # A touch that tells next to nothing, near the best one.
+    near = np.clip(first.position - away * np.array([1.0, 0.0]), -1.0, BASIS.extent)
+    planner.made(near, 1e-6 * first.force)
+    assert (np.abs(planner.next().position - first.position).max() < 1e-9) == again
+
+
+def test_touches_that_may_end_a_range_as_one_did_are_barred_until_one_of_them_is_made():
+    """A skin on which every signal of a press is the same everywhere, and only it differs."""
+    table = random_table(seed=3)
+    planner = TouchPlanner(table, FLOOR, drag=0.0)
+    first = planner.next()
+    planner.bar(first)
+    proposed = []
+    while not planner.exhausted:
+        proposed.append(planner.next())
+        planner.bar(proposed[-1])
+    failed = table.signals(first.position[None], first.force[None])[0]
+    reach = np.abs(table.signals(places_to_the_rim(BASIS.extent, (13, 17)),
+                                 np.tile([0.0, 0.0, -0.8], (221, 1)))).max(axis=0)  # fmt: skip
+    large = np.abs(failed) > 0.6 * reach
+    for target in proposed:
+        moved = table.signals(target.position[None], target.force[None])[0]
+        assert not ((moved * np.sign(failed) >= np.abs(failed)) & large).any()
+        here = np.allclose(target.position, first.position)
+        assert not here or np.linalg.norm(target.force) < np.linalg.norm(first.force)
+    # A made touch that moves every signal further shows that those were not to blame.
+    free = TouchPlanner(table, FLOOR, drag=0.0)
+    free.bar(first)
+    free.made(first.position, 1.5 * first.force)
+    count = 0
+    while not free.exhausted:
+        free.bar(free.next())
+        count += 1
+    assert count >= len(proposed)
+
+
+def test_labels_take_one_temperature_for_all_and_the_reference_by_default():
+    place, force = random_touches(3)
+    given = {"position": place, "force": force, "signals": np.zeros((3, 2, 3))}
+    assert_allclose(LabelledTouches(**given).temperature, [REFERENCE_TEMPERATURE] * 3)
+    assert_allclose(LabelledTouches(**given, temperature=30.0).temperature, [30.0] * 3)
+    touches = LabelledTouches(**given, temperature=[1.0, 2.0, 3.0])
+    assert_allclose(touches.temperature, [1.0, 2.0, 3.0])
+    assert len(touches) == 3
+    assert (touches.place_spread, touches.force_spread) == (0.0, 0.0)
+    with pytest.raises(ArgumentError, match="temperature must have shape"):
+        LabelledTouches(**given, temperature=[1.0, 2.0])
+    with pytest.raises(ArgumentError, match="temperature must be finite"):
+        LabelledTouches(**given, temperature=np.nan)
+    for wrong in (-1e-9, np.inf, np.nan):
+        with pytest.raises(ArgumentError, match="place_spread and force_spread"):
+            LabelledTouches(**given, force_spread=wrong)
+
+
 def test_wrong_use_is_refused(skin, noise):
     table = table_with_modes(skin)
     good = {"position": [[0.05, 0.05]], "force": [[0.0, 0.0, -0.5]], "signals": np.zeros((1, 3, 3))}
-    with pytest.raises(ArgumentError, match="force must press"):
-        LabelledTouches(**(good | {"force": [[0.0, 0.0, 0.5]]}))
+    for upwards in (0.5, 0.0):
+        with pytest.raises(ArgumentError, match="force must press"):
+            LabelledTouches(**(good | {"force": [[0.0, 0.0, upwards]]}))
     with pytest.raises(ArgumentError, match="signals must be finite"):
         LabelledTouches(**(good | {"signals": np.full((1, 3, 3), np.nan)}))
     with pytest.raises(ArgumentError, match="place_spread and force_spread"):
@@ -177,8 +389,14 @@ def test_wrong_use_is_refused(skin, noise):
         calibrate_touches(table.of_chips((1, 2)), LabelledTouches(**good), noise)
     with pytest.raises(ArgumentError, match="count must be positive"):
         plan_touches(table, 0, noise)
+    for wrong in ("drag", "place_spread", "force_spread"):
+        with pytest.raises(ArgumentError, match="force must be positive, drag and spreads"):
+            TouchPlanner(table, noise, **{wrong: -1e-9})
     with pytest.raises(ArgumentError, match="force must be positive, drag and spreads"):
-        TouchPlanner(table, noise, drag=-0.1)
+        TouchPlanner(table, noise, force=0.0)
+    none = {name: np.array(values)[:0] for name, values in good.items()}
+    with pytest.raises(ArgumentError, match="at least one, with 3 chips; got 0"):
+        calibrate_touches(table, LabelledTouches(**none), noise)
     bare = replace(table, modes=table.modes[:0], grip_modes=table.grip_modes[:0])
     with pytest.raises(ArgumentError, match="table must have modes"):
         TouchPlanner(bare, noise)

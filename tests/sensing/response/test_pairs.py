@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from smoskin.magnetics.nonlinearity import cross_signals
 from smoskin.mechanics.sheet.compliance import grip_compliance
@@ -12,7 +13,7 @@ from smoskin.mechanics.sheet.touches import Touches, patch_shares
 from smoskin.sensing.response.fit import add_coupling, table_curvature
 from smoskin.sensing.response.pair_point import PairPoint
 from smoskin.sensing.response.pairs import mutual_drags
-from tables_of_response import plain, reduced_table
+from tables_of_response import BASIS, plain, random_table, reduced_table
 
 WHERE = np.array([[[0.031, 0.047], [0.0601, 0.101]], [[0.098, 0.13], [0.02, 0.04]]])
 PRESS = np.array([[0.5, 0.3], [0.8, 0.6]])
@@ -125,3 +126,57 @@ def test_chips_left_out_take_their_curvature_along(coupled):
     whole = coupled.together(WHERE, straight(PRESS)).reshape(-1, 3, 3)
     said = fewer.together(WHERE, straight(PRESS))
     assert said == pytest.approx(whole[:, [2, 1]].reshape(-1, 6))
+
+
+@pytest.fixture(scope="module")
+def small():
+    rng = np.random.default_rng(7)
+    return random_table(chips=(0, 1)), rng.uniform(0, BASIS.extent, (6, 2, 2)), rng
+
+
+def test_no_patch_moves_that_is_held(small):
+    """Against the equations of equilibrium, written out one pair after the other."""
+    table, place, rng = small
+    press = rng.uniform(0.1, 1.0, (6, 2))
+    shares = table.vertex_shares(place)
+    drags = mutual_drags(table.grip, shares, press)
+    for a, p, extra in zip(shares, press, drags, strict=True):
+        moved = np.einsum("ih,hdge,jg->idje", a, table.grip, a)
+        alone = [np.linalg.solve(moved[k, :, k, :2], -moved[k, :, k, 2] * p[k]) for k in (0, 1)]
+        forces = np.concatenate([alone + extra, -0.0 + p[:, None]], axis=1)
+        left = np.einsum("idje,je->id", moved, forces)
+        assert_allclose(left, 0.0, atol=1e-6 * np.abs(moved).max())
+        assert np.abs(extra).max() > 1e-3 * p.max()
+
+
+def test_pairs_read_their_sum_their_drags_and_the_curvature(small):
+    table, place, rng = small
+    force = straight(rng.uniform(0.1, 1.0, (6, 2)))
+    drags = mutual_drags(table.grip, table.vertex_shares(place), -force[..., 2])
+    force[..., :2] += drags
+    one, other = (table.signals(place[:, k], force[:, k]) for k in (0, 1))
+    product = np.einsum(
+        "bsi,bsj,sijk->bsk", one.reshape(6, 2, 3), other.reshape(6, 2, 3), table.curvature
+    )
+    force[..., :2] -= drags
+    expected = one + other + product.reshape(6, 6)
+    assert_allclose(table.together(place, force), expected, rtol=1e-9, atol=1e-15)
+    assert_allclose(table.dragged(place, force), [one, other], rtol=1e-9, atol=1e-15)
+
+
+def test_slopes_of_a_pair_are_derivatives_on_any_skin(small):
+    table, place, rng = small
+    point = PairPoint(table, table.point_table())
+    for where, press in zip(place, rng.uniform(0.2, 1.0, (6, 2)), strict=True):
+        paired = point.at(where, press)
+        whole = table.together(where[None], straight(press)[None])[0]
+        assert_allclose(paired.values, whole, rtol=1e-9, atol=1e-12)
+        at = np.concatenate([where, press[:, None]], axis=1).ravel()
+        for k, step in enumerate([1e-7, 1e-7, 1e-6] * 2):
+            ahead, behind = (
+                (at + side * step * np.eye(6)[k]).reshape(2, 3) for side in (1.0, -1.0)
+            )
+            change = point.at(ahead[:, :2], ahead[:, 2]).values
+            change = change - point.at(behind[:, :2], behind[:, 2]).values
+            size = np.abs(paired.slopes[k]).max()
+            assert_allclose(paired.slopes[k], change / (2 * step), atol=1e-4 * size)

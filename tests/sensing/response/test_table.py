@@ -6,17 +6,27 @@ from importlib import resources
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from smoskin.commands.table import Effort
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.mlx90393 import noise
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
-from smoskin.mechanics.sheet.touches import Touches, patch_shares
 from smoskin.sensing.response.basis import TouchBasis
 from smoskin.sensing.response.fit import add_warmth, fit_response_table
 from smoskin.sensing.response.table import ResponseTable, load_response_table
 from smoskin.twin.readout import Readout
-from tables_of_response import motions, plain, presses, reduced_table, signals, table_with_modes
+from tables_of_response import (
+    BASIS,
+    motions,
+    plain,
+    presses,
+    random_table,
+    random_touches,
+    reduced_table,
+    signals,
+    table_with_modes,
+)
 
 AT = np.array([[0.031, 0.047], [0.0601, 0.081], [0.10, 0.12], [0.003, 0.158]])
 PUSH = np.array([[0.1, -0.05, -0.5], [0.0, 0.0, -0.9], [-0.2, 0.1, -0.3], [0.05, 0.0, -0.7]])
@@ -25,17 +35,6 @@ PUSH = np.array([[0.1, -0.05, -0.5], [0.0, 0.0, -0.9], [-0.2, 0.1, -0.3], [0.05,
 @pytest.fixture(scope="module")
 def skin(planar):
     return plain(planar)
-
-
-def test_the_functions_are_the_shares_that_load_the_vertices(skin):
-    basis = TouchBasis.of(skin)
-    touches = Touches(position=AT[:, None], force=PUSH[:, None])
-    x = basis.along_x(AT[:, 0])[0][:, :6]
-    y = basis.along_y(AT[:, 1])[0][:, :6]
-    separable = x[:, :, None] * y[:, None, :]
-    assert separable.sum(axis=(1, 2)) == pytest.approx(1.0)
-    # Apart from the disc's corners and the rule that averages over it.
-    assert separable == pytest.approx(patch_shares(skin, touches)[:, 0], abs=0.01)
 
 
 def test_slopes_are_derivatives(skin):
@@ -213,3 +212,93 @@ def test_wrong_tables_and_presses_are_refused(skin):
     with pytest.raises(ArgumentError, match="lines_x must rise"):
         TouchBasis(extent=(0.1, 0.1), lines_x=[0.05, 0.02], lines_y=[0.05])
     assert isinstance(table, ResponseTable)
+
+
+def test_signals_are_the_sums_of_softened_forces_and_warmth():
+    table = random_table()
+    place, force = random_touches(5)
+    degrees = np.array([-7.0, 0.0, 3.0, 11.0, 20.0])
+    softened = force / (1 + 0.004 * degrees)[:, None]
+    rows = BASIS.rows(place, softened)
+    expected = rows @ table.mean.reshape(-1, 9)
+    expected = expected + degrees[:, None] * (rows @ table.warmth.reshape(-1, 9))
+    found = table.signals(place, force, REFERENCE_TEMPERATURE + degrees)
+    assert_allclose(found, expected, rtol=1e-9, atol=1e-15)
+    for k, temperature in enumerate(REFERENCE_TEMPERATURE + degrees):
+        value, _ = table.point_table(temperature).at(*place[k], force[k])
+        assert_allclose(value, expected[k], rtol=1e-9, atol=1e-15)
+    assert_allclose(table.signals(place, force), BASIS.sums(table.mean, place, force))
+    rows = BASIS.rows(place, force)
+    for k in range(3):
+        mode = rows @ table.modes[k].reshape(-1, 9)
+        assert_allclose(table.mode_signals(place, force)[:, k], mode, rtol=1e-9, atol=1e-15)
+
+
+def test_a_point_has_the_slopes_of_its_signals_on_any_skin():
+    table = random_table()
+    place, force = random_touches(8, seed=2)
+    point = table.point_table()
+    slopes = table.slopes(place, force)
+    for k in range(8):
+        value, slope = point.at(*place[k], force[k])
+        assert_allclose(slope, slopes[k].T, rtol=1e-9, atol=1e-12)
+        many = point.scan(place[:, 0], place[:, 1], force[k])
+        assert_allclose(many[0][k], value, rtol=1e-9, atol=1e-15)
+        assert_allclose(many[1][k], slope, rtol=1e-9, atol=1e-12)
+
+
+def test_chips_left_out_take_everything_of_theirs_along():
+    table = random_table()
+    fewer = table.of_chips((2, 0))
+    rows = [6, 7, 8, 0, 1, 2]
+    assert fewer.chips == (2, 0)
+    assert fewer.count == 6
+    for name in ("mean", "warmth", "modes"):
+        assert_allclose(getattr(fewer, name), getattr(table, name)[..., rows])
+    for name in ("misfit", "pair_misfit"):
+        assert_allclose(getattr(fewer, name), getattr(table, name)[rows][:, rows])
+    assert_allclose(fewer.curvature, table.curvature[[2, 0]])
+    assert_allclose(fewer.grip, table.grip)
+    # Chips are known by their place in a reading, also where some have been left out.
+    assert fewer.of_chips((0,)).chips == (0,)
+    assert_allclose(fewer.of_chips((0,)).mean, table.mean[..., :3])
+    with pytest.raises(ArgumentError, match=r"chips must be among \(2, 0\); got \(1,\)"):
+        fewer.of_chips((1,))
+    with pytest.raises(ArgumentError, match="chips must be among"):
+        table.of_chips(())
+
+
+def test_tables_of_arrays_that_do_not_fit_are_refused():
+    table = random_table()
+    for name in ("mean", "warmth", "modes", "grip", "grip_modes", "curvature", "misfit",
+                 "pair_misfit"):  # fmt: skip
+        array = getattr(table, name)
+        with pytest.raises(ModelError, match=f"response table: {name} must have"):
+            replace(table, **{name: array[..., :-1]})
+        with pytest.raises(ModelError, match=f"response table: {name} must be finite"):
+            replace(table, **{name: np.full_like(array, np.inf)})
+        assert not array.flags.writeable
+    with pytest.raises(ModelError, match="grip_modes must have"):
+        replace(table, modes=table.modes[:2])
+    for forces in ((0.0, 1.0), (0.5, 0.5), (1.0, 0.5)):
+        with pytest.raises(ModelError, match="rising positive forces"):
+            replace(table, forces=forces)
+    assert table.origin == {}
+
+
+def test_a_whole_table_comes_back_from_its_file(tmp_path):
+    pytest.importorskip("safetensors")
+    table = replace(random_table(chips=(2, 0)), origin={"effort": {"skins": 3}})
+    table.save(tmp_path / "a")
+    back = load_response_table(tmp_path / "a")
+    for name in ("design_hash", "chips", "forces", "softening", "origin"):
+        assert getattr(back, name) == getattr(table, name)
+    for name in ("mean", "warmth", "grip", "curvature", "misfit", "pair_misfit"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(table, name))
+    for name in ("extent", "lines_x", "lines_y", "exponents", "radius"):
+        np.testing.assert_array_equal(getattr(back.basis, name), getattr(table.basis, name))
+    largest = np.abs(table.grip_modes).max()
+    assert_allclose(back.grip_modes, table.grip_modes, rtol=2**-11, atol=1e-11 * largest)
+    bare = replace(table, modes=table.modes[:0], grip_modes=table.grip_modes[:0])
+    bare.save(tmp_path / "b")
+    assert len(load_response_table(tmp_path / "b").modes) == 0

@@ -123,9 +123,10 @@ class TouchBasis:
         """All functions of B touches, (B, 2) m and (B, 3) N, side by side: (B, P Q D)."""
         place, push = touch_arrays(position, force)
         phi, psi = self.along_x(place[:, 0])[0], self.along_y(place[:, 1])[0]
-        places = (phi[:, :, None] * psi[:, None, :]).reshape(len(place), -1)
-        g = self.products(push)[0]
-        return np.asarray((places[:, :, None] * g[:, None, :]).reshape(len(place), -1))
+        p, q, d = self.shape
+        places = (phi[:, :, None] * psi[:, None, :]).reshape(len(place), p * q)
+        products = places[:, :, None] * self.products(push)[0][:, None, :]
+        return np.asarray(products.reshape(len(place), p * q * d))
 
     def sums(self, coefficients: Floats, position: ArrayLike, force: ArrayLike) -> Floats:
         """Sums of the functions with coefficients (P, Q, D, V) for B touches, (B, V)."""

@@ -89,7 +89,7 @@ class ResponseTable:
     """(K, H, 2, H, 3): change of the grip with each of the modes."""
     curvature: Floats
     """kappa, (S, 3, 3, 3), 1/T: what two touches add to the sum of their signals at a chip; by
-    signal of one, signal of the other, and signal that it adds to."""
+    signal of one, signal of the other (in either order), and signal that it adds to."""
     misfit: Floats
     """E, (C, C), T^2/N^2: covariance of what the table misses, for a touch of a newton."""
     pair_misfit: Floats

@@ -1,0 +1,108 @@
+"""What labels make of the readings of a held touch."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from smoskin.errors import ArgumentError
+from smoskin.records import Contact, HeldTouch, Reading, Status
+from smoskin.sensing.response import labels as module
+from smoskin.sensing.response.labels import Label, Labeller, labelled_touches
+
+CONTACT = Contact(position=(0.03, 0.05), force=(0.1, 0.0, -0.5))
+
+
+class Signal(NamedTuple):
+    values: np.ndarray
+    temperature: float
+    status: Status | None
+
+
+class PlainSignals:
+    """Takes a reading's field for its signals, and what is not good for saturated."""
+
+    zeroed: tuple = ()
+
+    def __init__(self, design, *, creep):
+        type(self).creep = creep
+
+    def zero(self, readings):
+        type(self).zeroed = tuple(reading.time for reading in readings)
+
+    def step(self, reading):
+        status = Status.SATURATED if reading.flags.any() else None
+        return Signal(reading.field, float(reading.temperature[0]), status)
+
+
+@pytest.fixture(autouse=True)
+def plain_signals(monkeypatch):
+    monkeypatch.setattr(module, "Signals", PlainSignals)
+    PlainSignals.zeroed = ()
+
+
+def held(values, bad=(), rest=(1.0, 2.0), hold=(4.0, 6.0)):
+    """A touch with a reading every second from 0, of these fields."""
+    readings = tuple(
+        Reading(
+            time=float(k),
+            field=np.full((3, 3), value),
+            temperature=np.full(3, 20.0 + k),
+            flags=np.full(3, int(k in bad)),
+        )
+        for k, value in enumerate(values)
+    )
+    return HeldTouch(contact=CONTACT, readings=readings, rest=rest, held=hold)
+
+
+VALUES = (90.0, 1.0, 3.0, 50.0, 10.0, 11.0, 15.0, 70.0)
+
+
+def test_a_label_is_the_mean_of_the_hold_less_that_of_the_rest(planar):
+    label = Labeller(planar, creep="rubber").label(held(VALUES))
+    assert_allclose(label.values, 12.0 - 2.0)
+    assert (label.contact, label.temperature, label.status) == (CONTACT, 26.0, None)
+    # The rest before the first touch is the zero.
+    assert PlainSignals.zeroed == (1.0, 2.0)
+    assert PlainSignals.creep == "rubber"
+
+
+def test_a_rest_that_was_not_read_is_that_of_the_touch_before(planar):
+    labeller = Labeller(planar)
+    labeller.label(held(VALUES))
+    assert PlainSignals.zeroed == (1.0, 2.0)
+    assert_allclose(labeller.label(held(VALUES, bad=(1, 2))).values, 12.0 - 2.0)
+    assert_allclose(labeller.label(held(VALUES, bad=(2,))).values, 12.0 - 1.0)
+    # Only the first rest is the zero.
+    assert PlainSignals.zeroed == (1.0, 2.0)
+
+
+def test_a_touch_that_was_not_read_says_why(planar):
+    labeller = Labeller(planar)
+    one = labeller.label(held(VALUES, bad=(5,)))
+    assert one.status is Status.SATURATED
+    assert_allclose(one.values, 12.5 - 2.0)
+    none = labeller.label(held(VALUES, bad=(4, 5, 6)))
+    assert none.status is Status.SATURATED
+    assert np.isnan(none.values).all()
+    assert none.values.shape == (3, 3)
+    empty = labeller.label(held(VALUES, hold=(4.2, 4.8)))
+    assert (empty.status, empty.temperature) == (Status.CHIP_MISSING, 22.0)
+    # Without a rest there is no level to take off.
+    lost = Labeller(planar).label(held(VALUES, rest=(0.2, 0.8)))
+    assert lost.status is Status.CHIP_MISSING
+
+
+def test_labels_that_can_be_used_are_given_with_the_chips_asked_for():
+    values = np.arange(9.0).reshape(3, 3)
+    good = Label(CONTACT, values, 24.0, None)
+    bad = Label(CONTACT, values, np.nan, Status.SATURATED)
+    touches = labelled_touches([bad, good], (2, 0), place_spread=1e-4, force_spread=2e-3)
+    assert_allclose(touches.signals, values[None, [2, 0]])
+    assert_allclose(touches.position, [CONTACT.position])
+    assert_allclose(touches.force, [CONTACT.force])
+    assert_allclose(touches.temperature, [24.0])
+    assert (touches.place_spread, touches.force_spread) == (1e-4, 2e-3)
+    with pytest.raises(ArgumentError, match="at least one that can be used; got 1"):
+        labelled_touches([bad], (0, 1), place_spread=0.0, force_spread=0.0)
