@@ -6,11 +6,11 @@ Run alone on a quiet core: ``OMP_NUM_THREADS=1 python benchmarks/bench_step.py``
 import time
 
 import numpy as np
+from smoskin.sensing.closed_form.table_fit import fit_press_table
 
 from smoskin import ClosedFormEstimator, Contact, Reading, ReducedTwin, load_design
 from smoskin.magnetics.mlx90393 import conversion_time
 from smoskin.origami.geometry import geometry
-from smoskin.sensing.closed_form.table_fit import fit_press_table
 from smoskin.twin.bench import MadeSkin, measure, table_loads
 
 STEPS = 5000

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from smoskin.sensing.closed_form.table_fit import fit_press_table
 
 from smoskin import ClosedFormEstimator, Reading, SkinDesign, Status, load_design
 from smoskin.arrays import Floats
@@ -18,7 +19,6 @@ from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.geometry import geometry
 from smoskin.records import Motion
 from smoskin.sensing.closed_form.calibration import Calibration
-from smoskin.sensing.closed_form.table_fit import fit_press_table
 from smoskin.twin.bench import TwinSkin, measure, table_loads
 from smoskin.twin.manufacture import Tolerances
 from smoskin.twin.whole import Twin

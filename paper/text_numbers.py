@@ -64,14 +64,16 @@ def _calibrated_again(design: SkinDesign) -> Coefficients:
         folding_correction_x=PRINTED_V_F["x"],
         folding_correction_y=PRINTED_V_F["y"],
     )
-    skin = MadeSkin(replace(design, coefficients=given), chip_rotation=chips, chip_offset=chips)
-    loads = calibration_loads(design)
+    skin = MadeSkin(
+        design=replace(design, coefficients=given), chip_rotation=chips, chip_offset=chips
+    )
+    twin = skin.twin()
+    loads = [[] if load is None else [load] for load in calibration_loads(design)]
     touches = TouchTable(
-        cell=[(-1, -1) if load.cell is None else load.cell for load in loads],
-        force=[load.force for load in loads],
-        depth=skin.depths(loads),
+        position=np.array([load[0].position if load else (np.nan,) * 2 for load in loads]),
+        force=np.array([load[0].force if load else (0.0,) * 3 for load in loads]),
+        depth=[twin.depths(load).sum() for load in loads],
         field=np.zeros((len(loads), 0, 3)),
-        temperature=np.full(len(loads), 25.0),
     )
     guess = replace(
         given,

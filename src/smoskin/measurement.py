@@ -1,8 +1,10 @@
-"""What a person measures on a bench to calibrate a skin: a table of touches, and its CSV file.
+"""Touches of known place and force that a person or a bench has made, and their one CSV file.
 
-Decides the columns and their units; hides the conversion and the checks. A row is one touch on
-a cell's top vertex, held still: the force by the gauge, how far the stage pushed, and what the
-chips read, if they were read. A row without a cell is the untouched skin.
+Decides the columns and their units; hides the conversion and the checks. A row is one touch held
+still: where, with what force by the gauge, perhaps how far the stage pushed, and what the chips
+read then or from when until when it was held while a recording ran. A row whose touch columns are
+empty is the untouched skin; one that says neither what the chips read nor when it was held has not
+been made yet, so that the same file is a plan to print and the same filled in.
 """
 
 import csv
@@ -18,98 +20,119 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Bools, Floats, Ints, frozen
+from smoskin.arrays import Bools, Floats, Ints, assign, floats, freeze
 from smoskin.errors import ArgumentError, RecordingError
-from smoskin.records import Reading
+from smoskin.records import Contact, HeldTouch, Reading
 from smoskin.units import SI_PER_SUFFIX, from_si, to_si
 
-_CELL: Final = ("cell_n", "cell_m")
+_PLACE: Final = ("x_mm", "y_mm")
 _FORCE: Final = ("force_x_N", "force_y_N", "force_z_N")
 _DEPTH: Final = "displacement_z_mm"
-_WARMTH: Final = "temperature_degC"
 _HELD: Final = ("from_s", "until_s")
-_REFERENCE: Final = 25.0
-"""degC of a table without temperatures."""
+_DEGREES: Final = "temperature_degC"
+_CELL: Final = ("cell_n", "cell_m")
+_APART: Final = 60.0
+"""s put between rows that do not say when they were made."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TouchTable:
-    """Touches with known force and depth; T rows, S chips.
+    """Touches with known place and force; T rows, S chips.
 
     Raises
     ------
     ArgumentError
-        If shapes disagree, a force or depth is not finite, a row pulls at the skin or an
-        untouched row has a force.
+        If shapes disagree, a touch does not press, or an untouched row has a force.
     """
 
-    cell: Ints
-    """(T, 2): (n, m) from 0; -1 where nothing touches."""
+    position: Floats
+    """(T, 2), m, in the skin's frame; NaN where nothing touches."""
     force: Floats
-    """(T, 3), N, that the toucher exerts on the skin; pressing is negative z."""
+    """(T, 3), N, that the toucher exerts on the skin; pressing is negative z. Zero where nothing
+    touches."""
     depth: Floats
-    """(T,), m: how far the stage pushed the vertex down."""
+    """(T,), m: how far the stage pushed the skin down; NaN where that was not measured."""
     field: Floats
     """(T, S, 3), T, in each chip's own axes; NaN where a chip was not read."""
     temperature: Floats
-    """(T, S), degC, as each chip reports it; chips of one board differ by degrees."""
+    """(T, S), degC, as each chip reports it; NaN where it does not."""
     held: Floats
-    """(T, 2), s: from when until when the touch was held still, on the readings' clock; NaN
+    """(T, 2), s: from when until when the touch was held still, on the clock of a recording; NaN
     where that is not known."""
 
     def __init__(
         self,
         *,
-        cell: ArrayLike,
+        position: ArrayLike,
         force: ArrayLike,
-        depth: ArrayLike,
         field: ArrayLike,
-        temperature: ArrayLike,
+        depth: ArrayLike | None = None,
+        temperature: ArrayLike | None = None,
         held: ArrayLike | None = None,
     ) -> None:
-        cells = np.array(cell, dtype=np.int64)
-        if cells.ndim != 2 or cells.shape[1] != 2:
-            raise ArgumentError(f"cell must have shape (T, 2); got {cells.shape}")
-        cells.setflags(write=False)
-        rows = len(cells)
-        object.__setattr__(self, "cell", cells)
-        object.__setattr__(self, "force", frozen("force", force, (rows, 3)))
-        object.__setattr__(self, "depth", frozen("depth", depth, (rows,)))
-        object.__setattr__(self, "field", frozen("field", field, (rows, None, 3)))
-        object.__setattr__(self, "temperature", self._warmth(temperature))
-        times = np.full((rows, 2), np.nan) if held is None else held
-        object.__setattr__(self, "held", frozen("held", times, (rows, 2)))
+        where, read = floats("position", position, (2,)), floats("field", field, (None, 3))
+        rows, chips = len(where), read.shape[-2]
+        degrees = floats("temperature", np.nan if temperature is None else temperature)
+        if degrees.ndim == 0:
+            degrees = np.full((rows, chips), degrees)
+        elif degrees.ndim == 1:  # one thermometer stands for all chips
+            degrees = np.repeat(degrees[:, None], chips, axis=1)
+        assign(
+            self,
+            position=where,
+            force=force,
+            field=read,
+            depth=np.full(rows, np.nan) if depth is None else depth,
+            temperature=degrees,
+            held=np.full((rows, 2), np.nan) if held is None else held,
+        )
+        freeze(
+            self,
+            position=(rows, 2),
+            force=(rows, 3),
+            field=(rows, chips, 3),
+            depth=(rows,),
+            temperature=(rows, chips),
+            held=(rows, 2),
+        )
+        known = np.isfinite(self.position)
+        began = np.isfinite(self.held)
         for name, bad, rule in (
+            ("position", known.any(axis=1) != known.all(axis=1), "have both coordinates or none"),
             ("force", ~np.isfinite(self.force).all(axis=1), "be finite"),
-            ("depth", ~np.isfinite(self.depth), "be finite"),
-            ("temperature", ~np.isfinite(self.temperature).all(axis=1), "be finite"),
-            ("force", self.force[:, 2] > 0, "press: z must not be positive"),
-            ("depth", self.depth < 0, "press: a pushed vertex has a displacement z below zero"),
-            ("force", ~self.touched & self.force.any(axis=1), "be zero where no cell is touched"),
-        ):
+            ("force", self.touched & ~(self.force[:, 2] < 0), "press: z must be below zero"),
+            ("force", ~self.touched & self.force.any(axis=1), "be zero where nothing touches"),
+            ("depth", self.depth < 0, "press: a pushed skin has a displacement z below zero"),
+            ("held", began.any(axis=1) & ~(self.held[:, 0] <= self.held[:, 1]),
+             "end with a time that is not before its beginning"),
+        ):  # fmt: skip
             if bad.any():
                 row = int(np.argmax(bad))
                 raise ArgumentError(
                     f"{name} must {rule}; got {getattr(self, name)[row]} in row {row + 1}"
                 )
 
-    def _warmth(self, temperature: ArrayLike) -> Floats:
-        """Of every chip, from that or from one for all of them, (T,)."""
-        shape = self.field.shape[:2]
-        given = np.asarray(temperature, dtype=np.float64)
-        if given.shape == shape[:1] or not shape[1]:
-            given = np.broadcast_to(given.reshape(shape[0], -1)[:, :1], shape)
-        return frozen("temperature", given, shape)
-
     @property
     def touched(self) -> Bools:
-        """(T,): whether anything touches the skin."""
-        return np.asarray((self.cell >= 0).all(axis=1))
+        """Whether anything touches the skin, (T,)."""
+        return np.asarray(np.isfinite(self.position).all(axis=1))
+
+    @property
+    def made(self) -> Bools:
+        """Whether the row says what the chips read or when it was held, (T,)."""
+        read = np.isfinite(self.field).any(axis=(1, 2))
+        return np.asarray(read | np.isfinite(self.held).all(axis=1))
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """All touches, in the order of their rows."""
+        rows = np.flatnonzero(self.touched)
+        return tuple(Contact(position=self.position[k], force=self.force[k]) for k in rows)
 
     def rows(self, chosen: Bools | Ints) -> "TouchTable":
         """The table of these rows alone."""
         return TouchTable(
-            cell=self.cell[chosen],
+            position=self.position[chosen],
             force=self.force[chosen],
             depth=self.depth[chosen],
             field=self.field[chosen],
@@ -123,10 +146,10 @@ class TouchTable:
         Raises
         ------
         ArgumentError
-            If a touch says not when it was held, or no reading of it has all chips good.
+            If a row says not when it was held, or no reading of it has all chips good.
         """
-        good = [one for one in readings if not one.flags.any() and np.isfinite(one.field).all()]
-        times = np.array([one.time for one in good])
+        good = [r for r in readings if not r.flags.any() and np.isfinite(r.field).all()]
+        times = np.array([reading.time for reading in good])
         fields, degrees = [], []
         for row, (begin, end) in enumerate(self.held):
             chosen = np.flatnonzero((times >= begin) & (times <= end))
@@ -139,35 +162,98 @@ class TouchTable:
             reported = np.array([good[k].temperature for k in chosen])
             known = np.isfinite(reported)
             mean = np.where(known, reported, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-            before = self.temperature[row] if self.temperature.shape[1] else _REFERENCE
-            degrees.append(np.where(known.any(axis=0), mean, before))
+            degrees.append(np.where(known.any(axis=0), mean, np.nan))
         return TouchTable(
-            cell=self.cell, force=self.force, depth=self.depth,
-            field=np.array(fields), temperature=np.array(degrees), held=self.held,
-        )  # fmt: skip
+            position=self.position,
+            force=self.force,
+            depth=self.depth,
+            field=np.array(fields),
+            temperature=np.array(degrees),
+            held=self.held,
+        )
+
+    def held_touches(self, readings: Iterable[Reading] | None = None) -> tuple[HeldTouch, ...]:
+        """The touches that have been made, each with the rest before it and its readings.
+
+        Parameters
+        ----------
+        readings : iterable of Reading, optional
+            Recording on whose clock the rows say when they were held. Without it each row is one
+            reading, of a touch held for long enough to have settled.
+
+        Raises
+        ------
+        ArgumentError
+            If no row has been made, no row of the untouched skin stands before the first touch,
+            rows do not follow each other in time, or there are no readings when one was held.
+        """
+        made = np.flatnonzero(self.made)
+        held = self.held
+        if readings is None:
+            made = made[np.isfinite(self.field[made]).any(axis=(1, 2))]
+            held = np.repeat(_APART * np.arange(len(self.held))[:, None], 2, axis=1)
+            readings = [
+                Reading(time=held[k, 0], field=self.field[k], temperature=self.temperature[k])
+                for k in made
+            ]
+        elif np.isnan(held[made]).any():
+            raise ArgumentError("from_s and until_s must say when each row was held")
+        if not len(made):
+            raise ArgumentError("touches must have been made; no row has been filled in")
+        ordered = sorted(readings, key=lambda reading: reading.time)
+        times = np.array([reading.time for reading in ordered])
+        touches: list[HeldTouch] = []
+        rest: tuple[float, float] | None = None
+        reached = -np.inf
+        for k in made.tolist():
+            begin, end = held[k].tolist()
+            if not ((times >= begin) & (times <= end)).any():
+                raise ArgumentError(
+                    f"readings must hold some from {begin:g} to {end:g} s, when row {k + 1} was "
+                    "held; got none"
+                )
+            if begin < reached:
+                raise ArgumentError(f"row {k + 1} must be held after the row before it")
+            if not self.touched[k]:
+                rest, reached = (begin, end), max(reached, begin)
+                continue
+            if rest is None or begin < rest[1]:
+                raise ArgumentError(
+                    f"row {k + 1} must come after a row of the untouched skin, without a place"
+                )
+            since = times > (touches[-1].held[1] if touches else np.nextafter(rest[0], -np.inf))
+            touches.append(
+                HeldTouch(
+                    contact=Contact(position=self.position[k], force=self.force[k]),
+                    readings=tuple(ordered[i] for i in np.flatnonzero(since & (times <= end))),
+                    rest=rest,
+                    held=(begin, end),
+                )
+            )
+            reached = end
+        return tuple(touches)
 
 
 def write_touches(path: str | os.PathLike[str], table: TouchTable) -> None:
     """Write a table as CSV; `read_touches` reads the same numbers back."""
-    chips = table.field.shape[1]
+    names = [*_PLACE, *_FORCE, _DEPTH, *_HELD, *_chip_columns(table.field.shape[1])]
+    chips = np.concatenate([table.field, table.temperature[..., None]], axis=-1)
+    force = np.where(table.touched[:, None], table.force, np.nan)
+    values = np.column_stack(
+        [table.position, force, -table.depth, table.held, chips.reshape(len(force), -1)]
+    )
     with Path(path).open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow([*_CELL, *_FORCE, _DEPTH, *_chip_columns(chips), *_chip_warmths(chips)])
-        for k, touched in enumerate(table.touched):
-            cell = [str(int(index) + 1) if touched else "" for index in table.cell[k]]
-            force = [_written(value, "N") for value in table.force[k]]
-            field = [_written(value, "uT") for value in table.field[k].ravel()]
-            writer.writerow(
-                [*cell, *force, _written(0.0 - table.depth[k], "mm"), *field,
-                 *(_written(degrees, "degC") for degrees in table.temperature[k])]
-            )  # fmt: skip
+        writer.writerow(names)
+        for row in values:
+            writer.writerow([_written(v, name) for v, name in zip(row, names, strict=True)])
 
 
 def read_touches(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
     """The table of a CSV file, and the file's SHA-256.
 
-    The columns `cell_n`, `cell_m` (from 1; empty for the untouched skin), `force_x_N`,
-    `force_y_N`, `force_z_N` and `displacement_z_mm` (both below zero for a press) must be there;
+    The columns `x_mm`, `y_mm` (empty for the untouched skin), `force_x_N`, `force_y_N` and
+    `force_z_N` (below zero for a press) must be there; `displacement_z_mm` (below zero likewise),
     `from_s` with `until_s` (when the touch was held, on the clock of a recording) and, for each
     chip from 1, `chip1_Bx_uT`, `chip1_By_uT`, `chip1_Bz_uT` and `chip1_temperature_degC` may be.
     `temperature_degC` stands for all chips that do not report their own.
@@ -176,7 +262,7 @@ def read_touches(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
     ------
     RecordingError
         If the file cannot be read, a column is missing or unknown, or a value is no number;
-        the message names the row and the column.
+        the message names the line and the column.
     """
     where = os.fspath(path)
     try:
@@ -187,74 +273,85 @@ def read_touches(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
     if len(lines) < 2:
         raise RecordingError(f"{where}: must hold a header and at least one row")
     header = [name.strip() for name in lines[0]]
-    chips = sum(name.startswith("chip") and "_B" in name for name in header) // 3
-    optional = (_WARMTH, *_HELD, *_chip_warmths(chips))
-    known = [*_CELL, *_FORCE, _DEPTH, *_chip_columns(chips), *optional]
-    for name in header:
-        if name not in known or header.count(name) > 1:
-            raise RecordingError(f"{where}: column {name!r} is unknown or occurs twice; "
-                                 f"valid: {', '.join(known)}")  # fmt: skip
-    for name in known:
-        if name not in header and name not in optional:
-            raise RecordingError(f"{where}: column {name!r} is missing")
-
-    columns: dict[str, list[float]] = {name: [] for name in header}
-    for number, line in enumerate(lines[1:], start=2):
+    chips = _check_header(where, header)
+    rows = len(lines) - 1
+    columns = {name: np.full(rows, np.nan) for name in header}
+    for row, line in enumerate(lines[1:]):
         if len(line) != len(header):
             raise RecordingError(
-                f"{where}: line {number} must have {len(header)} values; got {len(line)}"
+                f"{where}: line {row + 2} must have {len(header)} values; got {len(line)}"
             )
         for name, text in zip(header, line, strict=True):
-            columns[name].append(_read(f"{where}: line {number}", name, text.strip()))
-    rows = len(lines) - 1
-    field = np.full((rows, chips, 3), np.nan)
-    for column, name in enumerate(_chip_columns(chips)):
-        field[:, column // 3, column % 3] = columns[name]
-    warmth = np.full((rows, chips), np.array(columns.get(_WARMTH, [_REFERENCE]))[:, None])
-    for s, name in enumerate(_chip_warmths(chips)):
-        own = np.array(columns.get(name, np.full(rows, np.nan)))
-        warmth[:, s] = np.where(np.isfinite(own), own, warmth[:, s])
-    cell = np.nan_to_num(np.array([columns[name] for name in _CELL]).T)
+            columns[name][row] = _read(f"{where}: line {row + 2}", name, text.strip())
+    nothing = np.full(rows, np.nan)
+    read = np.array([columns.get(name, nothing) for name in _chip_columns(chips)])
+    read = read.reshape(chips, 4, rows).transpose(2, 0, 1)
+    common = columns.get(_DEGREES, nothing)[:, None]
+    position = np.array([columns[name] for name in _PLACE]).T
+    force = np.array([columns[name] for name in _FORCE]).T
+    untouched = np.isnan(position).all(axis=1) & np.isnan(force).any(axis=1)
     try:
         table = TouchTable(
-            cell=cell.astype(np.int64) - 1,
-            force=np.array([columns[name] for name in _FORCE]).T,
-            depth=0.0 - np.array(columns[_DEPTH]),
-            field=field,
-            temperature=warmth,
-            held=np.array([columns.get(name, np.full(rows, np.nan)) for name in _HELD]).T,
+            position=position,
+            force=np.where(untouched[:, None], np.nan_to_num(force), force),
+            depth=-columns.get(_DEPTH, nothing),
+            field=read[..., :3],
+            temperature=np.where(np.isfinite(read[..., 3]), read[..., 3], common),
+            held=np.array([columns.get(name, nothing) for name in _HELD]).T,
         )
     except ArgumentError as error:
         raise RecordingError(f"{where}: {error}") from error
     return table, hashlib.sha256(raw).hexdigest()
 
 
+def _check_header(where: str, header: list[str]) -> int:
+    """How many chips a header names; raises on columns that are missing or unknown."""
+    if any(name in header for name in _CELL):
+        raise RecordingError(
+            f"{where}: columns cell_n and cell_m are of an older version; replace them by x_mm and "
+            "y_mm, the place of the cell's top vertex"
+        )
+    chips = sum(name.startswith("chip") and "_B" in name for name in header) // 3
+    needed = (*_PLACE, *_FORCE, *(n for n in _chip_columns(chips) if not n.endswith(_DEGREES)))
+    known = (*_PLACE, *_FORCE, _DEPTH, *_HELD, _DEGREES, *_chip_columns(chips))
+    for name in header:
+        if name not in known or header.count(name) > 1:
+            raise RecordingError(
+                f"{where}: column {name!r} is unknown or occurs twice; valid: {', '.join(known)}"
+            )
+    for name in needed:
+        if name not in header:
+            raise RecordingError(f"{where}: column {name!r} is missing")
+    return chips
+
+
 def _chip_columns(chips: int) -> list[str]:
-    return [f"chip{s}_B{axis}_uT" for s in range(1, chips + 1) for axis in "xyz"]
+    """Columns of so many chips."""
+    return [
+        f"chip{s}_{what}"
+        for s in range(1, chips + 1)
+        for what in ("Bx_uT", "By_uT", "Bz_uT", _DEGREES)
+    ]
 
 
-def _chip_warmths(chips: int) -> list[str]:
-    return [f"chip{s}_{_WARMTH}" for s in range(1, chips + 1)]
+def _suffix(name: str) -> str:
+    """Unit suffix of a column."""
+    return next(s for s in sorted(SI_PER_SUFFIX, key=len) if name.endswith(f"_{s}"))
 
 
-def _written(value: float, suffix: str) -> str:
-    """A number in the suffix's unit; empty where there is none."""
-    return str(from_si(float(value), suffix)) if np.isfinite(value) else ""
+def _written(value: float, name: str) -> str:
+    """A number in its column's unit; empty where there is none."""
+    return str(from_si(float(value) + 0.0, _suffix(name))) if np.isfinite(value) else ""
 
 
 def _read(where: str, name: str, text: str) -> float:
-    """One value in SI; NaN for an empty cell, reading or temperature."""
-    if not text and (name in _CELL or name.startswith("chip")):
+    """One value in SI; NaN where there is none."""
+    if not text:
         return np.nan
     try:
         number = Decimal(text)
     except InvalidOperation as error:
         raise RecordingError(f"{where}, column {name}: must be a number; got {text!r}") from error
-    if name in _CELL:
-        if number < 1 or number != int(number):
-            raise RecordingError(
-                f"{where}, column {name}: must be a whole number from 1; got {text!r}"
-            )
-        return float(number)
-    suffix = next(s for s in sorted(SI_PER_SUFFIX, key=len) if name.endswith(f"_{s}"))
-    return to_si(number, suffix)
+    if not number.is_finite():
+        raise RecordingError(f"{where}, column {name}: must be a finite number; got {text!r}")
+    return to_si(number, _suffix(name))

@@ -9,11 +9,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from smoskin.commands.touch_sheet import read_contacts, read_held_touches, write_plan
 
 from smoskin.commands import run as watching
 from smoskin.commands.calibrate import calibrate, plan_by_hand
 from smoskin.commands.run import watch
-from smoskin.commands.touch_sheet import read_contacts, read_held_touches, write_plan
 from smoskin.errors import ArgumentError, ModelError, RecordingError
 from smoskin.records import Contact, Motion, Status
 from smoskin.service.recorder import Recorder

@@ -144,11 +144,12 @@ def plan_touches(
     Each touch is the one that tells most after those before it. Fill in what the chips read once a
     touch has settled, or from when until when it was held while a recording ran.
     """
-    from smoskin.commands.calibrate import plan_by_hand
-    from smoskin.commands.touch_sheet import read_contacts, write_plan
+    from smoskin.commands.calibrate import plan_by_hand, write_plan
     from smoskin.feasibility import load_design
+    from smoskin.measurement import read_touches
 
     skin = load_design(design)
+    filled = None if after is None else read_touches(after)[0]
     targets = plan_by_hand(
         skin,
         _table(design, table),
@@ -156,7 +157,7 @@ def plan_touches(
         until=1e-3 * (until_mm or 0.0),
         force=force,
         drag=drag,
-        made=() if after is None else read_contacts(after, skin),
+        made=() if filled is None else filled.rows(filled.made).contacts,
         place_spread=1e-3 * (0.5 if place_mm is None else place_mm),
         force_spread=1e-3 * (10.0 if force_mn is None else force_mn),
     )
@@ -186,16 +187,7 @@ def fit_paper(
     date: Annotated[
         str | None, typer.Option(help="ISO date of the measurement; today by default.")
     ] = None,
-    method: Annotated[
-        Literal["auto", "table", "reduced"],
-        typer.Option(
-            help="table: a press on every cell; reduced: the paper's model; auto: the table, "
-            "where the touches hold one."
-        ),
-    ] = "auto",
-    separate: Annotated[
-        bool, typer.Option("--separate", help="Reduced model: fit v_a in X and Y apart.")
-    ] = False,
+    separate: Annotated[bool, typer.Option("--separate", help="Fit v_a in X and Y apart.")] = False,
     plot: Annotated[Path | None, typer.Option(help="Draw the residuals to this file.")] = None,
     as_json: Json = False,
 ) -> None:
@@ -209,14 +201,13 @@ def fit_paper(
     from smoskin.commands import fit_paper as work
     from smoskin.feasibility import load_design
 
-    result = work.calibrate(
+    result = work.fit_paper(
         load_design(design),
         table,
         out,
         recording=recording,
         date=date or dt.date.today().isoformat(),
         attenuation="separate" if separate else "equal",
-        method=method,
     )
     if plot is not None:
         work.residual_figure(result.fit).savefig(plot)
@@ -246,7 +237,10 @@ def virtual_bench(
     from smoskin.feasibility import load_design
 
     write_virtual_bench(load_design(design), out, seed=seed, sheet=sheet)
-    typer.echo(f"Now: smoskin fit-paper {out} --out calibration.toml", err=True)
+    if sheet == "whole":
+        typer.echo(f"Now: smoskin calibrate {design} --sheet {out} --out skin.table", err=True)
+    else:
+        typer.echo(f"Now: smoskin fit-paper {out} --out calibration.toml", err=True)
 
 
 def _table(design: str, given: str | None) -> "ResponseTable":

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from smoskin.commands.touch_sheet import read_held_touches
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import ArgumentError
+from smoskin.errors import ArgumentError, RecordingError
 from smoskin.feasibility import load_design
+from smoskin.measurement import TouchTable, read_touches, write_touches
 from smoskin.mechanics.viscoelasticity import elastomer_prony
+from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, HeldTouch, Status
 from smoskin.roles import Rig
 from smoskin.sensing.response.calibrate import Target, TouchPlanner, calibrate_touches
@@ -43,6 +44,10 @@ _PATIENCE: Final = 30.0
 """s that a rig may take for a touch."""
 _TRIES: Final = 2
 """Ratio of the touches made at most to those that are asked for."""
+_REST_EVERY: Final = 10
+"""Touches of a plan after which the untouched skin is read again."""
+_ROUNDED: Final = 1e-5
+"""m by which a place on the rim may lie off it: sheets round."""
 _MILESTONES: Final = (0, 1, 2, 5, 10, 15, 30, 60, 120, 240)
 """Numbers of touches after which people are told the expected error."""
 
@@ -159,7 +164,7 @@ def calibrate(
         Table of the skin's design; or of the skin, to calibrate it further.
     touches : Rig, path or sequence of HeldTouch
         A rig with the skin on it, which is told where to touch and is left open; a CSV file of
-        touches made by hand (`smoskin.commands.touch_sheet.read_held_touches`); or touches that
+        touches made by hand (`smoskin.measurement.read_touches`); or touches that
         have been made already, in the order of time.
     design : SkinDesign or str, optional
         Design of the skin, or what `smo.load_design` takes for it.
@@ -200,9 +205,8 @@ def calibrate(
     if isinstance(touches, Rig):
         labels, errors = _by_rig(touches, planner, Labeller(skin, rubber), count, until, progress)
     elif isinstance(touches, str | os.PathLike):
-        readings = None if recording is None else open_recording(recording).readings()
         labeller = Labeller(skin, None if recording is None else rubber)
-        labels, errors = _by_hand(read_held_touches(touches, skin, readings), planner, labeller)
+        labels, errors = _by_hand(_of_file(touches, skin, recording), planner, labeller)
     else:
         labels, errors = _by_hand(touches, planner, Labeller(skin, rubber))
     given = labelled_touches(labels, table.chips, place_spread=spreads[0], force_spread=spreads[1])
@@ -259,6 +263,44 @@ def plan_by_hand(
         targets.append(planner.next())
         planner.made(targets[-1].position, targets[-1].force)
     return targets
+
+
+def write_plan(path: Path | str, design: SkinDesign, targets: Sequence[Target]) -> None:
+    """Write touches to make as a sheet to fill in, the untouched skin before every ten of them."""
+    rows: list[Target | None] = []
+    for number, target in enumerate(targets):
+        rows += [None, target] if number % _REST_EVERY == 0 else [target]
+    table = TouchTable(
+        position=np.reshape(
+            [(np.nan, np.nan) if row is None else row.position.round(5) for row in rows], (-1, 2)
+        ),
+        force=np.reshape([(0, 0, 0) if row is None else row.force for row in rows], (-1, 3)),
+        field=np.full((len(rows), len(design.halls), 3), np.nan),
+    )
+    write_touches(path, table)
+
+
+def _of_file(
+    path: str | os.PathLike[str],
+    design: SkinDesign,
+    recording: str | os.PathLike[str] | None,
+) -> tuple[HeldTouch, ...]:
+    """The touches of a filled sheet, read there or in a recording."""
+    table, _ = read_touches(path)
+    place, extent = table.position, geometry(design).extent
+    off = table.touched & ~((place >= -_ROUNDED) & (place <= extent + _ROUNDED)).all(axis=1)
+    try:
+        if off.any():
+            raise ArgumentError(f"row {int(np.argmax(off)) + 1} must lie on the skin")
+        readings = None if recording is None else open_recording(recording).readings()
+        chips = len(design.halls)
+        if readings is None and table.field.shape[1] != chips:
+            raise ArgumentError(
+                f"touches must be read by {chips} chips; got {table.field.shape[1]}"
+            )
+        return table.held_touches(readings)
+    except ArgumentError as error:
+        raise RecordingError(f"{os.fspath(path)}: {error}") from error
 
 
 def _by_rig(

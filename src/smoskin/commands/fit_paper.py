@@ -1,4 +1,4 @@
-"""From a bench's table to a calibration file, and what to tell the person who made it."""
+"""The paper's model of one skin from touches of a bench: its file, and a report for people."""
 
 import hashlib
 import math
@@ -14,39 +14,22 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import Coefficients, SkinDesign
 from smoskin.errors import ArgumentError, MissingExtraError
 from smoskin.measurement import read_touches, write_touches
+from smoskin.roles import VirtualSkin
 from smoskin.sensing.closed_form.calibration import Calibration, Uncertainty, format_calibration
-from smoskin.sensing.closed_form.confidence import Ambiguity, ambiguities
 from smoskin.sensing.closed_form.fitting import Attenuation, Fit, fit_calibration
-from smoskin.sensing.closed_form.table_fit import (
-    drags_every_cell,
-    fit_press_table,
-    presses_every_cell,
-)
 from smoskin.service.recorder import open_recording
-from smoskin.twin.bench import (
-    BenchSkin,
-    TwinSkin,
-    calibration_loads,
-    made_skin,
-    measure,
-    table_loads,
-)
+from smoskin.twin.bench import calibration_loads, made_skin, measure, table_loads
 from smoskin.units import SI_PER_SUFFIX
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
 
-Method = Literal["auto", "table", "reduced"]
-"""By the skin's own answers, one press a cell; by the SI's reduced model; or by the table where the
-touches hold one."""
 Sheet = Literal["whole", "reduced"]
-"""Of a virtual skin: the whole sheet's twin, or the SI's reduced model."""
+"""Kind of virtual skin: the whole sheet's twin, or the SI's reduced model."""
 
 _LEVEL: Final = 0.9
 """Confidence of the intervals shown."""
-_FORCE: Final = 0.5
-"""N: of the presses that the cells should be told apart by."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,26 +62,11 @@ class ResidualPlot:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TableLine:
-    """What a measured press table is worth."""
-
-    cells: int
-    drags_measured: bool
-    """Whether each cell was dragged too; else a drag is taken to move the sheet as a whole."""
-    hardest: Ambiguity
-    """The two cells that need the most force to be told apart, 99 times in 100."""
-    confused: int
-    """Pairs that a press of 0.5 N does not tell apart so."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationReport:
     """A finished calibration in words and numbers."""
 
     fit: Fit
     lines: tuple[Line, ...]
-    table: TableLine | None
-    """None where the reduced model was fitted."""
 
     def as_json(self) -> dict[str, object]:
         """Plain values for machines; what was not measured is null."""
@@ -124,21 +92,17 @@ class CalibrationReport:
                 for line in self.lines
             ],
             "residuals": [
-                {"group": one.group, "values": one.values, f"rms_{one.unit}":
-                 _or_none(_in_unit(one.rms, one.unit))}
+                {
+                    "group": one.group,
+                    "values": one.values,
+                    f"rms_{one.unit}": _or_none(_in_unit(one.rms, one.unit)),
+                }
                 for one in evidence.residuals
             ],
-            "press_table": None if self.table is None else {
-                "cells": self.table.cells,
-                "drags_measured": self.table.drags_measured,
-                "hardest_pair": [[n + 1, m + 1] for n, m in self.table.hardest.pair],
-                "hardest_pair_from_N": self.table.hardest.force,
-                "pairs_confused_at_0.5_N": self.table.confused,
-            },
-        }  # fmt: skip
+        }
 
     def tables(self) -> "list[Table]":
-        """The numbers, the residuals and the press table, for people."""
+        """The numbers and the residuals, for people."""
         from rich.table import Table
 
         numbers = Table(title="Calibration (+- at 90 % confidence)")
@@ -157,88 +121,66 @@ class CalibrationReport:
         for one in evidence.residuals:
             rms = _in_unit(one.rms, one.unit)
             residuals.add_row(one.group, str(one.values), f"{rms:.3g}", one.unit)
-        if self.table is None:
-            return [numbers, residuals]
-        worth = Table(title="Press table", show_header=False)
-        for name, value in (
-            ("cells measured", str(self.table.cells)),
-            ("drags", "measured on each cell" if self.table.drags_measured
-             else "not measured: taken to move the sheet as a whole"),
-            ("hardest to tell apart", str(self.table.hardest)),
-            (f"pairs confused at {_FORCE:g} N", str(self.table.confused)),
-        ):  # fmt: skip
-            worth.add_row(name, value)
-        return [numbers, residuals, worth]
+        return [numbers, residuals]
 
 
-def calibrate(
+def fit_paper(
     design: SkinDesign,
-    table: str | os.PathLike[str],
+    touches: str | os.PathLike[str],
     output: str | os.PathLike[str],
     *,
     date: str,
     recording: str | os.PathLike[str] | None = None,
     attenuation: Attenuation = "equal",
-    method: Method = "auto",
 ) -> CalibrationReport:
-    """Find a skin's calibration from a bench's table and write it.
+    """Fit the paper's model to touches on a skin's top vertices and write its calibration.
 
     Parameters
     ----------
     design : SkinDesign
-    table : path
+    touches : path
         CSV, as `smoskin.measurement.read_touches` describes it.
     output : path
-        The TOML file to write.
+        TOML file to write.
     date : str
         ISO date of the measurement.
     recording : path, optional
-        MCAP file with the chips' readings, where the table says only when each touch was held.
+        MCAP file with the chips' readings, where the CSV says only when each touch was held.
     attenuation : {"equal", "separate"}
-        Whether v_a of the reduced model is one number or one each in X and Y.
-    method : {"auto", "table", "reduced"}
-        Whether the calibration rests on the skin's own answers or on a fit of the reduced
-        model; by default on the answers where the touches hold a straight press on every cell.
+        Whether v_a is one number or one each in X and Y.
 
     Raises
     ------
     RecordingError
-        If the table or the recording cannot be read.
+        If the CSV or the recording cannot be read.
     ArgumentError, ModelError
-        As `fit_press_table` and `fit_calibration`.
+        As `fit_calibration`.
     """
-    touches, digest = read_touches(table)
+    table, digest = read_touches(touches)
     if recording is not None:
-        touches = touches.with_readings(open_recording(recording).readings())
+        table = table.with_readings(open_recording(recording).readings())
         both = digest + hashlib.sha256(Path(recording).read_bytes()).hexdigest()
         digest = hashlib.sha256(both.encode()).hexdigest()
-    if method == "auto":
-        method = "table" if presses_every_cell(design, touches) else "reduced"
-    if method == "table":
-        fit = fit_press_table(design, touches, date=date, data_sha256=digest)
-    else:
-        fit = fit_calibration(
-            design, touches, date=date, data_sha256=digest, attenuation=attenuation
-        )
+    fit = fit_calibration(design, table, date=date, data_sha256=digest, attenuation=attenuation)
     Path(output).write_text(format_calibration(fit.calibration), encoding="utf-8")
     return report(design, fit)
 
 
 def write_virtual_bench(
     design: SkinDesign, output: str | os.PathLike[str], *, seed: int, sheet: Sheet = "whole"
-) -> BenchSkin:
-    """Write the table that a bench would make of a virtual skin that differs from its design.
+) -> None:
+    """Write the touches that a bench would measure on a virtual skin unlike its design.
 
     Parameters
     ----------
     design : SkinDesign
     output : path
-        The CSV to write.
+        CSV to write.
     seed : int
-        Of the skin and of the bench's noise.
+        Seed of the skin and of the bench's noise.
     sheet : {"whole", "reduced"}
-        Whether the skin is the whole sheet's twin, every cell of which is pressed and dragged,
-        or one of the reduced model, whose coefficients the loads of SI Text S5 tell.
+        Whether the skin is the whole sheet's twin, every cell of which is pressed and dragged, or
+        one of the reduced model, whose coefficients the loads of SI Text S5 tell.
 
     Raises
     ------
@@ -247,17 +189,16 @@ def write_virtual_bench(
     """
     rng = np.random.default_rng(seed)
     if sheet == "reduced":
-        skin: BenchSkin = made_skin(design, rng)
+        skin: VirtualSkin = made_skin(design, rng).twin()
         loads = calibration_loads(design)
     elif sheet == "whole":
         from smoskin.twin.whole import Twin
 
-        skin = TwinSkin(Twin(design, seed=seed, manufactured=True))
+        skin = Twin(design, seed=seed, manufactured=True)
         loads = table_loads(design)
     else:
         raise ArgumentError(f"sheet must be 'whole' or 'reduced'; got {sheet!r}")
     write_touches(output, measure(skin, loads, rng))
-    return skin
 
 
 def report(design: SkinDesign, fit: Fit) -> CalibrationReport:
@@ -282,20 +223,7 @@ def report(design: SkinDesign, fit: Fit) -> CalibrationReport:
                 half_width=factor * _in_unit(deviation, suffix),
             )
         )
-    return CalibrationReport(fit=fit, lines=tuple(lines), table=_table_line(design, fit))
-
-
-def _table_line(design: SkinDesign, fit: Fit) -> TableLine | None:
-    """What the fit's press table is worth."""
-    if fit.calibration.press_table is None:
-        return None
-    pairs = ambiguities(design, calibration=fit.calibration, force=1e-6)
-    return TableLine(
-        cells=design.cells[0] * design.cells[1],
-        drags_measured=drags_every_cell(design, fit.touches),
-        hardest=pairs[0],
-        confused=sum(pair.force > _FORCE for pair in pairs),
-    )
+    return CalibrationReport(fit=fit, lines=tuple(lines))
 
 
 def residual_plot(fit: Fit) -> ResidualPlot:

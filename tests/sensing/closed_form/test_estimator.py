@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from smoskin.sensing.closed_form.press_table import PressTable, uniform_drag
 
 from skins import with_magnets
 from smoskin.errors import ArgumentError, ModelError
@@ -15,7 +16,6 @@ from smoskin.records import Contact, Reading, Status
 from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.closed_form.confidence import ambiguities
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
-from smoskin.sensing.closed_form.press_table import PressTable, uniform_drag
 from smoskin.twin.reduced import ReducedTwin
 from tables import ideal_table
 

@@ -17,7 +17,6 @@ from smoskin.design.skin import Coefficients, SkinDesign
 from smoskin.documents import Form, format_toml
 from smoskin.errors import ModelError
 from smoskin.mechanics.reduced.stiffness import board_stiffness, sheet_stiffness
-from smoskin.sensing.closed_form.press_table import PressTable
 
 Triple = tuple[float, float, float]
 
@@ -118,8 +117,6 @@ class Calibration:
     """k_c of S of them: the designed magnet's field over the real one's, all axes alike."""
     field_offset: tuple[Triple, ...]
     """c_c, T: added after the factor, in the skin's axes."""
-    press_table: PressTable | None = None
-    """How the sheet answers on each cell; None where theory is to say it."""
     evidence: Evidence | None = None
     """What it rests on; None for a nominal calibration."""
 
@@ -169,8 +166,6 @@ class Calibration:
                 f"calibration must hold {len(design.halls)} chips, as the design has; "
                 f"got {len(self.field_factor)}"
             )
-        if self.press_table is not None:
-            self.press_table.check_fits(design)
 
 
 _FORM: Final = Form(
@@ -181,8 +176,6 @@ _FORM: Final = Form(
         "sheet_stiffness": "N_per_mm",
         "chip_rotation": "deg",
         "field_offset": "uT",
-        "press": "um_per_N",
-        "drag": "um_per_N",
         "rms": "unit",
     },
     error=ModelError,
@@ -211,7 +204,13 @@ def parse_calibration(text: str) -> Calibration:
     ModelError
         If the document is not TOML, has unknown or missing keys, or holds what cannot be.
     """
-    return _FORM.record(Calibration, _FORM.parse_toml(text))
+    document = _FORM.parse_toml(text)
+    if "press_table" in document:
+        raise ModelError(
+            "press_table is of an older version; touch the skin anew with `smoskin calibrate`, "
+            "whose response table the closed forms read too"
+        )
+    return _FORM.record(Calibration, document)
 
 
 def read_calibration(path: str | os.PathLike[str], design: SkinDesign) -> Calibration:

@@ -1,11 +1,9 @@
 """How surely the chips' noise lets a press be located: of one decision, and of a design.
 
-Every rule of `smoskin.sensing.closed_form.location` gives a cell all displacements within a cone:
-faces
-through the origin part it from its neighbours. Noise carries a displacement over a face with a
-probability that its distance from the face decides. Summed over the faces it is the doubt in one
-decision; solved for the force it says from which press on a design, or on a skin whose answers
-were measured, tells two cells apart.
+Every rule of `smoskin.sensing.closed_form.location` gives a cell all displacements within a cone,
+which faces through the origin part from its neighbours. Noise carries a displacement over a face
+with a probability that its distance from the face decides. Summed over the faces it is the doubt in
+one decision; solved for the force it says from which press on two cells are told apart.
 """
 
 import math
@@ -31,8 +29,6 @@ from smoskin.sensing.closed_form.location import (
     readout,
     unit_press,
 )
-from smoskin.sensing.closed_form.press_table import PressTable
-from smoskin.sensing.closed_form.subspaces import Subspaces
 
 Axis = Literal["x", "y", "both"]
 
@@ -153,7 +149,7 @@ class Ambiguity:
     ratios: tuple[float, float]
     """First over second magnet's displacement along the axis; NaN unless there are two."""
     angle: float
-    """rad, between the directions of the displacements; of measured answers in units of noise."""
+    """rad, between the directions of the displacements."""
     force: float
     """N, from which they are told apart at the stated error rate; inf where never."""
 
@@ -187,7 +183,7 @@ def ambiguities(
     ----------
     design : SkinDesign
     calibration : Calibration, optional
-        As designed by default. Its press table decides where it has one, theory otherwise.
+        Coefficients and stiffnesses of the sheet; as designed by default.
     force : float
         N: a pair that a straight press of this force tells apart is left out.
     error_rate : float
@@ -200,7 +196,7 @@ def ambiguities(
 
     Notes
     -----
-    By the SI's lines only neighbours are confused; by directions and by a table any two may be.
+    By the SI's lines only neighbours are confused; by directions any two may be.
     Valid for the chips' noise alone: a skin unlike its design confuses more.
 
     Examples
@@ -218,15 +214,12 @@ def ambiguities(
     calibration = calibration or Calibration.nominal(design)
     calibration.check_fits(design)
     least = -NormalDist().inv_cdf(error_rate)
-    if calibration.press_table is not None:
-        listed = _measured(design, calibration.press_table, least)
-    else:
-        listed = _theoretical(design, calibration, least)
+    listed = _pairs(design, calibration, least)
     needing = [one for one in listed if one.force > force]
     return tuple(sorted(needing, key=lambda one: (-one.force, one.axis, one.pair)))
 
 
-def _theoretical(design: SkinDesign, calibration: Calibration, least: float) -> list[Ambiguity]:
+def _pairs(design: SkinDesign, calibration: Calibration, least: float) -> list[Ambiguity]:
     """Every pair by the rule of an ideal sheet, told apart at so many standard deviations."""
     unit = unit_press(design, calibration.coefficients)
     noise = readout_noise(design, readout(design, calibration)[:, :-2])
@@ -244,30 +237,6 @@ def _theoretical(design: SkinDesign, calibration: Calibration, least: float) -> 
             one = most, int(part.members[key[1], k]), int(part.members[key[2], k])
             needed[key] = max(needed.get(key, one), one)
     return [_ambiguity(unit, axis, one) for (axis, _, _), one in needed.items()]
-
-
-def _measured(design: SkinDesign, table: PressTable, least: float) -> list[Ambiguity]:
-    """Every pair of cells by their measured answers."""
-    count = design.cells[0] * design.cells[1]
-    cells = Subspaces(table.answers.reshape(count, -1, 3), np.diag(motion_noise(design)))
-    deviations, alike = cells.separations()
-    forces = np.where(alike, np.inf, least / np.where(alike, 1.0, deviations))
-    signs = np.sign(table.press.reshape(count, -1))
-    lengths = 2 * deviations / np.linalg.norm(cells.press, axis=1)[:, None]
-    listed = []
-    for a in range(count):
-        for b in range(a + 1, count):
-            listed.append(
-                Ambiguity(
-                    axis="both",
-                    pair=(divmod(a, design.cells[1]), divmod(b, design.cells[1])),
-                    same_signs=bool((signs[a] == signs[b]).all()),
-                    ratios=(math.nan, math.nan),
-                    angle=float(np.arcsin(np.minimum(lengths[[a, b], [b, a]], 1.0)).min()),
-                    force=float(max(forces[a, b], forces[b, a])),
-                )
-            )
-    return listed
 
 
 class _Wall(NamedTuple):

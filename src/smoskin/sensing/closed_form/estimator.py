@@ -17,13 +17,15 @@ from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.closed_form.calibration import Calibration
-from smoskin.sensing.closed_form.sheets import IdealSheet, MeasuredSheet, Sheet, Solution
-from smoskin.sensing.signals.signals import Signal, Signals
+from smoskin.sensing.closed_form.measured import MeasuredSheet, cell_answers
+from smoskin.sensing.closed_form.sheets import IdealSheet, Sheet
+from smoskin.sensing.response.table import ResponseTable
+from smoskin.sensing.signals.signals import Signals
 from smoskin.sensing.signals.zero import IdleBand, ZeroTracking
 
 
 class ClosedFormEstimator(Estimator):
-    """Locates a touch to its cell and gives its force, from theory or from a measured table.
+    """Locates a touch to its cell and gives its force, from theory or from a skin's response table.
 
     Parameters
     ----------
@@ -31,9 +33,10 @@ class ClosedFormEstimator(Estimator):
         With one magnet on the base and any number on the sheet, each with its chip. Two tell
         cells apart by the SI's ratios; `smoskin.sensing.closed_form.confidence.ambiguities` says
         which not.
-    calibration : Calibration, optional
-        Of this skin; as designed by default. With a press table in it cells are told apart and
-        forces read as they were measured on this skin, without one as on an ideal sheet.
+    known : Calibration or ResponseTable, optional
+        What is known of this skin. A calibration reads it as an ideal sheet, by default the one
+        designed; a response table cell by cell, as this very sheet answers
+        (`smoskin.sensing.closed_form.measured`).
     tracking : ZeroTracking, optional
         How the zero follows drift while the skin is idle.
     idle_field : float
@@ -46,7 +49,7 @@ class ClosedFormEstimator(Estimator):
     ArgumentError
         If the design has another set of magnets.
     ModelError
-        If the calibration belongs to another design.
+        If the calibration or the table belongs to another design, or the table lacks chips.
 
     Notes
     -----
@@ -67,16 +70,15 @@ class ClosedFormEstimator(Estimator):
     def __init__(
         self,
         design: SkinDesign,
-        calibration: Calibration | None = None,
+        known: Calibration | ResponseTable | None = None,
         *,
         tracking: ZeroTracking | None = None,
         idle_field: float = 40e-6,
         least_confidence: float = 0.5,
     ) -> None:
-        calibration = calibration or Calibration.nominal(design)
+        calibration = known if isinstance(known, Calibration) else Calibration.nominal(design)
         calibration.check_fits(design)
         self.design = design
-        self.calibration = calibration
         watched = [design.magnet(site.magnet) for site in design.halls]
         upper = [s for s, magnet in enumerate(watched) if magnet.mount == "sheet"]
         lower = [s for s, magnet in enumerate(watched) if magnet.mount == "base"]
@@ -91,11 +93,10 @@ class ClosedFormEstimator(Estimator):
         self._signals = Signals(
             design, calibration=calibration, tracking=tracking, idle=IdleBand(idle_field)
         )
-        table = calibration.press_table
         self._sheet: Sheet = (
-            IdealSheet(design, calibration)
-            if table is None
-            else MeasuredSheet(design, table, calibration.coefficients)
+            MeasuredSheet(design, cell_answers(design, known))
+            if isinstance(known, ResponseTable)
+            else IdealSheet(design, calibration)
         )
         self._least_confidence = least_confidence
         self._places = geometry(design).tops
@@ -104,7 +105,7 @@ class ClosedFormEstimator(Estimator):
         self._covariance[..., 0, 0] = extent.length**2 / 12
         self._covariance[..., 1, 1] = extent.width**2 / 12
         self._covariance[..., 2:, 2:] = self._sheet.noise
-        # Of a touch in one of several cells: the place and the press are unknown.
+        # Place and press of a touch in one of several cells are unknown.
         self._drag_alone = np.full((5, 5), np.nan)
         self._drag_alone[2:4, 2:4] = self._covariance[0, 0, 2:4, 2:4]
 
@@ -138,54 +139,18 @@ class ClosedFormEstimator(Estimator):
         signal = self._signals.step(reading)
         if signal.status is not None:
             return Estimate(time=reading.time, status=signal.status)
-        return self._estimate(reading.time, self.solve(self._field(signal)[None]), 0)
-
-    def batch(self, readings: Sequence[Reading]) -> list[Estimate]:
-        """The same as `step` on each reading in turn, faster.
-
-        Raises
-        ------
-        ArgumentError
-            If a reading has another number of chips than the design.
-        """
-        signals = [self._signals.step(reading) for reading in readings]
-        rows = [k for k, signal in enumerate(signals) if signal.status is None]
-        solution = self.solve(np.array([self._field(signals[k]) for k in rows])) if rows else None
-        row_of = {k: row for row, k in enumerate(rows)}
-        estimates = []
-        for k, (reading, signal) in enumerate(zip(readings, signals, strict=True)):
-            if signal.status is not None:
-                estimates.append(Estimate(time=reading.time, status=signal.status))
-            elif solution is not None:
-                estimates.append(self._estimate(reading.time, solution, row_of[k]))
-        return estimates
-
-    def solve(self, field: Floats) -> Solution:
-        """Cells and forces of a batch of conditioned fields.
-
-        Parameters
-        ----------
-        field : Floats, shape (T, S, 3)
-            T, of the magnets alone, at reference temperature, in the skin's frame.
-        """
-        moved, found = self._inverse.displacements(field)
-        return self._sheet.solve(moved.reshape(len(field), -1), found)
-
-    def _field(self, signal: Signal) -> Floats:
-        """Field of the chips' own magnets, (S, 3), T."""
-        return self._signals.rest_field + signal.values
-
-    def _estimate(self, time: float, solution: Solution, k: int) -> Estimate:
-        """One row of a solution as an estimate."""
-        if not solution.found[k]:
-            return Estimate(time=time, status=Status.OUT_OF_RANGE)
-        n, m = solution.cell[k].tolist()
-        if n < 0 or m < 0 or not solution.force[k, 2] < 0:
-            return Estimate(time=time, status=Status.AMBIGUOUS)
-        contact = Contact(position=self._places[n, m], force=solution.force[k])
-        if solution.confidence[k] < self._least_confidence:
+        field = self._signals.rest_field + signal.values
+        moved, found = self._inverse.displacements(field[None])
+        if not found[0]:
+            return Estimate(time=reading.time, status=Status.OUT_OF_RANGE)
+        cell, force, confidence = self._sheet.solve(moved.reshape(1, -1))
+        n, m = cell[0].tolist()
+        if n < 0 or m < 0 or not force[0, 2] < 0:
+            return Estimate(time=reading.time, status=Status.AMBIGUOUS)
+        contact = Contact(position=self._places[n, m], force=force[0])
+        if confidence[0] < self._least_confidence:
             return Estimate(
-                time=time,
+                time=reading.time,
                 status=Status.AMBIGUOUS,
                 contacts=(contact,),
                 covariance=self._drag_alone[None],
@@ -193,5 +158,8 @@ class ClosedFormEstimator(Estimator):
         covariance = self._covariance[n, m].copy()
         covariance[2:, 2:] += self._sheet.place[n, m] * contact.force[2] ** 2
         return Estimate(
-            time=time, status=Status.CONTACT, contacts=(contact,), covariance=covariance[None]
+            time=reading.time,
+            status=Status.CONTACT,
+            contacts=(contact,),
+            covariance=covariance[None],
         )

@@ -128,7 +128,8 @@ def fit_calibration(
     Raises
     ------
     ArgumentError
-        If a touch names a cell, or the readings a number of chips, that the design has not.
+        If a touch lies on no top vertex or has no depth, or the readings have another number of
+        chips.
     ModelError
         If the touches cannot determine a number; it is named.
 
@@ -139,7 +140,7 @@ def fit_calibration(
     """
     from scipy.optimize import least_squares
 
-    check_touches(design, touches)
+    _check_touches(design, touches)
     model = PressModel(design, touches, 1 if attenuation == "equal" else 2)
     _check_loads(model)
     nominal = Calibration.nominal(design)
@@ -175,12 +176,12 @@ def fit_calibration(
     _check_inside(model, values, bounds)
     deviation = np.sqrt(np.diag(np.linalg.inv(solved.reduced.T @ solved.reduced)))
     measured = np.isfinite(sigma)
-    freedom = int(measured.sum() - 3 * len(touches.cell) - model.size + (prior > 0).sum())
+    freedom = int(measured.sum() - 3 * len(touches.force) - model.size + (prior > 0).sum())
     residual = np.where(measured, solved.residual, np.nan)
     evidence = Evidence(
         date=date,
         data_sha256=data_sha256,
-        touches=len(touches.cell),
+        touches=len(touches.force),
         freedom=max(freedom, 1),
         uncertainty=_uncertainty(model, values, deviation),
         residuals=tuple(_summaries(design, residual)),
@@ -203,7 +204,7 @@ class _Problem:
         self._weight = 1 / sigma
         self._prior = prior
         self._last: _Solved | None = None
-        self._own = np.column_stack([model.touches.depth, model.touches.force[:, :2]])
+        self._own = np.column_stack([model.depth, model.touches.force[:, :2]])
 
     def residuals(self, values: Floats) -> Floats:
         solved = self.solve(values)
@@ -245,19 +246,13 @@ class _Problem:
         return np.where(self._prior > 0, values, 0.0)
 
 
-def check_touches(design: SkinDesign, touches: TouchTable) -> None:
-    """Raise unless the touches lie on cells, and come from chips, that the design has.
-
-    Raises
-    ------
-    ArgumentError
-    """
-    outside = touches.touched & (touches.cell >= design.cells).any(axis=1)
-    if outside.any():
-        row = int(np.argmax(outside))
+def _check_touches(design: SkinDesign, touches: TouchTable) -> None:
+    """Raise unless every touch has a depth and readings come from all chips or none."""
+    unknown = touches.touched & ~np.isfinite(touches.depth)
+    if unknown.any():
         raise ArgumentError(
-            f"touches must lie on cells (1..{design.cells[0]}, 1..{design.cells[1]}); "
-            f"got {tuple((touches.cell[row] + 1).tolist())} in row {row + 1}"
+            "touches must say how far the stage pushed (displacement_z_mm) for the paper's model; "
+            f"row {int(np.argmax(unknown)) + 1} does not"
         )
     chips = touches.field.shape[1]
     if chips not in (0, len(design.halls)):
@@ -298,7 +293,7 @@ def _require(name: str, count: int, what: str) -> None:
 def _sigmas(model: PressModel, levels: Floats, chip: Floats, residual: Floats | float) -> Floats:
     """Noise of every value, shape (T, V), SI; infinite where nothing was measured."""
     touches = model.touches
-    measured = np.column_stack([touches.force, touches.depth])
+    measured = np.column_stack([touches.force, model.depth])
     size = np.abs(
         measured - np.broadcast_to(residual, (len(measured), 4 + 3 * touches.field.shape[1]))[:, :4]
     )
@@ -314,9 +309,9 @@ def _sigmas(model: PressModel, levels: Floats, chip: Floats, residual: Floats | 
 def _groups(model: PressModel) -> Ints:
     """Which noise level each value tells of, shape (T, V); -1: none."""
     touches = model.touches
-    group = np.full((len(touches.cell), 4 + 3 * touches.field.shape[1]), -1)
+    group = np.full((len(touches.force), 4 + 3 * touches.field.shape[1]), -1)
     group[:, :3][np.abs(touches.force) * _RELATIVE > _FORCE_FLOOR] = 0
-    group[touches.depth * _RELATIVE > _DEPTH_FLOOR, 3] = 1
+    group[model.depth * _RELATIVE > _DEPTH_FLOOR, 3] = 1
     group[:, 4:] = np.where(np.repeat(model.read, 3, axis=1), 2, -1)
     return group
 
@@ -363,14 +358,14 @@ def _bounds(model: PressModel, nominal: Calibration) -> Floats:
 def _start(model: PressModel, nominal: Calibration, sigma: Floats) -> Floats:
     """Numbers to start from: the v_a of least residual, each with the v_s that fits the presses."""
     press = -model.touches.force[:, 2]
-    straight = model.touched & (model.touches.depth > 0) & (press > 0)
+    straight = model.touched & (model.depth > 0) & (press > 0)
     straight &= np.abs(model.touches.force[:, :2]).max(axis=1) <= _STRAIGHT * press
     problem = _Problem(model, sigma, _prior(model))
     starts = []
     for v_a in (0.12, 0.2, 0.3, 0.45, 0.7):
         values = model.start(nominal)
         values[model.layout.attenuation] = v_a
-        modelled = model.press_stiffness(values)[straight] * model.touches.depth[straight]
+        modelled = model.press_stiffness(values)[straight] * model.depth[straight]
         values[model.layout.stiffness_variation] = np.log(np.median(press[straight] / modelled))
         starts.append((float((problem.residuals(values) ** 2).sum()), values))
     return min(starts, key=lambda one: one[0])[1]

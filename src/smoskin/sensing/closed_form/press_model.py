@@ -13,10 +13,11 @@ from scipy.spatial.transform import Rotation
 
 from smoskin.arrays import Bools, Floats, Ints
 from smoskin.design.skin import Coefficients, SkinDesign
+from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393, sector
 from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
 from smoskin.magnetics.inversion import rest_cross_talk
-from smoskin.magnetics.temperature import temperature_factor
+from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, temperature_factor
 from smoskin.measurement import TouchTable
 from smoskin.mechanics.reduced.attenuation import magnet_displacements, profiles
 from smoskin.mechanics.reduced.stiffness import cell_layers, stiffness_map
@@ -25,6 +26,10 @@ from smoskin.sensing.closed_form.calibration import Calibration, Triple
 
 _STEP: Final = 1e-5
 """Of v_a in its central differences."""
+
+
+_ON_VERTEX: Final = 1e-3
+"""m: a touch that lies no further from a top vertex is one on it."""
 
 
 class Layout(NamedTuple):
@@ -77,9 +82,15 @@ class PressModel:
     ----------
     design : SkinDesign
     touches : TouchTable
-        With readings of all the design's chips, or of none.
+        Touches on top vertices with their depths, and readings of all the design's chips or of
+        none.
     attenuations : int
         1: v_a alike in X and Y; 2: separate.
+
+    Raises
+    ------
+    ArgumentError
+        If a touch lies on no top vertex or has no depth, or there is another number of chips.
 
     Notes
     -----
@@ -95,17 +106,13 @@ class PressModel:
         self.layout = Layout.of(attenuations, layers, chips)
         self.size = self.layout.offset.stop
         self.read: Bools = np.asarray(np.isfinite(touches.field).all(axis=-1))
-        cells = np.maximum(touches.cell, 0)
-        self._n, self._m = cells[:, 0], cells[:, 1]
+        self.touched: Bools = touches.touched
+        self.depth = np.where(self.touched, touches.depth, 0.0)
+        self._n, self._m = touched_cells(design, touches).T
         self.layer: Ints = np.minimum(cell_layers(design.cells), layers - 1)[self._n, self._m]
         self._known: tuple[tuple[float, ...], _Sheet, list[_Sheet]] | None = None
         if chips:
             self._prepare_fields()
-
-    @property
-    def touched(self) -> Bools:
-        """(T,)."""
-        return self.touches.touched
 
     def start(self, calibration: Calibration) -> Floats:
         """The fitted numbers that stand for a calibration, shape (P,)."""
@@ -183,7 +190,7 @@ class PressModel:
         force = np.column_stack([drag, -push])
         residual = np.zeros((count, 4 + 3 * chips))
         residual[:, :3] = touches.force - force
-        residual[:, 3] = touches.depth - press
+        residual[:, 3] = self.depth - press
         by_own[:, 0, 1] = by_own[:, 1, 2] = by_own[:, 3, 0] = -1.0
         by_own[:, 2, 0] = (1 + length) * stiff
         by_own[:, 2, 1:] = by_drag
@@ -204,7 +211,9 @@ class PressModel:
         self._places, self._charges = point_charges(magnets)
         self._rest = geometry(design).rest
         mounts = mlx90393.rotations(design.halls)
-        warmth = temperature_factor(touches.temperature)[..., None]
+        known = np.isfinite(touches.temperature)
+        degrees = np.where(known, touches.temperature, REFERENCE_TEMPERATURE)
+        warmth = temperature_factor(degrees)[..., None]
         seen = np.where(self.read[..., None], touches.field, 0.0)
         self._seen = np.einsum("sij,tsj->tsi", mounts, seen) / warmth
         self._cross_rest = rest_cross_talk(design)
@@ -316,6 +325,27 @@ class PressModel:
             for magnet in design.magnets
         ]
         return _Sheet(stiffness=stiffness[self._n, self._m], motion=np.stack(motion, axis=1))
+
+
+def touched_cells(design: SkinDesign, touches: TouchTable) -> Ints:
+    """Cell (n, m) whose top vertex each touch lies on, (T, 2); the first for an untouched row.
+
+    Raises
+    ------
+    ArgumentError
+        If a touch lies further than a millimetre from every top vertex.
+    """
+    places = geometry(design).tops.reshape(-1, 2)
+    where = np.where(touches.touched[:, None], touches.position, places[0])
+    apart = np.linalg.norm(where[:, None] - places, axis=-1)
+    off = apart.min(axis=1) > _ON_VERTEX
+    if off.any():
+        row = int(np.argmax(off))
+        raise ArgumentError(
+            "touches must lie on the cells' top vertices for the paper's model; got "
+            f"({1e3 * where[row, 0]:.2f}, {1e3 * where[row, 1]:.2f}) mm in row {row + 1}"
+        )
+    return np.stack(np.divmod(apart.argmin(axis=1), design.cells[1]), axis=-1)
 
 
 def triples(values: Floats) -> tuple[Triple, ...]:

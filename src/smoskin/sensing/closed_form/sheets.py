@@ -1,16 +1,16 @@
-"""From the chips' motions to a touch: by the SI's ideal sheet, or by a sheet that was measured.
+"""From the chips' motions to a touch, by a model of the sheet; the SI's ideal sheet is one.
 
-Decides the cell, the force and how well both are known; hides what each way needs for it. The
-ideal sheet follows S26, Table S1, S12 and S27. The measured sheet takes the cell whose answers
-explain the motions best. Both stiffen under drag by S27.
+Decides the cell, the force and how well both are known. The ideal sheet follows S26, Table S1, S12
+and S27; `smoskin.sensing.closed_form.measured` reads a sheet whose answers are known cell by cell.
 """
 
-from typing import NamedTuple, Protocol
+from abc import ABC, abstractmethod
+from typing import NamedTuple
 
 import numpy as np
 
-from smoskin.arrays import Bools, Floats, Ints
-from smoskin.design.skin import Coefficients, SkinDesign
+from smoskin.arrays import Floats, Ints
+from smoskin.design.skin import SkinDesign
 from smoskin.mechanics.reduced.stiffness import (
     folding_correction_map,
     normal_force,
@@ -20,39 +20,35 @@ from smoskin.mechanics.reduced.stiffness import (
 from smoskin.mechanics.sheet.touches import vertex_shares
 from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.calibration import Calibration
-from smoskin.sensing.closed_form.confidence import confidence, faces, motion_noise, readout_noise
+from smoskin.sensing.closed_form.confidence import confidence, faces, readout_noise
 from smoskin.sensing.closed_form.location import decide, ideal_rule, readout, unit_press
-from smoskin.sensing.closed_form.press_table import PressTable
-from smoskin.sensing.closed_form.subspaces import Subspaces
 
 
 class Solution(NamedTuple):
-    """What a batch of T motions says."""
+    """The touches that a batch of T motions shows."""
 
     cell: Ints
     """(T, 2): loaded cell (n, m); -1 where none fits."""
     force: Floats
     """(T, 3), N; z is not below zero where no press fits."""
-    found: Bools
-    """(T,): whether every field fitted a displacement within the stroke."""
     confidence: Floats
     """(T,): chance that the chips' noise did not decide the cell; 0 where none fits."""
 
 
-class Sheet(Protocol):
-    """A way to read motions."""
+class Sheet(ABC):
+    """A model of the sheet by which motions are read."""
 
     noise: Floats
-    """(N, M, 3, 3), N^2: what the chips' noise makes in a force on each cell."""
+    """(N, M, 3, 3), N^2: covariance that the chips' noise makes in a force on each cell."""
     place: Floats
-    """(N, M, 3, 3): what makes of a newton's press that it lies anywhere in the cell."""
+    """(N, M, 3, 3): mean square error of the force of a newton's press anywhere in the cell."""
 
-    def solve(self, motions: Floats, found: Bools) -> Solution:
+    @abstractmethod
+    def solve(self, motions: Floats) -> Solution:
         """Cells and forces of motions (T, 3S), m, of the chips against their magnets."""
-        ...
 
 
-class IdealSheet:
+class IdealSheet(Sheet):
     """Theory's sheet with a calibration's coefficients.
 
     Parameters
@@ -104,9 +100,9 @@ class IdealSheet:
         self.noise[..., 2, 2] = stiffness**2 * of_press
         loads = np.zeros((*design.cells, 3, wide))
         loads[..., 2, :] = -per_press * stiffness[..., None]
-        self.place = _anywhere(design, flat / stiffness[..., None], loads)
+        self.place = place_scatter(design, flat / stiffness[..., None], loads)
 
-    def solve(self, motions: Floats, found: Bools) -> Solution:
+    def solve(self, motions: Floats) -> Solution:
         """Cells and forces of motions (T, 3S), m, of the chips against their magnets."""
         wide = 2 * self._magnets
         parted = motions @ self._readout
@@ -119,63 +115,19 @@ class IdealSheet:
         force[:, :2] = shear
         gain = shear_gain(shear, of_cell[:, 1:3])
         force[:, 2] = -normal_force(products[:, 0], of_cell[:, 0], gain)
-        sure = confidence(products[:, 1:], of_cell[:, 3], of_cell[:, 4])
-        return Solution(cell, force, found, sure)
+        certainty = confidence(products[:, 1:], of_cell[:, 3], of_cell[:, 4])
+        return Solution(cell, force, certainty)
 
 
-class MeasuredSheet:
-    """A sheet whose answers to loads on each cell were measured.
-
-    Parameters
-    ----------
-    design : SkinDesign
-    table : PressTable
-    coefficients : Coefficients
-        v_f alone is used of them.
-
-    Notes
-    -----
-    Source: SI Eq. (S27); its v_s K_z U_z is the press that the table finds.
-    """
-
-    def __init__(self, design: SkinDesign, table: PressTable, coefficients: Coefficients) -> None:
-        table.check_fits(design)
-        count = design.cells[0] * design.cells[1]
-        # A last row for the index -1 of no cell.
-        cells = np.indices(design.cells).reshape(2, -1).T
-        self._cells = np.concatenate([cells, [[-1, -1]]])
-        self._subspaces = Subspaces(
-            table.answers.reshape(count, -1, 3), np.diag(motion_noise(design))
-        )
-        folding = folding_correction_map(design.cells, coefficients).reshape(count, 2)
-        self._folding = np.concatenate([folding, [[1.0, 1.0]]])
-        # Loads come as press, drag in x, drag in y; forces as x, y, z with a press below zero.
-        turn = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
-        noise = turn @ self._subspaces.spread @ turn.T
-        self.noise = noise.reshape(*design.cells, 3, 3)
-        press = table.press.reshape(*design.cells, -1)
-        loads = (turn @ self._subspaces.loads).reshape(*design.cells, 3, -1)
-        self.place = _anywhere(design, press, loads)
-
-    def solve(self, motions: Floats, found: Bools) -> Solution:
-        """Cells and forces of motions (T, 3S), m, of the chips against their magnets."""
-        match = self._subspaces.match(motions)
-        shear = match.load[:, 1:]
-        force = np.empty((len(motions), 3))
-        force[:, :2] = shear
-        force[:, 2] = -shear_gain(shear, self._folding[match.cell]) * match.load[:, 0]
-        return Solution(self._cells[match.cell], force, found, match.confidence)
-
-
-def _anywhere(design: SkinDesign, press: Floats, loads: Floats) -> Floats:
+def place_scatter(design: SkinDesign, press: Floats, loads: Floats) -> Floats:
     """Mean square error of the force of a newton's press anywhere in each cell, (N, M, 3, 3).
 
     Parameters
     ----------
     press : Floats, shape (N, M, K)
-        What a newton on each cell's vertex gives.
+        Motions for a newton on each cell's vertex, m/N.
     loads : Floats, shape (N, M, 3, K)
-        Times that, the force on the cell.
+        What turns them into the force on the cell, N/m.
     """
     extent = geometry(design).cell
     inside = np.linspace(-0.4, 0.4, 5)

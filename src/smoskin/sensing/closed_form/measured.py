@@ -1,0 +1,214 @@
+"""The sheet of one skin, read cell by cell from its response table.
+
+Decides which touch explains motions of the chips best where the field of a real sheet is not the
+separable one of S10 and S11, so that no rule of signs and ratios holds. A press and a drag on a
+cell move the chips in proportion: their motions lie in the cell's own three-dimensional subspace
+of all motions. The likeliest cell is the one whose subspace, measured in the chips' noise, comes
+nearest; press and drag are then its coordinates. Hides how a table becomes answers of cells.
+
+A table that 15 touches of a rig have calibrated names the right one of 36 cells on every made
+skin, with forces good to 3 mN; a press and two drags on every cell of a bench, without the twin's
+modes, reached as many cells and 9 mN (`benchmarks/bench_table.py`).
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from smoskin.arrays import Floats, Ints
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import ModelError
+from smoskin.magnetics.inversion import FieldInverse
+from smoskin.mechanics.reduced.stiffness import shear_gain
+from smoskin.origami.geometry import geometry
+from smoskin.sensing.closed_form.confidence import motion_noise
+from smoskin.sensing.closed_form.sheets import Sheet, Solution, place_scatter
+from smoskin.sensing.response.table import ResponseTable
+
+_PRESS: Final = 0.3
+"""N: press at which the answers of cells are taken; so light that no chip ends its range."""
+_DRAG: Final = 0.2
+"""N: drag that is added to it, each way."""
+_ALIKE: Final = 1e-6
+"""Squared standard deviations: two cells' explanations closer than this are one."""
+
+
+class CellAnswers(NamedTuple):
+    """What every cell of a skin answers; N x M cells, S chips."""
+
+    motions: Floats
+    """(N, M, 3S, 3), m/N: motions of the chips against their magnets for a press, a drag in x and a
+    drag in y of a newton each."""
+    folding: Floats
+    """(N, M, 2), N: v_f of S27, by which a drag in x and one in y stiffen the cell; infinite where
+    a drag does not."""
+
+
+def cell_answers(design: SkinDesign, table: ResponseTable) -> CellAnswers:
+    """The answers of the cells' top vertices by a skin's response table.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    table : ResponseTable
+        Table of the skin, of all its chips.
+
+    Raises
+    ------
+    ModelError
+        If the table belongs to another design or lacks chips, or a cell does not answer a press
+        and both drags each in its own way.
+
+    Notes
+    -----
+    With u(F) the motions under a force F = P + D of press and drag, the answer to a press is
+    u(P) / |P| and that to a drag (u(P + D) - u(P - D)) / 2 |D|. A stiffer cell moves less by the
+    same press: S27's gain is g = |u(P)|^2 / (u(P) . m), with m the mean of u(P + D) and u(P - D),
+    and v_f = |D| / (g - 1).
+    """
+    design.check_own("table", table.design_hash)
+    if table.chips != tuple(range(len(design.halls))):
+        raise ModelError(
+            f"table must be of all {len(design.halls)} chips of the skin; got those at "
+            f"{table.chips}"
+        )
+    places = geometry(design).tops.reshape(-1, 2)
+    press = np.array([0.0, 0.0, -_PRESS])
+    drags = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]) * _DRAG
+    forces = np.repeat(press + drags, len(places), axis=0)
+    signals = table.signals(np.tile(places, (len(drags), 1)), forces)
+    inverse = FieldInverse(design)
+    moved, found = inverse.displacements(inverse.rest_field + signals.reshape(len(forces), -1, 3))
+    straight, *dragged = moved.reshape(len(drags), len(places), -1)
+    ahead, back = np.stack(dragged[::2], axis=-1), np.stack(dragged[1::2], axis=-1)
+    motions = np.concatenate([straight[..., None] / _PRESS, (ahead - back) / (2 * _DRAG)], axis=-1)
+    if not found.all() or (np.linalg.matrix_rank(motions) < 3).any():
+        raise ModelError(
+            "table must answer a press, a drag in x and a drag in y on every cell, each in its own "
+            "way and within the stroke"
+        )
+    shared = np.einsum("ck,ckd->cd", straight, (ahead + back) / 2)
+    stiffened = (straight**2).sum(axis=1)[:, None] / shared - 1
+    with np.errstate(divide="ignore"):
+        folding = _DRAG / np.maximum(stiffened, 0.0)
+    return CellAnswers(motions.reshape(*design.cells, -1, 3), folding.reshape(*design.cells, 2))
+
+
+class MeasuredSheet(Sheet):
+    """A sheet whose cells answer loads each in its own way.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    answers : CellAnswers
+
+    Notes
+    -----
+    Source: SI Eq. (S27); its v_s K_z U_z is the press that the answers find.
+    """
+
+    def __init__(self, design: SkinDesign, answers: CellAnswers) -> None:
+        count = design.cells[0] * design.cells[1]
+        # A last row for the index -1 of no cell.
+        cells = np.indices(design.cells).reshape(2, -1).T
+        self._cells = np.concatenate([cells, [[-1, -1]]])
+        self._folding = np.concatenate([answers.folding.reshape(count, 2), [[1.0, 1.0]]])
+        self._subspaces = Subspaces(
+            answers.motions.reshape(count, -1, 3), np.diag(motion_noise(design))
+        )
+        # Loads come as press, drag in x, drag in y; forces as x, y, z with a press below zero.
+        turn = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
+        noise = turn @ self._subspaces.spread @ turn.T
+        self.noise = noise.reshape(*design.cells, 3, 3)
+        loads = (turn @ self._subspaces.loads).reshape(*design.cells, 3, -1)
+        self.place = place_scatter(design, answers.motions[..., 0], loads)
+
+    def solve(self, motions: Floats) -> Solution:
+        """Cells and forces of motions (T, 3S), m, of the chips against their magnets."""
+        match = self._subspaces.match(motions)
+        shear = match.load[:, 1:]
+        force = np.empty((len(motions), 3))
+        force[:, :2] = shear
+        force[:, 2] = -shear_gain(shear, self._folding[match.cell]) * match.load[:, 0]
+        return Solution(self._cells[match.cell], force, match.confidence)
+
+
+class Match(NamedTuple):
+    """The likeliest cell of each of T motions."""
+
+    cell: Ints
+    """(T,): its number; -1 where no cell presses so."""
+    load: Floats
+    """(T, 3), N: press, drag in x and drag in y."""
+    confidence: Floats
+    """(T,): chance that noise did not decide the cell; 0 where there is none."""
+
+
+class Subspaces:
+    """The subspaces of C cells among K motions.
+
+    Parameters
+    ----------
+    answers : Floats, shape (C, K, 3)
+        m/N: motions for a press, a drag in x and a drag in y.
+    noise : Floats, shape (K, K)
+        m^2: covariance of the motions.
+
+    Notes
+    -----
+    With A_c the answers of a cell and W W^T = N^-1 of the noise, W^T A_c = Q_c R_c; motions u have
+    the coordinates Q_c^T W^T u, of which the squared length is what the cell explains, and the
+    load R_c^-1 Q_c^T W^T u.
+    """
+
+    spread: Floats
+    """(C, 3, 3), N^2: covariance that the noise makes in the loads."""
+    loads: Floats
+    """(C, 3, K), N/m: times a motion, the load on the cell that explains it best."""
+
+    def __init__(self, answers: Floats, noise: Floats) -> None:
+        # Here, so that whoever only imports the package does not wait for it.
+        from scipy.special import ndtr
+
+        self._ndtr = ndtr
+        whiten = np.linalg.inv(np.linalg.cholesky(noise))
+        self._bases, coordinates = np.linalg.qr(whiten @ answers)
+        inverse = np.linalg.inv(coordinates)
+        self.spread = inverse @ np.swapaxes(inverse, 1, 2)
+        self.loads = inverse @ np.swapaxes(self._bases, 1, 2) @ whiten
+        # One product of a motion gives the first, second and third coordinate in every cell's
+        # subspace, and every cell's press; one of a motion in the noise the coordinates alone.
+        self._count = len(answers)
+        self._across = np.moveaxis(self._bases, 1, 0).transpose(0, 2, 1).reshape(len(noise), -1)
+        self._product = np.concatenate([whiten.T @ self._across, self.loads[:, 0].T], axis=1)
+
+    def match(self, motions: Floats) -> Match:
+        """The likeliest cell of each motion.
+
+        Parameters
+        ----------
+        motions : Floats, shape (T, K)
+            m.
+
+        Notes
+        -----
+        The chance that noise carried a motion over the boundary to another cell is that of its
+        distance from the boundary, along the normal there, in standard deviations. The doubts of
+        all cells add up to at least the doubt.
+        """
+        products = motions @ self._product
+        inside = products[:, : 3 * self._count].reshape(-1, 3, self._count)
+        explained = (inside * inside).sum(axis=1)
+        explained *= products[:, 3 * self._count :] > 0
+        cell = explained.argmax(axis=1)
+        most = explained.max(axis=1)
+        own = inside[np.arange(len(cell)), :, cell]
+        fitted = (self._bases.take(cell, axis=0) @ own[:, :, None])[..., 0]
+        shared = ((fitted @ self._across).reshape(inside.shape) * inside).sum(axis=1)
+        apart = np.maximum(explained - 2 * shared + most[:, None], _ALIKE)
+        trail = (explained - most[:, None]) / (2 * np.sqrt(apart))
+        # The cell's own distance is zero and counts one half.
+        confidence = np.maximum(1.5 - self._ndtr(trail).sum(axis=1), 0.0)
+        pressed = most > 0
+        load = (self.loads.take(cell, axis=0) @ motions[..., None])[..., 0]
+        return Match(np.where(pressed, cell, -1), load, confidence * pressed)
