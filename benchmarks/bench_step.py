@@ -6,12 +6,17 @@ Run alone on a quiet core: ``OMP_NUM_THREADS=1 python benchmarks/bench_step.py``
 import time
 
 import numpy as np
-from smoskin.sensing.closed_form.table_fit import fit_press_table
 
-from smoskin import ClosedFormEstimator, Contact, Reading, ReducedTwin, load_design
+from smoskin import (
+    ClosedFormEstimator,
+    Contact,
+    Reading,
+    ReducedTwin,
+    load_design,
+    load_response_table,
+)
 from smoskin.magnetics.mlx90393 import conversion_time
 from smoskin.origami.geometry import geometry
-from smoskin.twin.bench import MadeSkin, measure, table_loads
 
 STEPS = 5000
 
@@ -28,13 +33,10 @@ def seconds(work: object, count: int) -> np.ndarray:
 
 def main() -> None:
     design = load_design("planar")
-    twin, still = ReducedTwin(design, seed=0), np.zeros((3, 3))
-    skin = MadeSkin(design, chip_rotation=still, chip_offset=still)
-    touches = measure(skin, table_loads(design), np.random.default_rng(0))
-    measured = fit_press_table(design, touches, date="2026-01-31", data_sha256="")
+    twin = ReducedTwin(design, seed=0)
     estimators = {
         "by theory": ClosedFormEstimator(design),
-        "by a press table": ClosedFormEstimator(design, measured.calibration),
+        "by a response table": ClosedFormEstimator(design, load_response_table("planar")),
     }
     small = np.zeros((3, 3))
     unit = np.median(seconds(lambda k: small + small, 20000))

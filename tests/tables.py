@@ -1,16 +1,28 @@
-"""Press tables that theory gives, for tests of what is done with measured ones."""
+"""Answers of cells that theory gives, for tests of what is done with measured ones."""
 
 import numpy as np
 
-from smoskin.mechanics.reduced.stiffness import stiffness_map
+from smoskin.mechanics.reduced.stiffness import (
+    board_stiffness,
+    folding_correction_map,
+    sheet_stiffness,
+    stiffness_map,
+)
 from smoskin.sensing.closed_form.location import unit_press
-from smoskin.sensing.closed_form.press_table import PressTable, uniform_drag
+from smoskin.sensing.closed_form.measured import CellAnswers
 
 
-def ideal_table(design, factor=1.0):
-    """The table of an ideal sheet; factors (N, M, S, 3) make it another sheet's."""
-    press = np.zeros((*design.cells, len(design.halls), 3))
-    upper = [design.magnet(site.magnet).mount == "sheet" for site in design.halls]
+def ideal_answers(design, factor=1.0):
+    """Answers of an ideal sheet by S25 to S27; factors (N, M, S, 3) make it another sheet's."""
+    chips = len(design.halls)
+    upper = np.array([design.magnet(site.magnet).mount == "sheet" for site in design.halls])
+    motions = np.zeros((*design.cells, chips, 3, 3))
     stiffness = stiffness_map(design, design.coefficients)[..., None, None]
+    press = np.zeros((*design.cells, chips, 3))
     press[:, :, upper, :2] = -unit_press(design) / stiffness
-    return PressTable(press=press * factor, drag=uniform_drag(design))
+    motions[..., 0] = press * factor
+    # Chips move with the board over a magnet of the base; a magnet of the sheet moves ahead.
+    slide = np.where(upper, -1 / sheet_stiffness(design), 1 / board_stiffness(design))
+    motions[..., 0, 1] = motions[..., 1, 2] = slide
+    folding = folding_correction_map(design.cells, design.coefficients)
+    return CellAnswers(motions.reshape(*design.cells, -1, 3), folding)

@@ -12,7 +12,7 @@ import hashlib
 import io
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Final
@@ -163,14 +163,7 @@ class TouchTable:
             known = np.isfinite(reported)
             mean = np.where(known, reported, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
             degrees.append(np.where(known.any(axis=0), mean, np.nan))
-        return TouchTable(
-            position=self.position,
-            force=self.force,
-            depth=self.depth,
-            field=np.array(fields),
-            temperature=np.array(degrees),
-            held=self.held,
-        )
+        return replace(self, field=np.array(fields), temperature=np.array(degrees))
 
     def held_touches(self, readings: Iterable[Reading] | None = None) -> tuple[HeldTouch, ...]:
         """The touches that have been made, each with the rest before it and its readings.

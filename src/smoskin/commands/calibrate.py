@@ -30,9 +30,9 @@ from smoskin.service.recorder import open_recording
 if TYPE_CHECKING:
     from rich.table import Table
 
-Touches = Rig | str | os.PathLike[str] | Sequence[HeldTouch]
-"""Where touches come from: a rig that makes them, the CSV file of a person who has made them, or
-touches that have been made and held already."""
+Touches = Rig | str | os.PathLike[str] | TouchTable | Sequence[HeldTouch]
+"""Where touches come from: a rig that makes them, the CSV file of a person who has made them or its
+table, or touches that have been made and held already."""
 
 DEFAULT_COUNT: Final = 15
 """Touches of a calibration unless another number is asked for."""
@@ -162,10 +162,10 @@ def calibrate(
     ----------
     table : ResponseTable
         Table of the skin's design; or of the skin, to calibrate it further.
-    touches : Rig, path or sequence of HeldTouch
+    touches : Rig, path, TouchTable or sequence of HeldTouch
         A rig with the skin on it, which is told where to touch and is left open; a CSV file of
-        touches made by hand (`smoskin.measurement.read_touches`); or touches that
-        have been made already, in the order of time.
+        touches made by hand (`smoskin.measurement.read_touches`), or what such a file holds; or
+        touches that have been held on rubber that creeps, in the order of time.
     design : SkinDesign or str, optional
         Design of the skin, or what `smo.load_design` takes for it.
     count : int
@@ -175,8 +175,8 @@ def calibrate(
     force, drag : float
         N: largest normal and sideways force of a rig; no drag for one that presses straight.
     recording : path, optional
-        MCAP file with the chips' readings, where the CSV file says only when each touch was held;
-        creep is undone then. Without it every touch of the file was held until it settled.
+        MCAP file with the chips' readings, where the CSV file or table says only when each touch
+        was held; creep is undone then. Without it each of its touches was held until it settled.
     place_spread, force_spread : float, optional
         m and N: standard deviations of the places and forces that are reported, along each axis;
         the rig's own by default, else 0.5 mm and 10 mN.
@@ -197,16 +197,16 @@ def calibrate(
     """
     _check_order(count, until, force, drag)
     skin = load_design(design) if isinstance(design, str) else design
-    if recording is not None and not isinstance(touches, str | os.PathLike):
+    if recording is not None and not isinstance(touches, str | os.PathLike | TouchTable):
         raise ArgumentError("recording must come with the path of a CSV file of touches")
     spreads = _spreads(touches, place_spread, force_spread)
     planner = _planner(skin, table, force=force, drag=drag, spreads=spreads)
     rubber = elastomer_prony(skin.columns.material)
     if isinstance(touches, Rig):
         labels, errors = _by_rig(touches, planner, Labeller(skin, rubber), count, until, progress)
-    elif isinstance(touches, str | os.PathLike):
+    elif isinstance(touches, str | os.PathLike | TouchTable):
         labeller = Labeller(skin, None if recording is None else rubber)
-        labels, errors = _by_hand(_of_file(touches, skin, recording), planner, labeller)
+        labels, errors = _by_hand(_of_table(touches, skin, recording), planner, labeller)
     else:
         labels, errors = _by_hand(touches, planner, Labeller(skin, rubber))
     given = labelled_touches(labels, table.chips, place_spread=spreads[0], force_spread=spreads[1])
@@ -280,27 +280,26 @@ def write_plan(path: Path | str, design: SkinDesign, targets: Sequence[Target]) 
     write_touches(path, table)
 
 
-def _of_file(
-    path: str | os.PathLike[str],
+def _of_table(
+    touches: str | os.PathLike[str] | TouchTable,
     design: SkinDesign,
     recording: str | os.PathLike[str] | None,
 ) -> tuple[HeldTouch, ...]:
-    """The touches of a filled sheet, read there or in a recording."""
-    table, _ = read_touches(path)
-    place, extent = table.position, geometry(design).extent
-    off = table.touched & ~((place >= -_ROUNDED) & (place <= extent + _ROUNDED)).all(axis=1)
-    try:
-        if off.any():
-            raise ArgumentError(f"row {int(np.argmax(off)) + 1} must lie on the skin")
-        readings = None if recording is None else open_recording(recording).readings()
-        chips = len(design.halls)
-        if readings is None and table.field.shape[1] != chips:
-            raise ArgumentError(
-                f"touches must be read by {chips} chips; got {table.field.shape[1]}"
-            )
-        return table.held_touches(readings)
-    except ArgumentError as error:
-        raise RecordingError(f"{os.fspath(path)}: {error}") from error
+    """The touches of a file or table, read there or in a recording."""
+    if not isinstance(touches, TouchTable):
+        try:
+            return _of_table(read_touches(touches)[0], design, recording)
+        except ArgumentError as error:
+            raise RecordingError(f"{os.fspath(touches)}: {error}") from error
+    place, extent = touches.position, geometry(design).extent
+    off = touches.touched & ~((place >= -_ROUNDED) & (place <= extent + _ROUNDED)).all(axis=1)
+    if off.any():
+        raise ArgumentError(f"row {int(np.argmax(off)) + 1} must lie on the skin")
+    chips = len(design.halls)
+    if recording is None and touches.field.shape[1] != chips:
+        raise ArgumentError(f"touches must be read by {chips} chips; got {touches.field.shape[1]}")
+    readings = None if recording is None else open_recording(recording).readings()
+    return touches.held_touches(readings)
 
 
 def _by_rig(

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smoskin.commands.fit_paper import calibrate, report, residual_figure, write_virtual_bench
+from smoskin.commands.fit_paper import fit_paper, report, residual_figure, write_virtual_bench
 from smoskin.errors import ArgumentError, ModelError
-from smoskin.measurement import TouchTable
+from smoskin.measurement import write_touches
 from smoskin.mechanics.reduced.stiffness import board_stiffness, sheet_stiffness
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Reading, Status
@@ -22,10 +22,9 @@ from smoskin.sensing.closed_form.calibration import (
 )
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.closed_form.fitting import fit_calibration
-from smoskin.sensing.closed_form.press_model import PressModel
+from smoskin.sensing.closed_form.press_model import PressModel, touched_cells
 from smoskin.service.recorder import Recorder, open_recording
 from smoskin.twin.bench import MadeSkin, calibration_loads, made_skin, measure
-from tables import ideal_table
 
 DATE = "2026-01-31"
 SHA = "0" * 64
@@ -35,7 +34,7 @@ def bench(design, seed):
     """A made skin and its table."""
     rng = np.random.default_rng(seed)
     skin = made_skin(design, rng)
-    return skin, measure(skin, calibration_loads(design), rng)
+    return skin, measure(skin.twin(), calibration_loads(design), rng)
 
 
 def fitted(design, table, **options):
@@ -49,13 +48,13 @@ def skin_and_fit(planar):
 
 
 def without_readings(table):
-    return TouchTable(
-        cell=table.cell,
-        force=table.force,
-        depth=table.depth,
-        field=np.zeros((len(table.cell), 0, 3)),
-        temperature=table.temperature,
-    )
+    rows = len(table.force)
+    return replace(table, field=np.zeros((rows, 0, 3)), temperature=np.zeros((rows, 0)))
+
+
+def on_cell(design, table, cell):
+    """Touches on a cell's vertex, (T,)."""
+    return table.touched & (touched_cells(design, table) == cell).all(axis=1)
 
 
 def truth(design, skin):
@@ -116,7 +115,7 @@ def test_the_paper_s_v_f_are_found_again(planar):
     design = replace(planar, coefficients=replace(planar.coefficients, stiffness_variation=1.3))
     assert design.coefficients.folding_correction_x == (0.6, 0.75, 0.9)
     assert design.coefficients.folding_correction_y == (0.9, 1.0, 1.1)
-    skin = MadeSkin(design, chip_rotation=chips, chip_offset=chips)
+    skin = MadeSkin(design=design, chip_rotation=chips, chip_offset=chips)
     guess = replace(
         planar,
         coefficients=replace(
@@ -125,14 +124,16 @@ def test_the_paper_s_v_f_are_found_again(planar):
             folding_correction_y=(1.0, 1.0, 1.0),
         ),
     )
-    c = fitted(guess, measure(skin, calibration_loads(planar), rng)).calibration.coefficients
+    c = fitted(guess, measure(skin.twin(), calibration_loads(planar), rng)).calibration.coefficients
     np.testing.assert_allclose(c.folding_correction_x, (0.6, 0.75, 0.9), rtol=0.06)
     np.testing.assert_allclose(c.folding_correction_y, (0.9, 1.0, 1.1), rtol=0.06)
 
 
 def test_with_a_perfect_gauge_little_is_off(planar):
     skin = made_skin(planar, np.random.default_rng(11))
-    quiet = measure(skin, calibration_loads(planar), np.random.default_rng(0), gauge_noise=0.0)
+    quiet = measure(
+        skin.twin(), calibration_loads(planar), np.random.default_rng(0), gauge_noise=0.0
+    )
     c = fitted(planar, quiet).calibration
     for name, (values, _) in found(c).items():
         rtol, atol = (0, 1e-3) if name in ("rotation", "v_a") else (5e-3, 0)
@@ -146,8 +147,8 @@ def test_separate_attenuations_are_told_apart(planar):
     design = replace(
         skin.design, coefficients=replace(skin.design.coefficients, attenuation=(0.3, 0.2))
     )
-    made = MadeSkin(design, chip_rotation=skin.chip_rotation, chip_offset=skin.chip_offset)
-    table = measure(made, calibration_loads(planar), np.random.default_rng(4))
+    made = MadeSkin(design=design, chip_rotation=skin.chip_rotation, chip_offset=skin.chip_offset)
+    table = measure(made.twin(), calibration_loads(planar), np.random.default_rng(4))
     fit = fitted(planar, table, attenuation="separate")
     np.testing.assert_allclose(fit.calibration.coefficients.attenuation, (0.3, 0.2), atol=2e-3)
 
@@ -172,14 +173,14 @@ def test_readings_tell_v_a_better_than_stiffness(planar):
 
 def test_derivatives_are_those_of_differences(planar):
     _, table = bench(planar, 1)
-    model = PressModel(planar, table.rows(np.arange(0, len(table.cell), 9)), 2)
+    model = PressModel(planar, table.rows(np.arange(0, len(table.force), 9)), 2)
     rng = np.random.default_rng(0)
     values = model.start(Calibration.nominal(planar))
     values[model.layout.attenuation] = (0.3, 0.25)
     values[model.layout.rotation] = rng.normal(0, 0.01, 9)
     values[model.layout.factor] = (0.97, 1.02, 1.01)
     values[model.layout.offset] = rng.normal(0, 1e-4, 9)
-    own = np.column_stack([model.touches.depth, model.touches.force[:, :2]])
+    own = np.column_stack([model.depth, model.touches.force[:, :2]])
     own += np.array([1e-5, 0.02, 0.03])  # off the kink of |F_p| at zero
     at = model.predict(values, own)
     for k in range(model.size):
@@ -198,11 +199,11 @@ def test_derivatives_are_those_of_differences(planar):
 
 def force_errors(skin, estimator, touches, seed):
     """Relative errors of the force vector on known touches, after zeroing."""
-    rng = np.random.default_rng(seed)
-    estimator.zero([skin.read([], rng, time=-1.0 + 0.01 * k) for k in range(20)])
+    twin = skin.twin(seed=seed)
+    estimator.zero([twin.read(time=-1.0 + 0.01 * k) for k in range(20)])
     errors = []
     for k, touch in enumerate(touches):
-        estimate = estimator.step(skin.read([touch], rng, time=0.01 * (k + 1)))
+        estimate = estimator.step(twin.read([touch], time=0.01 * (k + 1)))
         if estimate.status is Status.CONTACT:
             off = np.linalg.norm(estimate.contacts[0].force - touch.force)
             errors.append(off / np.linalg.norm(touch.force))
@@ -231,7 +232,7 @@ def test_the_fitted_estimator_beats_the_nominal_one_on_its_own_skin(planar, skin
 
 def test_calibrating_from_a_file_to_a_file(planar, tmp_path):
     write_virtual_bench(planar, tmp_path / "table.csv", seed=1, sheet="reduced")
-    result = calibrate(planar, tmp_path / "table.csv", tmp_path / "skin.toml", date=DATE)
+    result = fit_paper(planar, tmp_path / "table.csv", tmp_path / "skin.toml", date=DATE)
     again = read_calibration(tmp_path / "skin.toml", planar)
     assert again == result.fit.calibration
     assert again.evidence.date == DATE
@@ -239,8 +240,6 @@ def test_calibrating_from_a_file_to_a_file(planar, tmp_path):
     names = {line["name"]: line for line in result.as_json()["numbers"]}
     assert names["board_stiffness_N_per_mm"]["nominal"] == pytest.approx(1.885, rel=1e-3)
     assert [table.title for table in result.tables()][1] == "What the model leaves"
-    assert result.table is None
-    assert result.as_json()["press_table"] is None
 
 
 def test_residuals_can_be_drawn(skin_and_fit):
@@ -266,12 +265,6 @@ def test_documents_keep_every_bit(planar, stiffness, folding, turn, offset):
     assert parse_calibration(format_calibration(calibration)) == calibration
 
 
-def test_documents_keep_every_bit_of_a_table(planar):
-    scattered = np.random.default_rng(0).lognormal(0.0, 3.0, (6, 6, 3, 3))
-    calibration = replace(Calibration.nominal(planar), press_table=ideal_table(planar, scattered))
-    assert parse_calibration(format_calibration(calibration)) == calibration
-
-
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -280,12 +273,15 @@ def test_documents_keep_every_bit_of_a_table(planar):
         ("stiffness_variation = 1.0", "stiffness_variation = -1.0", "must be positive"),
         ("stiffness_variation = 1.0", "stiffness_variation = 'a'", "must be a number; got 'a'"),
         ("design_hash", "]", "not a TOML document"),
-        ("press_um_per_N", "press_mm_per_N", "press_table: unknown key 'press_mm_per_N'"),
-        ("drag_um_per_N", "drag_um", "unknown key 'drag_um'; did you mean 'drag_um_per_N'"),
+        (
+            "design_hash",
+            "press_table = {}\ndesign_hash",
+            "press_table is of an older version; touch",
+        ),
     ],
 )
 def test_faulty_documents_are_refused(planar, old, new, message):
-    text = format_calibration(replace(Calibration.nominal(planar), press_table=ideal_table(planar)))
+    text = format_calibration(Calibration.nominal(planar))
     assert old in text
     with pytest.raises(ModelError, match=message):
         parse_calibration(text.replace(old, new, 1))
@@ -301,21 +297,18 @@ def test_a_calibration_of_another_design_is_refused(planar, long_planar, tmp_pat
 def test_what_the_data_cannot_determine_is_named(planar):
     _, table = bench(planar, 0)
     force = table.force
-    no_y = ~((np.abs(force[:, 1]) > 0.1) & (table.cell == (1, 1)).all(axis=1))
+    no_y = ~((np.abs(force[:, 1]) > 0.1) & on_cell(planar, table, (1, 1)))
     with pytest.raises(ModelError, match="folding_correction_y of layer 2"):
         fitted(planar, table.rows(no_y))
     slanted = (np.abs(force[:, :2]) > 0.1).any(axis=1)
     with pytest.raises(ModelError, match=r"determine stiffness_variation.*straight presses; got 0"):
         fitted(planar, table.rows(slanted))
-    one_cell = without_readings(table).rows((table.cell == 0).all(axis=1))
+    one_cell = without_readings(table).rows(on_cell(planar, table, (0, 0)))
     with pytest.raises(ModelError, match="folding_correction_x of layer 2"):
         fitted(planar, one_cell)
     unread = np.array(table.field)
     unread[:, 1] = np.nan
-    blind = TouchTable(
-        cell=table.cell, force=force, depth=table.depth, field=unread,
-        temperature=table.temperature,
-    )  # fmt: skip
+    blind = replace(table, field=unread)
     with pytest.raises(ModelError, match=r"field_factor of chip S2.*readings; got 0"):
         fitted(planar, blind)
 
@@ -325,25 +318,34 @@ def test_stiffness_of_one_cell_cannot_tell_v_a(planar):
     _, table = bench(planar, 0)
     few = without_readings(table)
     straight = (np.abs(few.force[:, :2]) < 0.05).all(axis=1)
-    layer_one = (few.cell == 0).all(axis=1)
+    layer_one = on_cell(planar, few, (0, 0))
     chosen = (~straight | layer_one) & few.touched
-    noisy = TouchTable(
-        cell=few.cell[chosen], force=few.force[chosen],
-        depth=few.depth[chosen] * np.random.default_rng(0).uniform(0.6, 1.4, chosen.sum()),
-        field=few.field[chosen], temperature=few.temperature[chosen],
-    )  # fmt: skip
+    noisy = few.rows(chosen)
+    off = np.random.default_rng(0).uniform(0.6, 1.4, chosen.sum())
+    noisy = replace(noisy, depth=noisy.depth * off)
     with pytest.raises(ModelError, match=r"the touches (cannot determine|fit no)"):
         fitted(planar, noisy)
 
 
 def test_tables_of_other_skins_are_refused(planar, long_planar):
     _, table = bench(planar, 0)
-    with pytest.raises(ArgumentError, match=r"touches must lie on cells \(1..4, 1..5\)"):
-        fitted(long_planar, table.rows(table.cell[:, 0] != 9))
-    two = TouchTable(
-        cell=table.cell, force=table.force, depth=table.depth, field=table.field[:, :2],
-        temperature=table.temperature[:, :2],
-    )  # fmt: skip
+    with pytest.raises(ArgumentError, match="touches must lie on the cells' top vertices"):
+        fitted(long_planar, table)
+    vertex = table.position[60]
+    for off, refused in ((0.99e-3, False), (1.01e-3, True)):
+        position = np.array(table.position)
+        position[60] = vertex[0] + off, vertex[1]
+        moved = replace(table, position=position)
+        if refused:
+            with pytest.raises(ArgumentError, match=r"top vertices .* in row 61"):
+                touched_cells(planar, moved)
+        else:
+            assert (touched_cells(planar, moved) == touched_cells(planar, table)).all()
+    unmeasured = np.array(table.depth)
+    unmeasured[30] = np.nan
+    with pytest.raises(ArgumentError, match=r"displacement_z_mm.* row 31 does not"):
+        fitted(planar, replace(table, depth=unmeasured))
+    two = replace(table, field=table.field[:, :2], temperature=table.temperature[:, :2])
     with pytest.raises(ArgumentError, match="all 3 chips or of none; got 2"):
         fitted(planar, two)
 
@@ -373,7 +375,7 @@ def test_200_skins_are_found_as_well_as_stated(planar):
 def test_readings_come_from_a_recording_too(planar, tmp_path):
     """A table that says when touches were held, and a recording, are the table with readings."""
     skin = made_skin(planar, np.random.default_rng(3))
-    whole = measure(skin, calibration_loads(planar), np.random.default_rng(4))
+    whole = measure(skin.twin(), calibration_loads(planar), np.random.default_rng(4))
     rows = len(whole.depth)
     held = np.stack([np.arange(rows) + 0.2, np.arange(rows) + 0.8], axis=1)
     with Recorder(tmp_path / "bench.mcap", planar) as recorder:
@@ -386,25 +388,16 @@ def test_readings_come_from_a_recording_too(planar, tmp_path):
                         temperature=np.full(3, whole.temperature[row]),
                     )
                 )
-    bare = TouchTable(
-        cell=whole.cell, force=whole.force, depth=whole.depth, field=np.zeros((rows, 0, 3)),
-        temperature=np.full(rows, 25.0), held=held,
-    )  # fmt: skip
+    bare = replace(without_readings(whole), held=held)
     filled = bare.with_readings(open_recording(tmp_path / "bench.mcap").readings())
     np.testing.assert_allclose(filled.field, whole.field, atol=1e-12)
     np.testing.assert_allclose(filled.temperature, whole.temperature)
-    late = replace_held(bare, held + 1e6)
+    late = replace(bare, held=held + 1e6)
     with pytest.raises(ArgumentError, match=r"when row 1 was held; got none"):
         late.with_readings(open_recording(tmp_path / "bench.mcap").readings())
 
-    lines = ["cell_n,cell_m,force_x_N,force_y_N,force_z_N,displacement_z_mm,from_s,until_s"]
-    for row in range(rows):
-        cell = ",".join(str(i + 1) for i in whole.cell[row]) if whole.touched[row] else ","
-        force = ",".join(repr(float(value)) for value in whole.force[row])
-        depth = repr(float(-whole.depth[row] * 1e3))
-        lines.append(f"{cell},{force},{depth},{held[row, 0]},{held[row, 1]}")
-    (tmp_path / "bench.csv").write_text("\n".join(lines) + "\n")
-    result = calibrate(
+    write_touches(tmp_path / "bench.csv", bare)
+    result = fit_paper(
         planar, tmp_path / "bench.csv", tmp_path / "skin.toml",
         date="2026-01-31", recording=tmp_path / "bench.mcap",
     )  # fmt: skip
@@ -412,10 +405,3 @@ def test_readings_come_from_a_recording_too(planar, tmp_path):
     assert result.fit.calibration.coefficients.attenuation == pytest.approx(
         direct.calibration.coefficients.attenuation, rel=1e-6
     )
-
-
-def replace_held(table: TouchTable, held: np.ndarray) -> TouchTable:
-    return TouchTable(
-        cell=table.cell, force=table.force, depth=table.depth, field=table.field,
-        temperature=table.temperature, held=held,
-    )  # fmt: skip

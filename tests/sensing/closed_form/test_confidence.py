@@ -10,7 +10,7 @@ from smoskin.design.skin import HallSetting
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
 from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
-from smoskin.magnetics.inversion import rest_cross_talk
+from smoskin.magnetics.inversion import FieldInverse, rest_cross_talk
 from smoskin.mechanics.reduced.stiffness import stiffness_map
 from smoskin.mechanics.sheet.touches import touches_of
 from smoskin.origami.geometry import geometry
@@ -19,23 +19,34 @@ from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.closed_form.confidence import ambiguities, confidence, faces, readout_noise
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.closed_form.location import decide, ideal_rule, readout, unit_press
+from smoskin.sensing.closed_form.measured import MeasuredSheet
+from smoskin.sensing.closed_form.sheets import IdealSheet
 from smoskin.twin.reduced import ReducedTwin
-from tables import ideal_table
+from tables import ideal_answers
 
 FAST = HallSetting(gain_selection=3, resolution=0, oversampling=0, digital_filter=0)
 
 
-def solved(design, places, force, repeats, seed, calibration=None):
+def read(design, fields, sheet):
+    """What a sheet makes of fields of the chips' own magnets."""
+    return sheet.solve(FieldInverse(design).displacements(fields).moved.reshape(len(fields), -1))
+
+
+def ideal(design):
+    return IdealSheet(design, Calibration.nominal(design))
+
+
+def solved(design, places, force, repeats, seed, sheet=None):
     """Noise-free cells of light presses at these places, and solutions under noise."""
     twin = ReducedTwin(design, seed=None)
     presses = touches_of([[Contact(position=p, force=(0, 0, -force))] for p in places])
     fields = twin.field(twin.motions(presses)) - rest_cross_talk(design)
-    estimator = ClosedFormEstimator(design, calibration)
+    sheet = sheet or ideal(design)
     noisy = np.repeat(fields, repeats, axis=0)
     noisy += np.random.default_rng(seed).normal(size=noisy.shape) * mlx90393.noise(
         design.hall_setting
     )
-    return np.repeat(estimator.solve(fields).cell, repeats, axis=0), estimator.solve(noisy)
+    return np.repeat(read(design, fields, sheet).cell, repeats, axis=0), read(design, noisy, sheet)
 
 
 @pytest.mark.parametrize("magnets", [[(4, 2), (2, 4)], [(4, 2), (2, 4), (1, 5)]])
@@ -43,10 +54,8 @@ def solved(design, places, force, repeats, seed, calibration=None):
 def test_stated_confidence_is_how_often_the_decision_stands(planar, magnets, tabled):
     design = replace(with_magnets(planar, magnets), hall_setting=FAST)
     places = np.random.default_rng(1).uniform((0, 0), (0.1199, 0.1599), (1000, 2))
-    calibration = Calibration.nominal(design)
-    if tabled == "table":
-        calibration = replace(calibration, press_table=ideal_table(design))
-    cell, noisy = solved(design, places, 0.03, 25, 2, calibration)
+    sheet = ideal(design) if tabled == "theory" else MeasuredSheet(design, ideal_answers(design))
+    cell, noisy = solved(design, places, 0.03, 25, 2, sheet)
     stands = (noisy.cell == cell).all(axis=1)
     assert 0.5 < stands.mean() < 0.97
     assert noisy.confidence.mean() == pytest.approx(stands.mean(), abs=0.03)
@@ -70,17 +79,18 @@ def test_presses_on_vertices_are_right_more_often_than_stated(planar):
 
 
 def test_rated_presses_are_sure_and_no_cell_has_none(planar):
-    twin, estimator = ReducedTwin(planar, seed=None), ClosedFormEstimator(planar)
+    twin, sheet = ReducedTwin(planar, seed=None), ideal(planar)
     places = geometry(planar).tops.reshape(-1, 2)
     presses = touches_of([[Contact(position=p, force=(0, 0, -0.5))] for p in places])
-    solution = estimator.solve(twin.field(twin.motions(presses)) - rest_cross_talk(planar))
+    fields = twin.field(twin.motions(presses)) - rest_cross_talk(planar)
+    solution = read(planar, fields, sheet)
     assert (solution.confidence > 0.9999).all()
     # Right of magnet 2 yet left of magnet 3: the chips' motions are the reverse of the magnets'.
     moved, charges = np.zeros((3, 3)), point_charges([planar.magnet(n) for n in ("M1", "M2", "M3")])
     moved[:, 2] = geometry(planar).rest[:, 2]
     moved[1:, 0] = 2e-4, -2e-4
     moved[1:, 1] = 1e-4
-    unfit = estimator.solve(charge_field_and_gradient(*charges, moved)[0][None])
+    unfit = read(planar, charge_field_and_gradient(*charges, moved)[0][None], sheet)
     assert unfit.cell[0, 0] == -1
     assert unfit.confidence[0] == 0
 

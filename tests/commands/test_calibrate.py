@@ -1,21 +1,24 @@
 """Calibration by touches: on a rig, by a sheet, and the skin that runs with its own table."""
 
-import csv
 import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from smoskin.commands.touch_sheet import read_contacts, read_held_touches, write_plan
 
 from smoskin.commands import run as watching
-from smoskin.commands.calibrate import calibrate, plan_by_hand
+from smoskin.commands.calibrate import calibrate, plan_by_hand, write_plan
 from smoskin.commands.run import watch
 from smoskin.errors import ArgumentError, ModelError, RecordingError
+from smoskin.measurement import read_touches, write_touches
+from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Motion, Status
+from smoskin.sensing.response.calibrate import TouchPlanner
+from smoskin.sensing.signals.signals import signal_noise
 from smoskin.service.recorder import Recorder
 from smoskin.twin.rig import VirtualRig
 from tables_of_response import motions, plain, presses, signals, table_with_modes
@@ -139,23 +142,17 @@ def test_touches_that_have_been_made_calibrate_as_the_rig_that_makes_them(skin, 
 
 def filled(path, skin, twin, tmp_path, rows=None, noise=0.0):
     """The sheet at a path with what the made skin's chips read once settled."""
-    lines = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+    plan, _ = read_touches(path)
     rng = np.random.default_rng(2)
-    for line in lines[1 : None if rows is None else 1 + rows]:
-        touch = line[0] != ""
-        still = Motion.rest(3, (1,))
-        if touch:
-            place = np.array([float(line[0]), float(line[1])]) * 1e-3
-            still = motions(skin, place[None], np.array([[float(one) for one in line[2:5]]]))
-        read = twin.readout.seen(still)[0] + noise * rng.normal(size=(3, 3))
-        for chip in range(3):
-            for axis in range(3):
-                line[7 + 4 * chip + axis] = f"{read[chip, axis] * 1e6:.3f}"
-            line[7 + 4 * chip + 3] = "25.0"
-    out = tmp_path / "filled.csv"
-    with out.open("w", encoding="utf-8", newline="") as file:
-        csv.writer(file).writerows(lines)
-    return out
+    field, degrees = np.array(plan.field), np.array(plan.temperature)
+    for row in range(len(field) if rows is None else rows):
+        motion = Motion.rest(3, (1,))
+        if plan.touched[row]:
+            motion = motions(skin, plan.position[row : row + 1], plan.force[row : row + 1])
+        field[row] = twin.readout.seen(motion)[0] + noise * rng.normal(size=(3, 3))
+        degrees[row] = 25.0
+    write_touches(tmp_path / "filled.csv", replace(plan, field=field, temperature=degrees))
+    return tmp_path / "filled.csv"
 
 
 def test_a_filled_sheet_calibrates_a_skin(skin, table, twin, tmp_path):
@@ -172,12 +169,12 @@ def test_a_sheet_may_be_filled_in_part_and_the_plan_go_on_from_there(skin, table
     targets = plan_by_hand(skin, table, count=12, drag=0.0)
     write_plan(tmp_path / "plan.csv", skin, targets)
     sheet = filled(tmp_path / "plan.csv", skin, twin, tmp_path, rows=6)
-    touches = read_held_touches(sheet, skin)
-    assert len(touches) == 5
-    made = read_contacts(sheet, skin)
-    assert [one.position.tolist() for one in made] == [
-        one.contact.position.tolist() for one in touches
-    ]
+    plan, _ = read_touches(sheet)
+    assert plan.made.tolist() == [True] * 6 + [False] * 8
+    made = plan.rows(plan.made).contacts
+    assert len(made) == len(plan.held_touches()) == 5
+    assert calibrate(table, sheet, design=skin).used == 5
+    assert calibrate(table, plan, design=skin).used == 5
     more = plan_by_hand(skin, table, count=3, drag=0.0, made=made)
     # Places are rounded to a hundredth of a millimetre in a sheet.
     for one, planned in zip(more, targets[5:8], strict=True):
@@ -192,31 +189,19 @@ def test_a_recording_fills_a_sheet_that_says_when_touches_were_held(skin, table,
     pytest.importorskip("rosbags")
     targets = plan_by_hand(skin, table, count=12, drag=0.0)
     write_plan(tmp_path / "plan.csv", skin, targets)
-    plan = (tmp_path / "plan.csv").read_text(encoding="utf-8")
-    lines = list(csv.reader(plan.splitlines()))
-    columns = [lines[0].index("from_s"), lines[0].index("until_s")]
+    plan, _ = read_touches(tmp_path / "plan.csv")
+    held = np.array(plan.held)
     rig = VirtualRig(twin, np.random.default_rng(0), stage=0.0, gauge=0.0)
-    pending = None
     with Recorder(tmp_path / "touches.mcap", skin) as sink:
-        number = 0
-        for line in lines[1:]:
-            if not line[0]:
-                pending = line
-                continue
-            target = targets[number]
-            number += 1
-            touch = rig.press(Contact(position=target.position, force=target.force))
+        for row in np.flatnonzero(plan.touched):
+            touch = rig.press(Contact(position=plan.position[row], force=plan.force[row]))
             for reading in touch.readings:
                 sink.write(reading)
-            if pending is not None:
-                for column, value in zip(columns, touch.rest, strict=True):
-                    pending[column] = str(value)
-                pending = None
-            for column, value in zip(columns, touch.held, strict=True):
-                line[column] = str(value)
+            held[row] = touch.held
+            if not plan.touched[row - 1]:
+                held[row - 1] = touch.rest
     sheet = tmp_path / "timed.csv"
-    with sheet.open("w", encoding="utf-8", newline="") as file:
-        csv.writer(file).writerows(lines)
+    write_touches(sheet, replace(plan, held=held))
     done = calibrate(
         table, sheet, design=skin, recording=tmp_path / "touches.mcap", place_spread=1e-5,
         force_spread=1e-3,
@@ -225,43 +210,56 @@ def test_a_recording_fills_a_sheet_that_says_when_touches_were_held(skin, table,
     assert missed(skin, twin, done.table, drag=0.0) < 0.15 * missed(skin, twin, table, drag=0.0)
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (lambda text: text.replace("x_mm", "x_cm"), "column 'x_cm' is unknown"),
-        (lambda text: text.replace(",until_s", ""), "line 2 must have"),
-        (lambda text: text.replace("-0.8", "0.8", 1), "line 3: the touch must press"),
-        (lambda text: text.replace("-0.8", "hard", 1), "line 3, column force_z_N: must be"),
-        (lambda text: text.replace("\n,,", "\n60.00,80.00,", 1), "line 2: the touch must press"),
-        (lambda text: text.splitlines()[0], "a header and at least one row"),
-        (lambda text: "", "a header and at least one row"),
-    ],
-)  # fmt: skip
-def test_sheets_that_cannot_be_read_name_the_line(change, said, skin, table, twin, tmp_path):
-    write_plan(tmp_path / "plan.csv", skin, plan_by_hand(skin, table, count=2, drag=0.0))
-    sheet = filled(tmp_path / "plan.csv", skin, twin, tmp_path)
-    sheet.write_text(change(sheet.read_text(encoding="utf-8")), encoding="utf-8")
-    with pytest.raises(RecordingError, match=said):
-        read_held_touches(sheet, skin)
-
-
 def test_sheets_that_do_not_fit_are_refused(skin, table, twin, tmp_path):
     plan = tmp_path / "plan.csv"
-    write_plan(plan, skin, plan_by_hand(skin, table, count=2, drag=0.0))
-    with pytest.raises(RecordingError, match="no row has been filled in"):
-        read_held_touches(plan, skin)
+    write_plan(plan, skin, plan_by_hand(skin, table, count=2))
+    with pytest.raises(RecordingError, match=r"plan\.csv: touches must have been made"):
+        calibrate(table, plan, design=skin)
     sheet = filled(plan, skin, twin, tmp_path)
-    lines = sheet.read_text(encoding="utf-8").splitlines()
-    sheet.write_text("\n".join([lines[0], *lines[2:]]), encoding="utf-8")
-    with pytest.raises(RecordingError, match="line 2: a row of the untouched skin"):
-        read_held_touches(sheet, skin)
-    line = lines[1].split(",")
-    line[5:7] = ["0", "1"]
-    sheet.write_text("\n".join([lines[0], ",".join(line)]), encoding="utf-8")
-    with pytest.raises(RecordingError, match="line 2: there must be readings from 0 to 1 s"):
-        read_held_touches(sheet, skin, readings=[])
+    whole, _ = read_touches(sheet)
+    write_touches(sheet, whole.rows(np.array([1, 2])))
+    with pytest.raises(RecordingError, match="row 1 must come after a row of the untouched skin"):
+        calibrate(table, sheet, design=skin)
+    write_touches(sheet, replace(whole, field=whole.field[:, :2], temperature=25.0))
+    with pytest.raises(RecordingError, match="touches must be read by 3 chips; got 2"):
+        calibrate(table, sheet, design=skin)
     with pytest.raises(RecordingError, match=r"nowhere\.csv"):
-        read_held_touches(tmp_path / "nowhere.csv", skin)
+        calibrate(table, tmp_path / "nowhere.csv", design=skin)
+
+
+@pytest.mark.parametrize(("off", "refused"), [(0.9e-5, False), (1.1e-5, True)])
+def test_touches_must_lie_on_the_skin(skin, table, twin, tmp_path, off, refused):
+    plan = tmp_path / "plan.csv"
+    write_plan(plan, skin, plan_by_hand(skin, table, count=2))
+    sheet = filled(plan, skin, twin, tmp_path)
+    whole, _ = read_touches(sheet)
+    for corner, beyond in ((np.zeros(2), -off), (geometry(skin).extent, off)):
+        for axis in range(2):
+            place = np.array(whole.position)
+            place[1] = corner
+            place[1, axis] += beyond
+            write_touches(sheet, replace(whole, position=place))
+            if not refused:
+                assert calibrate(table, sheet, design=skin).used == 2
+                continue
+            with pytest.raises(RecordingError, match=r"filled\.csv: row 2 must lie on the skin"):
+                calibrate(table, sheet, design=skin)
+
+
+def test_spreads_are_the_rig_s_a_person_s_or_those_given(skin, table, twin):
+    """What the labels' errors make of the same touches."""
+    rig = VirtualRig(twin, np.random.default_rng(0), stage=1e-3, gauge=0.05)
+    plan = plan_by_hand(skin, table, count=3, drag=0.3, place_spread=1e-3, force_spread=0.05)
+    held = [rig.press(Contact(position=one.position, force=one.force)) for one in plan]
+    again = VirtualRig(twin, np.random.default_rng(0), stage=1e-3, gauge=0.05)
+    by_rig = calibrate(table, again, design=skin, count=3)
+    planner = TouchPlanner(table, signal_noise(skin, table.chips))
+    assert by_rig.errors[0] == pytest.approx(planner.error)
+    same = calibrate(table, held, design=skin, place_spread=1e-3, force_spread=0.05)
+    hand = calibrate(table, held, design=skin)
+    given = calibrate(table, held, design=skin, place_spread=0.5e-3, force_spread=0.01)
+    assert hand.errors == given.errors
+    assert hand.errors[-1] < same.errors[-1]
 
 
 def smoskin(*arguments):

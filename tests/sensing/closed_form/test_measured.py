@@ -1,0 +1,144 @@
+"""Sheets read cell by cell: subspaces against least squares, and answers of response tables."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from smoskin.errors import ModelError
+from smoskin.sensing.closed_form.measured import MeasuredSheet, Subspaces, cell_answers
+from tables import ideal_answers
+from tables_of_response import plain, reduced_table
+
+CELLS, MOTIONS = 7, 9
+RNG = np.random.default_rng(0)
+ANSWERS = RNG.normal(size=(CELLS, MOTIONS, 3))
+SPREAD = RNG.normal(size=(MOTIONS, MOTIONS))
+NOISE = 1e-4 * (SPREAD @ SPREAD.T + np.eye(MOTIONS))
+
+
+def misfit(motion, answers):
+    """Squared distance from a subspace in the noise, and the loads there, written out."""
+    weight = np.linalg.inv(NOISE)
+    load = np.linalg.solve(answers.T @ weight @ answers, answers.T @ weight @ motion)
+    left = motion - answers @ load
+    return left @ weight @ left, load
+
+
+def test_the_match_is_the_least_misfit_of_those_that_press():
+    cells = Subspaces(ANSWERS, NOISE)
+    motions = np.random.default_rng(1).normal(size=(200, MOTIONS))
+    found = cells.match(motions)
+    for k, motion in enumerate(motions):
+        tried = [misfit(motion, answers) for answers in ANSWERS]
+        pressing = [c for c in range(CELLS) if tried[c][1][0] > 0]
+        best = min(pressing, key=lambda c: tried[c][0], default=-1)
+        assert found.cell[k] == best
+        if best >= 0:
+            np.testing.assert_allclose(found.load[k], tried[best][1], atol=1e-9)
+
+
+def test_loads_come_back_and_their_spread_is_the_noise_s():
+    cells = Subspaces(ANSWERS, NOISE)
+    load = np.array([2.0, -1.0, 0.5])
+    clean = cells.match(ANSWERS @ load)
+    np.testing.assert_array_equal(clean.cell, np.arange(CELLS))
+    np.testing.assert_allclose(clean.load, np.tile(load, (CELLS, 1)))
+    rng = np.random.default_rng(2)
+    noisy = ANSWERS[3] @ load + rng.multivariate_normal(np.zeros(MOTIONS), NOISE, 20000)
+    seen = noisy @ cells.loads[3].T
+    np.testing.assert_allclose(np.cov(seen.T), cells.spread[3], rtol=0.05, atol=1e-6)
+
+
+def test_where_nothing_presses_there_is_no_cell():
+    cells = Subspaces(ANSWERS[:1], NOISE)
+    found = cells.match(np.stack([-ANSWERS[0, :, 0], np.zeros(MOTIONS)]))
+    assert found.cell.tolist() == [-1, -1]
+    assert found.confidence.tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(("deviations", "rate"), [(1.0, 0.1587), (2.0, 0.0228)])
+def test_confidence_is_how_often_noise_errs(deviations, rate):
+    """Two cells much alike; a press at so many standard deviations from the boundary."""
+    near = ANSWERS[0] + 0.03 * ANSWERS[1]
+    pair = Subspaces(np.stack([ANSWERS[0], near]), NOISE)
+    # Half the distance of a newton's press on the first cell from the second's subspace.
+    force = deviations / (np.sqrt(misfit(ANSWERS[0, :, 0], near)[0]) / 2)
+    rng = np.random.default_rng(3)
+    noise = rng.multivariate_normal(np.zeros(MOTIONS), NOISE, 40000)
+    found = pair.match(force * ANSWERS[0, :, 0] + noise)
+    # The boundary is bent: the rate of a plane is near, not exact.
+    assert (found.cell == 1).mean() == pytest.approx(rate, rel=0.1)
+    clean = pair.match(force * ANSWERS[:1, :, 0])
+    assert 1 - clean.confidence[0] == pytest.approx(rate, abs=1e-4)
+
+
+def test_cells_of_one_answer_share_the_doubt():
+    twins = Subspaces(np.stack([ANSWERS[0], ANSWERS[0], ANSWERS[1]]), NOISE)
+    found = twins.match(1e3 * ANSWERS[:1, :, 0])
+    assert found.cell[0] == 0
+    assert found.confidence[0] == pytest.approx(0.5)
+
+
+def test_units_do_not_matter():
+    scale = 10.0 ** np.arange(-4, 5)
+    scaled = Subspaces(ANSWERS * scale[:, None], NOISE * np.outer(scale, scale))
+    plain = Subspaces(ANSWERS, NOISE)
+    motions = np.random.default_rng(4).normal(size=(50, MOTIONS))
+    one, other = plain.match(motions), scaled.match(motions * scale)
+    np.testing.assert_array_equal(one.cell, other.cell)
+    np.testing.assert_allclose(one.load, other.load, rtol=1e-7)
+    np.testing.assert_allclose(one.confidence, other.confidence, atol=1e-7)
+
+
+# Answers by a response table
+
+
+def test_a_table_gives_the_answers_of_its_skin(planar):
+    """The reduced model's own answers, by a table that was fitted to its presses."""
+    skin = plain(planar)
+    found, exact = cell_answers(skin, reduced_table(skin)), ideal_answers(skin)
+    upper = np.r_[3:9]
+    size = np.abs(exact.motions[..., upper, :]).max(axis=(0, 1, 2))
+    off = np.abs(found.motions - exact.motions)[..., upper, :].max(axis=(0, 1, 2))
+    assert (off < 0.06 * size).all(), off / size
+    np.testing.assert_allclose(found.motions[..., 0, 1], exact.motions[..., 0, 1], rtol=0.05)
+    # The design has been freed of stiffening, v_f = 1 MN: none to speak of is found.
+    assert found.folding.min() > 5.0
+
+
+def test_stiffening_by_drags_is_read_off_the_table(planar):
+    """A table whose presses move a quarter less under 0.2 N of drag in y, and as much in x."""
+    skin = plain(planar)
+    table = reduced_table(skin)
+    exponents = table.basis.exponents.tolist()
+    mean = np.array(table.mean)
+    press = mean[:, :, exponents.index([0, 0, 1])]
+    mean[:, :, exponents.index([0, 2, 1])] -= 0.25 * press / 0.2**2
+    base = cell_answers(skin, table).folding
+    stiff = cell_answers(skin, replace(table, mean=mean)).folding
+    np.testing.assert_allclose(stiff[..., 0], base[..., 0], rtol=1e-6)
+    # 1 / (1 - 0.25) = 1 + 0.2 / v_f, but for the curvature of the field.
+    np.testing.assert_allclose(np.median(stiff[..., 1]), 0.6, rtol=0.1)
+
+
+def test_tables_that_cannot_be_read_by_cells_are_refused(planar):
+    skin = plain(planar)
+    table = reduced_table(skin)
+    with pytest.raises(ModelError, match="table must be of all 3 chips"):
+        cell_answers(skin, table.of_chips((1, 2)))
+    with pytest.raises(ModelError, match="table must be of the design"):
+        cell_answers(planar, table)
+    straight = np.array(table.mean)
+    straight[:, :, [e[0] > 0 for e in table.basis.exponents.tolist()]] = 0.0
+    with pytest.raises(ModelError, match="table must answer a press, a drag in x and a drag in y"):
+        cell_answers(skin, replace(table, mean=straight))
+    with pytest.raises(ModelError, match="within the stroke"):
+        cell_answers(skin, replace(table, mean=50 * table.mean))
+
+
+def test_the_sheet_s_places_scatter_on_every_cell(planar):
+    sheet = MeasuredSheet(planar, ideal_answers(planar))
+    assert sheet.noise.shape == sheet.place.shape == (6, 6, 3, 3)
+    assert (np.linalg.eigvalsh(sheet.noise) > 0).all()
+    assert (sheet.place[..., 2, 2] > 0).all()
