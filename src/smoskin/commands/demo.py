@@ -187,11 +187,12 @@ def run_demo(
             progress=follow,
         )
 
-        def closed_form() -> Estimator:
-            return ClosedFormEstimator(design, done.table)
-
         readers = Readers(
-            {BAYES: lambda: BayesEstimator(design, done.table), CLOSED_FORM: closed_form, **makers}
+            {
+                BAYES: lambda: BayesEstimator(design, done.table),
+                CLOSED_FORM: lambda: ClosedFormEstimator(design, done.table),
+                **makers,
+            }
         )
         source = TwinSource(twin, rate=rate, creep=Creep(design))
         sinks: list[Sink] = [] if record is None else [Recorder(record, design)]
