@@ -96,7 +96,7 @@ class Optimised:
     @property
     def kept(self) -> bool:
         """Whether the new design keeps every limit, also as made."""
-        return all(one.kept for one in (*self.limits, *self.made))
+        return all(limit.kept for limit in (*self.limits, *self.made))
 
     @property
     def gain(self) -> float:
@@ -110,10 +110,10 @@ class Optimised:
             "after": {"name": self.after.name, "content_hash": self.after.content_hash},
             "gain": self.gain,
             "kept": self.kept,
-            "changes": [one._asdict() for one in self.changes],
-            "bounds": [{**one._asdict(), "gain": one.gain} for one in self.bounds],
-            "limits": [_plain(one) for one in self.limits],
-            "made_skins": [_plain(one) for one in self.made],
+            "changes": [change._asdict() for change in self.changes],
+            "bounds": [{**side._asdict(), "gain": side.gain} for side in self.bounds],
+            "limits": [_plain(limit) for limit in self.limits],
+            "made_skins": [_plain(limit) for limit in self.made],
         }
 
     def tables(self) -> "list[Table]":
@@ -136,11 +136,11 @@ class Optimised:
             )
         limits = Table("limit", "reached", "allowed", "", title="Limits")
         for group, rows in (("", self.limits), ("made skins: ", self.made)):
-            for one in rows:
-                ends = [f">= {one.least:.4g}"] if math.isfinite(one.least) else []
-                ends += [f"<= {one.most:.4g}"] if math.isfinite(one.most) else []
-                verdict = "kept" if one.kept else "broken"
-                limits.add_row(group + one.name, f"{one.value:.4g}", ", ".join(ends), verdict)
+            for limit in rows:
+                ends = [f">= {limit.least:.4g}"] if math.isfinite(limit.least) else []
+                ends += [f"<= {limit.most:.4g}"] if math.isfinite(limit.most) else []
+                verdict = "kept" if limit.kept else "broken"
+                limits.add_row(group + limit.name, f"{limit.value:.4g}", ", ".join(ends), verdict)
         return [changed, bounds, limits]
 
     def write(self, path: Path | str) -> tuple[Path, Path]:
@@ -203,27 +203,27 @@ def optimise(
         If the extra ``twin`` is not installed.
     """
     aim, within = objective or Objective(), limits or Limits()
-    found = find_design(design, aim, within, effort or SearchEffort(), progress, clock).design
+    new = find_design(design, aim, within, effort or SearchEffort(), progress, clock).design
     progress("made skins", 1.0)
-    sheet = PressedSheet(found, force=aim.force, places=(2, 2), rated_places=coarser(places))
-    sheets, margin = made_sheets(found, within), within
-    made = check_made(found, sheets, within)
+    sheet = PressedSheet(new, force=aim.force, places=(2, 2), rated_places=coarser(places))
+    sheets, margin = made_sheets(new, within), within
+    made = check_made(new, sheets, within)
     for _ in range(_TRIES):
-        if all(one.kept for one in made):
+        if all(limit.kept for limit in made):
             break
         margin = replace(margin, deviations=margin.deviations + _WIDER)
-        found = fit_gaps(found, sheet, margin, step=GAP_STEP)
-        made = check_made(found, sheets, within)
+        new = fit_gaps(new, sheet, margin, step=GAP_STEP)
+        made = check_made(new, sheets, within)
     progress("comparison", 1.0)
-    changes = changes_of(design, found)
+    changes = changes_of(design, new)
     return Optimised(
         before=design,
-        after=with_reasons(found, name, changes),
+        after=with_reasons(new, name, changes),
         changes=changes,
         bounds=compare_bounds(
-            design, found, force=aim.force, unmodelled=aim.unmodelled, places=places
+            design, new, force=aim.force, unmodelled=aim.unmodelled, places=places
         ),
-        limits=(*own_limits(found, within), *stood_limits(found, sheet, within)),
+        limits=(*own_limits(new, within), *stood_limits(new, sheet, within)),
         made=made,
     )
 
@@ -241,12 +241,12 @@ def changes_of(before: SkinDesign, after: SkinDesign) -> tuple[Change, ...]:
 def with_reasons(design: SkinDesign, name: str, changes: Sequence[Change]) -> SkinDesign:
     """The design under its own name, each changed value saying what it was."""
     reasons = {
-        one.path: Provenance(
+        change.path: Provenance(
             origin="assumed",
-            reason=f"found by smoskin optimise, which lowers the bound of location; {one.before} "
-            "before",
+            reason="found by smoskin optimise, which lowers the bound of location; "
+            f"{change.before} before",
         )
-        for one in changes
+        for change in changes
     }
     return replace(design, name=name, provenance={**design.provenance, **reasons})
 
@@ -255,7 +255,7 @@ def compare_bounds(
     before: SkinDesign, after: SkinDesign, *, force: float, unmodelled: float, places: Places
 ) -> tuple[Side, ...]:
     """Bounds of both designs, as designed and as made."""
-    both = [_figures_of(one, force, unmodelled, places) for one in (before, after)]
+    both = [_figures_of(design, force, unmodelled, places) for design in (before, after)]
     return tuple(
         Side(case, quantity, value, both[1][case, quantity])
         for (case, quantity), value in both[0].items()
@@ -281,9 +281,9 @@ def check_made(
     for skin, sheet in enumerate(sheets):
         rng = np.random.default_rng([_SEED, skin, 1])
         for _ in range(limits.made_draws):
-            for one in made_limits(design, sheet, draw(design, rng), limits):
-                if one.slack < worst.get(one.name, one).slack or one.name not in worst:
-                    worst[one.name] = one
+            for limit in made_limits(design, sheet, draw(design, rng), limits):
+                if limit.slack < worst.get(limit.name, limit).slack or limit.name not in worst:
+                    worst[limit.name] = limit
     return tuple(worst.values())
 
 
@@ -334,12 +334,12 @@ def _figures_of(
     return numbers
 
 
-def _plain(one: Reached) -> dict[str, object]:
+def _plain(limit: Reached) -> dict[str, object]:
     """For JSON, which knows no infinity."""
-    ends = {"least": one.least, "most": one.most}
+    ends = {"least": limit.least, "most": limit.most}
     return {
-        "name": one.name,
-        "value": one.value if math.isfinite(one.value) else None,
+        "name": limit.name,
+        "value": limit.value if math.isfinite(limit.value) else None,
         **{key: end if math.isfinite(end) else None for key, end in ends.items()},
-        "kept": one.kept,
+        "kept": limit.kept,
     }

@@ -77,7 +77,7 @@ class Trial(NamedTuple):
         """The objective, the larger the more limits are broken."""
         if not self.stood:
             return math.inf
-        broken = sum(max(-one.slack, 0.0) for one in (*self.own, *self.stood))
+        broken = sum(max(-limit.slack, 0.0) for limit in (*self.own, *self.stood))
         return self.value * (1 + 20 * broken)
 
 
@@ -115,7 +115,7 @@ def worth(informed: Floats, sheet: PressedSheet, chips: int, objective: Objectiv
         figures(bound_of_information(sheet.x, sheet.y, informed, chips, drags=drags).location)
         for drags in (True, False)
     ]
-    return sum(one.mean + objective.worst_weight * one.worst for one in both) / len(both)
+    return sum(bound.mean + objective.worst_weight * bound.worst for bound in both) / len(both)
 
 
 def design_bound(

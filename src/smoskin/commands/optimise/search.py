@@ -187,8 +187,8 @@ class _Search:
                 slacks = np.full(count, -1.0)
                 if trial.stood:
                     slacks = np.array(
-                        [one.slack for one in trial.own]
-                        + [one.slack - _RESERVE for one in trial.stood]
+                        [limit.slack for limit in trial.own]
+                        + [limit.slack - _RESERVE for limit in trial.stood]
                     )
                 memory[key] = (min(trial.value, worst), np.clip(slacks, -1.0, 0.1))
             return memory[key]
@@ -240,7 +240,7 @@ class _Search:
             if sheet.stands():
                 design = fit_gaps(design, sheet, self._limits, step=GAP_STEP)
             trials.append(try_design(design, sheet, self._objective, self._limits))
-        return min(trials, key=lambda one: one.merit)
+        return min(trials, key=lambda trial: trial.merit)
 
 
 def exchange(
@@ -267,22 +267,22 @@ def exchange(
     informed = np.stack(
         [
             [
-                design_information(alone_over(design, site, one), sheet, objective.unmodelled)
-                for one in corners
+                design_information(alone_over(design, site, corner), sheet, objective.unmodelled)
+                for corner in corners
             ]
             for site in sites
         ]
     )
-    placed = {one.name: one.corner for one in design.magnets}
+    placed = {magnet.name: magnet.corner for magnet in design.magnets}
     free = list(range(len(corners)))
     present = [placed[site.magnet] for site in sites]
     starts = [list(map(int, rng.permutation(free)[: len(sites)])) for _ in range(_DRAWS)]
     if set(present) <= set(corners) and len(set(present)) == len(present):
-        starts.insert(0, [corners.index(one) for one in present])
-    found: tuple[float, list[int]] = (math.inf, [])
+        starts.insert(0, [corners.index(corner) for corner in present])
+    best: tuple[float, list[int]] = (math.inf, [])
     for start in starts:
-        found = min(found, _settle(start, informed, sheet, objective))
-    moved = {site.magnet: corners[at] for site, at in zip(sites, found[1], strict=True)}
+        best = min(best, _settle(start, informed, sheet, objective))
+    moved = {site.magnet: corners[at] for site, at in zip(sites, best[1], strict=True)}
     magnets = tuple(replace(m, corner=moved.get(m.name, m.corner)) for m in design.magnets)
     return replace(design, magnets=magnets)
 
@@ -340,7 +340,7 @@ def _varied(design: SkinDesign, point: Floats, limits: Limits) -> SkinDesign:
         design,
         columns=replace(design.columns, radius=radius, height=height),
         frame=replace(design.frame, stiffness=frame),
-        magnets=tuple(replace(one, radius=wide, height=high) for one in design.magnets),
+        magnets=tuple(replace(magnet, radius=wide, height=high) for magnet in design.magnets),
     )
 
 

@@ -202,23 +202,23 @@ def candidate(given: Scored, design: SkinDesign, exam: Exam) -> Candidate:
     MissingExtraError
         If `safetensors` is not installed.
     """
-    held: ResponseTable | NetworkModel | LearnedModel | Estimator
+    reader: ResponseTable | NetworkModel | LearnedModel | Estimator
     digest = ""
     if isinstance(given, (Path, str)):
-        held = load_estimator(given, design)
-        held = held.table if isinstance(held, BayesEstimator) else held
+        reader = load_estimator(given, design)
+        reader = reader.table if isinstance(reader, BayesEstimator) else reader
         digest = hashlib.sha256(Path(given).read_bytes()).hexdigest()
     else:
-        held = given
-    if isinstance(held, ResponseTable):
-        design.check_own("table", held.design_hash)
-        table = held if exam.chips is None else held.of_chips(exam.chips)
+        reader = given
+    if isinstance(reader, ResponseTable):
+        design.check_own("table", reader.design_hash)
+        table = reader if exam.chips is None else reader.of_chips(exam.chips)
         noise = signal_noise(design, table.chips)
         plan = tuple(plan_touches(table, exam.touches, noise)) if exam.touches else ()
         return Candidate(
             kind="response table", chips=table.chips, reader=table, plan=plan, file_sha256=digest
         )
-    kind, chips, reader = _reader(held, design)
+    kind, chips, reader = _reader(reader, design)
     if exam.chips not in (None, chips):
         raise ArgumentError(f"chips must be those of the {kind}, {chips}; got {exam.chips}")
     return Candidate(kind=kind, chips=chips, reader=reader, file_sha256=digest)
@@ -304,8 +304,8 @@ def examine(
         chips=subject.chips,
         exam=exam,
         cases=tuple(
-            _case(design, exam, [one for one in sat if one.case == case])
-            for case in dict.fromkeys(one.case for one in sat)
+            _case(design, exam, [sitting for sitting in sat if sitting.case == case])
+            for case in dict.fromkeys(sitting.case for sitting in sat)
         ),
     )
 
@@ -336,7 +336,7 @@ def _bounds(
         bound_map(table, noise, force=force, drags=drags, misfit=misfit, places=exam.places)
         for misfit in (False, True)
     ]
-    return np.stack([one.location.ravel()[at] for one in maps], axis=1)
+    return np.stack([bounds.location.ravel()[at] for bounds in maps], axis=1)
 
 
 def _case(design: SkinDesign, exam: Exam, sat: Sequence[_Sitting]) -> Case:
@@ -345,8 +345,8 @@ def _case(design: SkinDesign, exam: Exam, sat: Sequence[_Sitting]) -> Case:
     return case_of(
         sat[0].case,
         design,
-        together([one.marks for one in sat]),
-        idle=Count.of(0, np.concatenate([one.judged.idle for one in sat])),
-        touched=Count.of(places, np.concatenate([one.judged.count for one in sat])),
+        together([sitting.marks for sitting in sat]),
+        idle=Count.of(0, np.concatenate([sitting.judged.idle for sitting in sat])),
+        touched=Count.of(places, np.concatenate([sitting.judged.count for sitting in sat])),
         places=exam.places if places == 1 else None,
     )

@@ -87,10 +87,12 @@ class Judged:
     def inside(self) -> Bools:
         """Whether the truth lies in the stated 90 % region of place, (B, K)."""
         off = self.error[..., :2]
-        told = np.isfinite(off).all(axis=-1)
-        inverse = np.linalg.inv(self.spread[told][:, :2, :2])
-        inside = np.zeros(told.shape, dtype=bool)
-        inside[told] = np.einsum("ti,tij,tj->t", off[told], inverse, off[told]) <= _INSIDE
+        answered = np.isfinite(off).all(axis=-1)
+        inverse = np.linalg.inv(self.spread[answered][:, :2, :2])
+        inside = np.zeros(answered.shape, dtype=bool)
+        inside[answered] = (
+            np.einsum("ti,tij,tj->t", off[answered], inverse, off[answered]) <= _INSIDE
+        )
         return inside
 
     def __add__(self, other: "Judged") -> "Judged":
@@ -172,12 +174,12 @@ def readings(
     total = _ZEROS + moments * len(session.touches)
     starts = _PERIOD * np.arange(1, len(session.touches) + 1)
     times = np.concatenate([np.linspace(-1.0, 0.0, _ZEROS), np.add.outer(starts, _MOMENTS).ravel()])
-    held = np.zeros((len(session.touches), moments), dtype=bool)
-    held[:, 1 : _JUDGED + 1] = True
-    held = np.concatenate([np.zeros(_ZEROS, dtype=bool), held.ravel()])
+    pressed = np.zeros((len(session.touches), moments), dtype=bool)
+    pressed[:, 1 : _JUDGED + 1] = True
+    pressed = np.concatenate([np.zeros(_ZEROS, dtype=bool), pressed.ravel()])
     steps = np.diff(times, prepend=times[0])
     state = np.full(total, -1)
-    state[held] = np.repeat(np.arange(len(session.touches)), _JUDGED)
+    state[pressed] = np.repeat(np.arange(len(session.touches)), _JUDGED)
     rest = Motion.rest(len(twin.design.magnets), (1,))
     motion = Motion.concatenate([session.motion, rest])[state]
     if disturbance.creep:
@@ -213,7 +215,9 @@ def judge(
         elif row >= 0 and moment == _JUDGED:
             counts[row] = number
             if number == places:
-                values = np.array([[*one.position, *one.force] for one in estimate.contacts])
+                values = np.array(
+                    [[*contact.position, *contact.force] for contact in estimate.contacts]
+                )
                 order = _matched(values, truth[row])
                 error[row] = values[order] - truth[row]
                 spread[row] = estimate.covariance[order]
@@ -252,8 +256,8 @@ def label(
     stage, gauge : float
         Standard deviations of where the rig's stage stands, m, and of its gauge, N.
     """
-    position = np.stack([one.position for one in plan])
-    force = np.stack([one.force for one in plan])
+    position = np.stack([target.position for target in plan])
+    force = np.stack([target.force for target in plan])
     touches = Touches(position=position[:, None], force=force[:, None])
     motion = twin.motions(touches, temperature=temperature)
     spoilt = disturbance or Disturbance()
@@ -271,8 +275,8 @@ def label(
     )
     labels = []
     for row, (place, push) in enumerate(zip(position, force, strict=True)):
-        held = rig.hold(Contact(position=place, force=push), motion[row])
-        labels.append(labeller.label(held))
+        touch = rig.hold(Contact(position=place, force=push), motion[row])
+        labels.append(labeller.label(touch))
     return labelled_touches(
         labels,
         tuple(range(len(twin.design.halls))) if chips is None else tuple(chips),

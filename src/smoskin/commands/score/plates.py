@@ -90,22 +90,23 @@ def _histogram_plate(design: SkinDesign, case: Case) -> Plate:
         for letter, axis in zip("abcdef", axes.flat, strict=True):
             axis.set_title(f"({letter})")
         lay_out(figure)
-    one = case.headline
+    headline = case.headline
     return Plate(
         name=f"score_histograms_{case.name}",
         title=f"Distribution of the errors, {case.name} touches",
         caption=f"As Figure S12: signed errors of {len(marks.truth)} touches, by force (a to c) "
         f"and, from {HEADLINE:g} N, by region of the skin (d to f). Mean error of the place "
-        f"{1e3 * one.location.mean:.2f} mm, of the force {one.force:.1%}; {1 - one.found:.1%} of "
-        "the touches were missed and stand in no bin. End bins hold what lies beyond.",
+        f"{1e3 * headline.location.mean:.2f} mm, of the force {headline.force:.1%}; "
+        f"{1 - headline.found:.1%} of the touches were missed and stand in no bin. End bins hold "
+        "what lies beyond.",
         figure=figure,
     )
 
 
 def _draw_histogram(axis: Axes, values: Floats, groups: dict[str, Bools], chief: Bools) -> None:
     """Signed errors of each group; a missed touch has none."""
-    told = values[chief & np.isfinite(values)]
-    reach = max(float(np.percentile(np.abs(told), _SHOWN)), 1e-9) if len(told) else 1.0
+    answers = values[chief & np.isfinite(values)]
+    reach = max(float(np.percentile(np.abs(answers), _SHOWN)), 1e-9) if len(answers) else 1.0
     edges = np.linspace(-reach, reach, _BINS + 1)
     for (name, rows), colour in zip(groups.items(), _COLOURS[: len(groups)], strict=True):
         part = values[rows]

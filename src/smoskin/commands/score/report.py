@@ -125,13 +125,13 @@ class Case:
         return {
             "name": self.name,
             "headline": self.headline.as_json(),
-            "by_force": [one.as_json() for one in self.levels],
-            "by_region": [one.as_json() for one in self.regions],
+            "by_force": [part.as_json() for part in self.levels],
+            "by_region": [part.as_json() for part in self.regions],
             "confidence": [
                 {"stated": stated, "place": place, "force": force}
                 for stated, (place, force) in rows
             ],
-            "counts": [one._asdict() for one in (self.idle, self.touched)],
+            "counts": [count._asdict() for count in (self.idle, self.touched)],
             "area_percent": None
             if shown is None
             else {name: 100 * shown.area(*ends) for name, ends in areas.items()},
@@ -179,18 +179,20 @@ class ScoreSheet:
 
     def targets(self) -> list[Target]:
         """The targets that the package sets itself, as far as they were asked for."""
-        straight, dragged, pairs = (self.case(one) for one in ("straight", "dragged", "pairs"))
+        straight, dragged, pairs = (self.case(name) for name in ("straight", "dragged", "pairs"))
         rows: list[Target] = []
         if straight is not None:
-            one = straight.headline
+            chief = straight.headline
             rows += [
-                Target("mean error of place", "mm", 1e3 * one.location.mean, None, 1e3 * LOCATION),
-                Target("mean error of normal force", "%", 100 * one.force, None, 100 * FORCE),
-                Target("90 % regions hold", "%", 100 * one.held.place, 85, 95),
+                Target(
+                    "mean error of place", "mm", 1e3 * chief.location.mean, None, 1e3 * LOCATION
+                ),
+                Target("mean error of normal force", "%", 100 * chief.force, None, 100 * FORCE),
+                Target("90 % regions hold", "%", 100 * chief.held.place, 85, 95),
                 Target("told as one touch", "%", 100 * straight.touched.right, 97, 100),
                 Target("told as none", "%", 100 * straight.idle.right, 97, 100),
             ]
-            near = one.near
+            near = chief.near
             if near is not None and near.noise is not None and near.known is not None:
                 rows += [
                     Target("RMS over the bound by noise", "", near.noise, None, 1.5),
@@ -232,7 +234,7 @@ class ScoreSheet:
 
         tables = []
         for case in self.cases:
-            rows = [_row(one) for one in (case.headline, *case.levels, *case.regions)]
+            rows = [_row(part) for part in (case.headline, *case.levels, *case.regions)]
             table = Table(title=f"{case.name}: {len(self.exam.skins)} unseen skins")
             for heading in rows[0]:
                 first = heading == "touches"
@@ -320,16 +322,16 @@ def _ends(count: int) -> Floats:
     return weights
 
 
-def _row(one: Tally) -> dict[str, str]:
+def _row(part: Tally) -> dict[str, str]:
     """A row of a table for people, by its headings."""
-    place = dict(zip(("place (mm)", "median", "90 %", "RMS"), one.location, strict=True))
-    row = {"touches": one.name, "found": f"{one.found:.1%}"}
+    place = dict(zip(("place (mm)", "median", "90 %", "RMS"), part.location, strict=True))
+    row = {"touches": part.name, "found": f"{part.found:.1%}"}
     row |= {heading: f"{1e3 * size:.2f}" for heading, size in place.items()}
-    row["force"] = f"{one.force:.2%}"
-    if one.drag is not None:
-        row["drag"] = f"{one.drag:.1%}"
-    row["held by 90 %"] = f"{one.held.place:.1%}"
-    if one.near is not None:
-        ratios = {"RMS / noise": one.near.noise, "RMS / known": one.near.known}
+    row["force"] = f"{part.force:.2%}"
+    if part.drag is not None:
+        row["drag"] = f"{part.drag:.1%}"
+    row["held by 90 %"] = f"{part.held.place:.1%}"
+    if part.near is not None:
+        ratios = {"RMS / noise": part.near.noise, "RMS / known": part.near.known}
         row |= {head: "" if ratio is None else f"{ratio:.2f}" for head, ratio in ratios.items()}
     return row

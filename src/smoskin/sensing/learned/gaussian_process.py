@@ -208,7 +208,7 @@ class LearnedModel:
                 "past": encoding.past.name,
                 "floor_T": encoding.floor,
             },
-            "outputs": [{"name": one.name, "unit": one.unit} for one in self.outputs],
+            "outputs": [{"name": output.name, "unit": output.unit} for output in self.outputs],
             "touch_field_T": self.touch_field,
             "reach": self.reach,
             "data_sha256": self.data_sha256,
@@ -243,12 +243,12 @@ def _model(arrays: dict[str, Floats], spec: dict[str, Any]) -> LearnedModel:
             floor=float(given["floor_T"]),
         ),
         chips_in_reading=int(given["chips_in_reading"]),
-        outputs=tuple(Output[one["name"]] for one in spec["outputs"]),
+        outputs=tuple(Output[output["name"]] for output in spec["outputs"]),
         touch_field=float(spec["touch_field_T"]),
         reach=float(spec["reach"]),
         data_sha256=str(spec["data_sha256"]),
         split=str(spec["split"]),
-        metrics=tuple(Metric(**one) for one in spec["metrics"]),
+        metrics=tuple(Metric(**metric) for metric in spec["metrics"]),
         **arrays,
     )
 

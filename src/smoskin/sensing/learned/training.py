@@ -84,7 +84,7 @@ class Examples:
 
     def sha256(self) -> str:
         """Hash of everything in it that a model depends on."""
-        digest = hashlib.sha256(",".join(one.name for one in self.outputs).encode())
+        digest = hashlib.sha256(",".join(output.name for output in self.outputs).encode())
         for array in (self.time, self.field, self.targets, self.group, self.run):
             digest.update(str(array.shape).encode())
             digest.update(np.ascontiguousarray(array).tobytes())
@@ -256,7 +256,7 @@ class _Parameters(NamedTuple):
     def of(cls, vector: Floats) -> "_Parameters":
         """The parameters of the search's vector."""
         values = np.exp(vector)
-        return cls(values[:-4], *(float(one) for one in values[-4:]))
+        return cls(values[:-4], *(float(value) for value in values[-4:]))
 
 
 def _most_probable(
@@ -382,11 +382,13 @@ def _judge(model: LearnedModel, inputs: Floats, targets: Floats) -> LearnedModel
     factor = predicted.covariance[:, 0, 0, None]
     near = float(np.quantile(predicted.novelty, _BELIEVED_SHARE))
     metrics = [
-        Metric(f"rmse_{one.name.lower()}", float(np.sqrt(np.mean(error[:, k] ** 2))), one.unit)
-        for k, one in enumerate(model.outputs)
+        Metric(
+            f"rmse_{output.name.lower()}", float(np.sqrt(np.mean(error[:, k] ** 2))), output.unit
+        )
+        for k, output in enumerate(model.outputs)
     ]
     if {Output.X, Output.Y} <= set(model.outputs):
-        at = [model.outputs.index(one) for one in (Output.X, Output.Y)]
+        at = [model.outputs.index(output) for output in (Output.X, Output.Y)]
         miss = float(np.hypot(*error[:, at].T).mean())
         metrics.append(Metric("mean_error", miss, "m"))
     return replace(

@@ -95,7 +95,7 @@ class _Graph:
 
     def add(self, kind: str, *inputs: Any, out: str = "", **attributes: int | list[int]) -> str:
         """The name of a new node's output; inputs are names, or arrays as constants."""
-        names = [one if isinstance(one, str) else self.constant(one) for one in inputs]
+        names = [value if isinstance(value, str) else self.constant(value) for value in inputs]
         name = out or f"n{len(self.nodes)}"
         self.nodes.append(self._onnx.helper.make_node(kind, names, [name], **attributes))
         return name

@@ -149,9 +149,9 @@ class TouchSource:
         x[np.abs(x) < _NOTHING] = y[np.abs(y) < _NOTHING] = 0.0
         p, q, d = table.basis.shape
         along = x.reshape(skins, touches, p).astype(np.float32)
-        held = along @ coefficients.reshape(skins, p, q * d * table.count)
+        along_x = along @ coefficients.reshape(skins, p, q * d * table.count)
         others = (y[:, :, None] * products[:, None, :]).reshape(total, 1, q * d)
-        signals = (others.astype(np.float32) @ held.reshape(total, q * d, table.count))[:, 0]
+        signals = (others.astype(np.float32) @ along_x.reshape(total, q * d, table.count))[:, 0]
         size = np.linalg.norm(push, axis=1, keepdims=True).astype(np.float32)
         for root, scale in ((self._noise_root, np.float32(1.0)), (self._misfit_root, size)):
             signals += scale * (rng.standard_normal(signals.shape, dtype=np.float32) @ root.T)
