@@ -5,10 +5,12 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from networks import tiny_network
 from smoskin.errors import ArgumentError
-from smoskin.mechanics.viscoelasticity import ELASTIC
+from smoskin.magnetics import mlx90393
+from smoskin.mechanics.viscoelasticity import ELASTIC, elastomer_prony
 from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.bayes.estimator import BayesEstimator
@@ -17,6 +19,7 @@ from smoskin.sensing.learned.gaussian_process import LearnedEstimator, LearnedMo
 from smoskin.sensing.learned.inputs import Encoding, Form
 from smoskin.sensing.learned.training import Effort, Examples, train
 from smoskin.sensing.network.estimator import NetworkEstimator
+from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.reduced import ReducedTwin
 from tables_of_response import reduced_table
 
@@ -159,6 +162,41 @@ def test_a_zero_needs_a_good_reading_of_the_same_chips(make, planar):
     with pytest.raises(ArgumentError, match="got 5"):
         estimator.zero([twin.read(), Reading(time=0.0, field=np.zeros((5, 3)))])
     assert estimator.step(twin.read([TOUCH])).status is Status.CONTACT
+
+
+@pytest.mark.parametrize("make", [bayes_estimator, network_estimator])
+def test_by_default_one_in_a_million_idle_readings_counts_as_touched(make, planar):
+    rest = ReducedTwin(planar, seed=None).read()
+    factor = np.linalg.cholesky(signal_noise(planar)) @ np.ones(9) / 3
+    for share, idle in ((0.999, True), (1.001, False)):
+        estimator = make(planar)
+        estimator.zero([rest])
+        signals = (factor * np.sqrt(share * chi2.isf(1e-6, 9))).reshape(3, 3)
+        own = np.einsum("sji,sj->si", mlx90393.rotations(planar.halls), signals)
+        status = estimator.step(spoilt(rest, time=1.0, field=rest.field + own)).status
+        assert (status is Status.NO_CONTACT) == idle
+
+
+@pytest.mark.parametrize("kind", ["bayes", "network"])
+def test_by_default_creep_is_undone_and_drift_followed(kind, planar):
+    """A press that comes at once shows the prompt share of what it settles at."""
+    made = {
+        "bayes": lambda **o: BayesEstimator(planar, reduced_table(planar), **o),
+        "network": lambda **o: NetworkEstimator(planar, tiny_network(planar, drag=0.4), **o),
+    }[kind]
+    twin, forces = ReducedTwin(planar, seed=None), []
+    for options in ({}, {"creep": ELASTIC}):
+        estimator = made(**options)
+        estimator.zero([twin.read()])
+        estimator.step(twin.read(time=1.0))
+        forces.append(estimator.step(twin.read([TOUCH], time=1.001)).contacts[0].normal_force)
+    late = elastomer_prony(planar.columns.material).retardation_shares.sum()
+    assert forces[0] / forces[1] == pytest.approx(1 / (1 - late), rel=0.03)
+    estimator = made()
+    for k in range(50):
+        reading = twin.read(time=0.1 * k)
+        estimator.step(spoilt(reading, field=reading.field + 1e-6))
+    assert np.abs(estimator.drift).min() > 0.3e-6
 
 
 @pytest.mark.parametrize("chips", [0, 1, 2, 4, 5])

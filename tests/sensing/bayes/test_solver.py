@@ -1,11 +1,13 @@
 """The likeliest touch, or two, from one reading, wherever the search starts."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from smoskin.mechanics.sheet.compliance import grip_compliance
+from smoskin.sensing.bayes.posterior import Descent
 from smoskin.sensing.bayes.priors import Standing, TouchPriors
 from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.response.fit import table_curvature
@@ -115,3 +117,79 @@ def test_how_many_touches_there_are(skin):
         assert solver.two(pair + noisy).evidence > solver.one(pair + noisy).evidence
     # Nine signals of six unknowns: what was put in must at least be explained.
     assert solver.two(pair).misfit < 9
+
+
+class StatedProblem:
+    """Ends each descent at the next of these costs, and says where it began."""
+
+    def __init__(self, *costs):
+        self.costs, self.begun = list(costs), []
+
+    def unknowns(self, values):
+        return values
+
+    def descend(self, signals, start, standing=None, steps=40):
+        self.begun.append((start, standing, steps))
+        cost = self.costs.pop(0)
+        return Descent(np.full(1, cost), 0.0, np.zeros((1, 9)), 2 * cost, cost)
+
+    def posterior(self, found, standing=None):
+        return found.cost
+
+
+@pytest.mark.parametrize(
+    ("costs", "taken", "best"),
+    [((17.9,), 1, 17.9), ((18.1, 8.9), 2, 8.9), ((18.1, 9.1, 20.0, 9.5), 4, 9.1)],
+)
+def test_a_guess_is_followed_where_it_fits_and_else_the_likeliest_starts(
+    skin, monkeypatch, costs, taken, best
+):
+    """Four a signal is fit for a guess, two for a start; three starts are tried at most."""
+    table = reduced_table(skin)
+    solver, problem = TouchSolver(table, signal_noise(skin)), StatedProblem(*costs)
+    exact = table.signals(WHERE[:1], FORCE[:1])[0]
+    monkeypatch.setattr(solver, "_single", problem)
+    guess = np.array([0.1, 0.02, 0.0, 0.0, -0.2])
+    assert solver.one(exact, guess) == best
+    assert len(problem.begun) == taken
+    np.testing.assert_array_equal(problem.begun[0][0], guess[None])
+    if taken > 1:  # the nearest places of the grid
+        assert math.dist(problem.begun[1][0][0, :2], WHERE[0]) < 8e-3
+
+
+def test_pairs_are_compared_after_some_steps_and_three_at_least_are_followed(
+    table, skin, monkeypatch
+):
+    solver = TouchSolver(table, signal_noise(skin), STRAIGHT)
+    exact = table.together(WHERE[None], FORCE[None])[0]
+    solver.two(exact)
+    brief = [9.0, 3.0, 5.0, 4.0, 9.0, 9.0, 9.0, 9.0, 9.0, 9.0]
+    for ends, taken in (((9.0, 3.1, 4.0), 3), ((3.2, 3.3, 3.2, 3.1), 4)):
+        problem = StatedProblem(*brief, *ends)
+        monkeypatch.setattr(solver, "_pair", problem)
+        assert solver.two(exact) == min(ends)
+        steps = [row[2] for row in problem.begun]
+        assert steps == [3] * 10 + [40] * taken
+        assert [row[0][0] for row in problem.begun[10:]] == sorted(brief)[:taken]
+
+
+def test_a_touch_that_cannot_have_stood_there_is_let_go(table, skin, monkeypatch):
+    solver = TouchSolver(table, signal_noise(skin), STRAIGHT)
+    exact = table.together(WHERE[None], FORCE[None])[0]
+    solver.two(exact)
+    standing = Standing(WHERE[0], 1e-6 * np.eye(2))
+    for cost, let_go in ((17.9, False), (18.1, True)):
+        problem = StatedProblem(*[cost] * 60)
+        monkeypatch.setattr(solver, "_pair", problem)
+        solver.two(exact, None, standing)
+        assert (problem.begun[-1][1] is None) == let_go
+        np.testing.assert_array_equal(problem.begun[0][0][0, :2], WHERE[0])
+
+
+def test_forces_end_at_a_fifth_and_three_times_those_of_the_table(skin):
+    table = reduced_table(skin)
+    solver = TouchSolver(table, signal_noise(skin), STRAIGHT)
+    least, most = table.forces
+    exact = table.signals([[0.05, 0.06]], [[0.0, 0.0, -0.5]])[0]
+    assert solver.one(1e-4 * exact).values[0, 4] == pytest.approx(-least / 5)
+    assert solver.one(20 * exact).values[0, 4] == pytest.approx(-3 * most)

@@ -141,7 +141,7 @@ class LoneTouch(NamedTuple):
     """What was known of it."""
 
     def standing(self, time: float, slide: float) -> Standing | None:
-        """Where it is at another time, as far as that is known."""
+        """Its place at another time, as far as that is known."""
         if not math.isfinite(slide):
             return None
         moved = slide**2 * max(time - self.time, 0.0) * np.eye(2)

@@ -33,7 +33,7 @@ Answer: TypeAlias = Callable[[Floats], tuple[Floats, Floats]]
 
 
 class Descent(NamedTuple):
-    """Where damped steps have ended."""
+    """End of a descent."""
 
     unknowns: Floats
     """Unknowns u, (U,)."""
@@ -144,21 +144,20 @@ class TouchProblem:
         at = np.minimum(np.maximum(start, self._low), self._high)
         value, slopes = self._answer(at)
         gap, damping = signals - value, _DAMPING
-        known = None if standing is None else np.asarray(np.linalg.inv(standing.spread))
         for step in range(steps):
             if step < _REWEIGHED:
                 squared = self._squared(at)
                 whiten = self.whitener(squared)
                 inner, residual = slopes @ whiten.T, whiten @ gap
-                misfit, cost = self._cost(residual, at, standing, known)
+                misfit, cost = self._cost(residual, at, standing)
             curve = inner @ inner.T
             pull = inner @ residual - self._drag_precision * at
             diagonal = curve.ravel()[:: len(at) + 1]
             # A level place bends the covariance, not the steps.
             diagonal += self._curvature
-            if standing is not None and known is not None:
-                curve[:2, :2] += known
-                pull[:2] -= known @ (at[:2] - standing.place)
+            if standing is not None:
+                curve[:2, :2] += standing.precision
+                pull[:2] -= standing.precision @ (at[:2] - standing.place)
             diagonal *= 1 + damping
             move = np.linalg.solve(curve, pull)
             if 0.5 * float(move @ pull) < _SETTLED:
@@ -168,7 +167,7 @@ class TouchProblem:
             value, new_slopes = self._answer(new)
             new_gap = signals - value
             new_residual = whiten @ new_gap
-            new_misfit, new_cost = self._cost(new_residual, new, standing, known)
+            new_misfit, new_cost = self._cost(new_residual, new, standing)
             if new_cost > cost:
                 damping = max(damping * 10, 1e-3)
                 if damping > 1e6:
@@ -189,7 +188,7 @@ class TouchProblem:
         information.ravel()[:: len(information) + 1] += self._curvature
         log_det = float(np.linalg.slogdet(information)[1])
         if standing is not None:
-            information[:2, :2] += np.linalg.inv(standing.spread)
+            information[:2, :2] += standing.precision
         values, covariance = np.zeros((count, 5)), np.zeros((count, 5, 5))
         values[:, rows] = found.unknowns.reshape(count, -1)
         values[:, 4] = -np.exp(values[:, 4])
@@ -217,14 +216,12 @@ class TouchProblem:
         forces = [math.exp(at[k]) for k in self._presses] + [at[k] for k in self._drags]
         return float(sum(force * force for force in forces))
 
-    def _cost(
-        self, residual: Floats, at: Floats, standing: Standing | None, known: Floats | None
-    ) -> tuple[float, float]:
+    def _cost(self, residual: Floats, at: Floats, standing: Standing | None) -> tuple[float, float]:
         """Squared misfit with that of drags, and half of it with that of a place that is known."""
         misfit = float(residual @ residual)
         if self._drags:
             misfit += float((self._drag_precision * at) @ at)
-        if standing is None or known is None:
+        if standing is None:
             return misfit, 0.5 * misfit
         away = at[:2] - standing.place
-        return misfit, 0.5 * misfit + 0.5 * float(away @ known @ away)
+        return misfit, 0.5 * misfit + 0.5 * float(away @ standing.precision @ away)

@@ -1,8 +1,10 @@
-"""What is believed of touches before a reading, and what is said of them after it."""
+"""What is believed of touches before a reading, and what is known of them after it."""
 
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
+
+import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.errors import ArgumentError
@@ -19,13 +21,13 @@ class TouchPriors:
     """
 
     drag_spread: float = 0.3
-    """N: standard deviation of each drag of a single touch; 0: touches are known to be straight.
+    """Standard deviation of each drag of a single touch, N; 0: touches are known to be straight.
     Two touches at once are always taken as straight."""
     chances: tuple[float, float, float] = (0.5, 0.45, 0.05)
-    """Of no, one and two touches."""
+    """Chances p(K) of K = 0, 1 and 2 touches."""
     slide: float = 5e-3
-    """m: standard deviation along each axis by which a touch moves in a second after another has
-    joined it; infinite: where it was while alone is not used."""
+    """Standard deviation along each axis, m, by which a touch moves in a second after another has
+    joined it; infinite: its place while it was alone is not used."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.drag_spread < math.inf:
@@ -37,22 +39,27 @@ class TouchPriors:
 
 
 class TouchPosterior(NamedTuple):
-    """What one reading says of T touches."""
+    """What one reading tells of K touches."""
 
     values: Floats
-    """(T, 5): x, y, Fx, Fy, Fz of each, m and N."""
+    """Touch vectors t = (x, y, Fx, Fy, Fz), (K, 5), m and N."""
     covariance: Floats
-    """(T, 5, 5), likewise."""
+    """Covariance of each, (K, 5, 5), likewise."""
     misfit: float
-    """Sum of squared residuals in standard deviations."""
+    """Squared length of the whitened residual, and of drags in their prior's spread."""
     evidence: float
-    """Logarithm of how likely so many touches make the reading, and of their prior chance."""
+    """Logarithm of p(s | K) p(K)."""
 
 
 class Standing(NamedTuple):
-    """Where a touch stood while it was alone, a moment ago."""
+    """Place of a touch while it was alone, a moment ago."""
 
     place: Floats
-    """(2,), m."""
+    """Its place, (2,), m."""
     spread: Floats
-    """(2, 2), m^2: covariance, with how far it may have moved since."""
+    """Covariance, (2, 2), m^2, with how far it may have moved since."""
+
+    @property
+    def precision(self) -> Floats:
+        """Inverse of the covariance, (2, 2), m^-2."""
+        return np.asarray(np.linalg.inv(self.spread))

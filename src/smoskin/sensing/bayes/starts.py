@@ -1,4 +1,4 @@
-"""Where a search for touches starts: coarse places whose answers come nearest to the signals.
+"""Starts of a search for touches: coarse places whose answers come nearest to the signals.
 
 Decides on which places and in which order; forces enter linearly, so that each place's best are
 known at once. Hides the bases in which answers are compared.
@@ -103,7 +103,7 @@ class Starts:
 def single_starts(
     table: ResponseTable, point: PointTable, problem: TouchProblem, drag_spread: float
 ) -> Starts:
-    """Where one touch may start, from rim to rim."""
+    """Starts of one touch, from rim to rim."""
     places = places_to_the_rim(table.basis.extent, _SINGLE_GRID)
     typical = np.array([0.0, 0.0, -TYPICAL])
     slopes = point.scan(places[:, 0], places[:, 1], typical)[1][:, problem.rows[2:]]
@@ -113,7 +113,7 @@ def single_starts(
 
 
 def pair_starts(table: ResponseTable, problem: TouchProblem) -> Starts:
-    """Where two straight touches may start, freed of what bends their signals."""
+    """Starts of two straight touches, freed of what bends their signals."""
     grid = middles_of_fields(table.basis.extent, _PAIR_GRID)
     tugs = [(_TUG, 0.0), (-_TUG, 0.0), (0.0, _TUG), (0.0, -_TUG)]
     forces = np.array([[*tug, -TYPICAL] for tug in [(0.0, 0.0), *tugs]])
