@@ -324,25 +324,9 @@ def fit_correction(magnet: Magnet, gap: float, stroke: float) -> LinearCorrectio
     side = -1.0 if magnet.mount == "sheet" else 1.0
     moves = np.concatenate([_ball(stroke * part) for part in (0.25, 0.5, 0.75, 1.0)])
     measured = _field_at(magnet, gap, side, moves)
-    # Below, K has the sign of -polarity; above, Bz changes sign and Bx, By do not.
-    sign = np.array([-magnet.polarity, -magnet.polarity, side * magnet.polarity])
-
-    def corrected_by(values: Floats) -> LinearCorrection:
-        wave, lateral, axial = np.exp(values[:3])
-        wave /= gap
-        face = amplitude(magnet.remanence, wave, magnet.height)
-        rest = 2.0 * face * math.exp(-wave * gap)
-        return LinearCorrection(
-            k_c=sign * [lateral, lateral, axial],
-            c_c=np.array([0.0, 0.0, values[3] * rest]),
-            wave_number=np.asarray(wave),
-            amplitude=np.asarray(face),
-            gap=np.asarray(gap),
-            side=np.asarray(side),
-        )
 
     def errors(values: Floats) -> Floats:
-        inverted = displacement(corrected_by(values), measured)
+        inverted = displacement(_correction_of(values, magnet, gap, side), measured)
         return np.ravel((inverted - moves) / stroke)
 
     wave = 1.5
@@ -350,7 +334,25 @@ def fit_correction(magnet: Magnet, gap: float, stroke: float) -> LinearCorrectio
     still = float(np.abs(_field_at(magnet, gap, side, np.zeros(3))[2]))
     factor = math.log(2.0 * face * math.exp(-wave) / still)
     fit = least_squares(errors, [math.log(wave), factor, factor, 0.0], x_scale="jac")
-    return corrected_by(fit.x)
+    return _correction_of(fit.x, magnet, gap, side)
+
+
+def _correction_of(values: Floats, magnet: Magnet, gap: float, side: float) -> LinearCorrection:
+    """Correction of log(k gap), log k_c lateral and axial, and c_c over the field at rest."""
+    wave, lateral, axial = np.exp(values[:3])
+    wave /= gap
+    face = amplitude(magnet.remanence, wave, magnet.height)
+    rest = 2.0 * face * math.exp(-wave * gap)
+    # Below, K has the sign of -polarity; above, Bz changes sign and Bx, By do not.
+    sign = np.array([-magnet.polarity, -magnet.polarity, side * magnet.polarity])
+    return LinearCorrection(
+        k_c=sign * [lateral, lateral, axial],
+        c_c=np.array([0.0, 0.0, values[3] * rest]),
+        wave_number=np.asarray(wave),
+        amplitude=np.asarray(face),
+        gap=np.asarray(gap),
+        side=np.asarray(side),
+    )
 
 
 def usable_range(

@@ -211,19 +211,18 @@ def measure(
     -----
     Source: Melexis MLX90393 data sheet. Valid as `full_scale`.
     """
-    true = floats("field", field, (3,))
+    true, law = floats("field", field, (3,)), model or HallNoise()
     finite = np.asarray(np.isfinite(true).all(axis=-1))
     seen = np.where(finite[..., None], true, 0.0)
     if rng is not None:
-        seen = seen + rng.normal(size=seen.shape) * noise(setting, model)
+        seen = seen + rng.normal(size=seen.shape) * noise(setting, law)
     step = sensitivity(setting) / 2.0**setting.resolution
     full = np.rint(np.clip(seen / step, -_RAIL, _RAIL - 1)).astype(np.int64)
     counts = (((full >> setting.resolution) + _WORD) & 0xFFFF) - _WORD
-    flags = _rail_flags(counts, setting)
-    flags = np.where(finite, flags, int(ChipFlag.INVALID))
+    flags = np.where(finite, _rail_flags(counts, setting), int(ChipFlag.INVALID))
     warmth = np.broadcast_to(floats("temperature", temperature), finite.shape)
-    if rng is not None and model is not None and model.temperature:
-        warmth = warmth + rng.normal(size=warmth.shape) * model.temperature
+    if rng is not None and law.temperature:
+        warmth = warmth + rng.normal(size=warmth.shape) * law.temperature
     return HallSample(counts=counts, temperature_counts=temperature_counts(warmth), flags=flags)
 
 

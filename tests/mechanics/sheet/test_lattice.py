@@ -154,6 +154,8 @@ def test_bonds_hold_their_strength_over_the_columns_section(planar, lattice):
 
 @pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
 def test_springs_that_cannot_be_are_refused(planar, value):
-    springs = replace(springs_of(planar), crease=value)
-    with pytest.raises(DesignError, match=r"springs\.crease must be finite and >= 0; got"):
-        build_lattice(planar, springs)
+    springs = springs_of(planar)
+    for name in ("column_shear", "column_axial", "frame", "crease", "panel_bending"):
+        assert getattr(replace(springs, **{name: 0.0}), name) == 0.0
+        with pytest.raises(DesignError, match=rf"springs\.{name} must be finite and >= 0; got"):
+            replace(springs, **{name: value})

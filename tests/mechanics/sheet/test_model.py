@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from smoskin.errors import ArgumentError, MissingExtraError
-from smoskin.mechanics.reduced.stiffness import board_stiffness
+from smoskin.mechanics.reduced.stiffness import board_stiffness, yaw_stiffness
 from smoskin.mechanics.sheet.lattice import build_lattice, springs_of
 from smoskin.mechanics.sheet.touches import Covered, Frictionless, Sliding, Sticking, Touches
 from smoskin.origami.cell import size
 from textbook_sheet import outer_force
 
 pytest.importorskip("jax")
-from smoskin.mechanics.sheet.model import STIFFNESSES, BarHinge, yaw_stiffness
+from smoskin.mechanics.sheet.model import STIFFNESSES, BarHinge
 
 
 def test_a_sticking_touch_stands_still_over_the_ground(sheet, cases):

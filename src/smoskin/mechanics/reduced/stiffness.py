@@ -16,6 +16,7 @@ from smoskin.arrays import Floats, Ints
 from smoskin.design.materials import ELASTOMERS
 from smoskin.design.skin import Coefficients, MiuraCell, SkinDesign
 from smoskin.mechanics.reduced.attenuation import FoldFrom, Profiles, motion_product, profiles
+from smoskin.origami.geometry import geometry
 
 Grip = Literal["sticks", "slips"]
 """Whether what presses holds the loaded vertex in the plane (as the SI assumes), or lets the
@@ -54,6 +55,24 @@ def board_stiffness(design: SkinDesign) -> float:
     layer = design.shear_layer
     modulus = ELASTOMERS[layer.material].shear_modulus
     return layer.pillars * pillar_stiffness(layer.radius, layer.height, modulus)
+
+
+def yaw_stiffness(design: SkinDesign) -> float:
+    """Moment per angle of the board on its pillars, N m/rad.
+
+    Notes
+    -----
+    Source: SI Eq. (S26), of each pillar, times its squared distance from the middle. The design
+    does not place the pillars; they are taken as spread evenly under the sensing area.
+
+    Examples
+    --------
+    >>> from smoskin.design.document import read_design
+    >>> round(yaw_stiffness(read_design("planar")), 3)
+    6.283
+    """
+    x, y = geometry(design).extent
+    return float(board_stiffness(design) * (x**2 + y**2) / 12)
 
 
 def sheet_stiffness(design: SkinDesign) -> float:

@@ -11,9 +11,8 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
-from smoskin.mechanics.reduced.stiffness import board_stiffness
+from smoskin.mechanics.reduced.stiffness import board_stiffness, yaw_stiffness
 from smoskin.mechanics.sheet.lattice import Lattice, build_lattice
-from smoskin.mechanics.sheet.model import yaw_stiffness
 from smoskin.mechanics.sheet.tangent import Tangent
 from smoskin.origami.geometry import geometry
 

@@ -25,7 +25,7 @@ from jax import Array
 
 from smoskin.arrays import Bools, Floats, Ints
 from smoskin.mechanics.sheet import elements
-from smoskin.mechanics.sheet.continuation import LIGHTEST, LOST, Press, follow
+from smoskin.mechanics.sheet.continuation import LIGHTEST, LOST, Press, Standing, follow
 from smoskin.mechanics.sheet.lattice import Lattice
 from smoskin.mechanics.sheet.tangent import RestInverse, Tangent
 
@@ -353,17 +353,12 @@ class Equilibrium:
             solve(chunks[0])
         else:
             with ThreadPoolExecutor(os.cpu_count()) as pool:
-                for _ in pool.map(solve, chunks):
-                    pass
+                list(pool.map(solve, chunks))
         for row in np.flatnonzero(~(relaxed.residual <= tolerance)):
             press = self.one_press(shares[row], force[row], held[row], link[row])
             standing = follow(self.tangent, press, tolerance)
             if standing is not None:
-                relaxed.displacements[row] = standing.motion
-                relaxed.reaction[row] = 0.0
-                relaxed.reaction[row, held[row]] = standing.reaction.reshape(-1, 2)
-                relaxed.residual[row] = standing.residual
-                relaxed.iterations[row] += standing.steps
+                _put(relaxed, int(row), held[row], standing)
         return relaxed
 
     def one_press(self, shares: Floats, force: Floats, held: Bools, link: Floats) -> Press:
@@ -405,6 +400,15 @@ class Equilibrium:
         relaxed.reaction[chunk] = np.asarray(path.reaction)[:, :rows].T.reshape(rows, touches, 2)
         relaxed.residual[chunk] = np.where(path.going, np.inf, path.residual)[:rows]
         relaxed.iterations[chunk] = np.asarray(path.steps)[:rows]
+
+
+def _put(relaxed: Relaxed, row: int, held: Bools, standing: Standing) -> None:
+    """Put a followed equilibrium into its row; its steps come on top of those that were lost."""
+    relaxed.displacements[row] = standing.motion
+    relaxed.reaction[row] = 0.0
+    relaxed.reaction[row, held] = standing.reaction.reshape(-1, 2)
+    relaxed.residual[row] = standing.residual
+    relaxed.iterations[row] += standing.steps
 
 
 def _net(lattice: Lattice, tangent: Tangent, rest: RestInverse) -> Net:

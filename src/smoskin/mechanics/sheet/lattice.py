@@ -26,7 +26,13 @@ at some tens of kilopascals, far below the megapascal at which the rubber itself
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Springs:
-    """Stiffness of each kind of part; each number scales a kind of element."""
+    """Stiffness of each kind of part; each number scales a kind of element.
+
+    Raises
+    ------
+    DesignError
+        If a stiffness is negative or not finite.
+    """
 
     column_shear: float
     """N/m: k_bc, stiffness of one column in the plane."""
@@ -40,6 +46,12 @@ class Springs:
     """N m/rad: stiffness of a panel about its shorter diagonal."""
     panel_membrane: float
     """N/m: E t of a panel; its bars follow from it."""
+
+    def __post_init__(self) -> None:
+        for part in fields(self):
+            value = getattr(self, part.name)
+            if not (np.isfinite(value) and value >= 0.0):
+                raise DesignError(f"springs.{part.name} must be finite and >= 0; got {value}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -188,11 +200,6 @@ def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice
     springs : Springs, optional
         `springs_of(design)` by default.
 
-    Raises
-    ------
-    DesignError
-        If a spring's stiffness is negative or not finite.
-
     Notes
     -----
     Source: SI Eq. (S25), K_p, for the panels. An edge takes half of the plate on either side, so
@@ -207,10 +214,6 @@ def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice
     ((169, 3), (456, 2), (408, 4))
     """
     springs = springs or springs_of(design)
-    for part in fields(springs):
-        value = getattr(springs, part.name)
-        if not (np.isfinite(value) and value >= 0.0):
-            raise DesignError(f"springs.{part.name} must be finite and >= 0; got {value}")
     cell, sheet = design.cell, geometry(design).sheet
     diagonals = _panel_hinges(sheet)
     bars, bar_stiffness = _bars(sheet, diagonals, cell, design.panels)

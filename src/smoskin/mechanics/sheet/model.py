@@ -7,7 +7,7 @@ the parts are `smoskin.mechanics.sheet.lattice`'s.
 """
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,7 @@ try:
 except ModuleNotFoundError as error:
     raise MissingExtraError("the nonlinear model of the whole sheet", "twin") from error
 
-from smoskin.mechanics.reduced.stiffness import board_stiffness
+from smoskin.mechanics.reduced.stiffness import board_stiffness, yaw_stiffness
 from smoskin.mechanics.sheet.continuation import constrained_solve
 from smoskin.mechanics.sheet.lattice import Lattice, build_lattice
 from smoskin.mechanics.sheet.tangent import Place
@@ -113,6 +113,19 @@ class _Answer:
     """(B, K, 2), N: force that each touch then exerts on the sheet."""
     final: Relaxed
     """Equilibrium with them."""
+
+
+class _Change(NamedTuple):
+    """Derivatives of one case's touches by the P parameters of `Sensitivity`, one after another."""
+
+    share: Floats
+    """(K, T, P)."""
+    arm: Floats
+    """(K, 2, P)."""
+    drag: Floats
+    """(K, 2, P)."""
+    normal: Floats
+    """(K, P)."""
 
 
 class BarHinge:
@@ -242,61 +255,68 @@ class BarHinge:
         self, case: _Case, answer: _Answer, slopes: Floats, row: int
     ) -> tuple[Floats, Floats]:
         """Derivatives of one case's motion, (V, 3, P), and of the board's, (3, P)."""
-        force, shares, arms = case.force[row], case.shares[row], case.arms[row]
-        places, top = len(force), self.lattice.loaded.ravel()
+        force, arms = case.force[row], case.arms[row]
+        own = self._own_change(slopes)
+        change = np.zeros_like(own.drag)
+        if not isinstance(self.grip, Frictionless):
+            moved, change = self._straight_change(case, answer.straight, own, row)
+        if isinstance(self.grip, Covered):
+            sideways, change = force[:, :2], own.drag
+        else:
+            sideways, asked = answer.sideways[row], answer.straight.reaction[row] + force[:, :2]
+            change = self._cut_change(asked, force[:, 2], change + own.drag, own.normal)
+            place = self._equilibrium.tangent.at(answer.final.displacements[row])
+            right = self._unbalance(case, row, place, own, sideways, change)
+            moved = self._equilibrium.tangent.solve(place, right)
+        slide = change.sum(axis=0) / self._board
+        turn = np.einsum("kd,kdp->p", _turned(arms), change)
+        turn += np.einsum("kdp,kd->p", _turned_axis(own.arm), sideways)
+        return moved, np.concatenate([slide, turn[None] / self._yaw])
+
+    def _own_change(self, slopes: Floats) -> _Change:
+        """Change of the touches themselves with each parameter, from `patch_slopes`, (K, 2, T)."""
+        places, _, tops = slopes.shape
         count = 5 * places + len(STIFFNESSES)
-        # What each parameter changes by itself: shares, arms, drags and normal forces.
-        share = np.zeros((places, len(top), count))
+        share = np.zeros((places, tops, count))
         drag, normal = np.zeros((places, 2, count)), np.zeros((places, count))
         for k in range(places):
             share[k, :, 5 * k : 5 * k + 2] = slopes[k].T
             drag[k, :, 5 * k + 2 : 5 * k + 4] = np.eye(2)
             normal[k, 5 * k + 4] = 1.0
         arm = np.einsum("ktp,td->kdp", share, geometry(self.design).tops.reshape(-1, 2))
+        return _Change(share=share, arm=arm, drag=drag, normal=normal)
 
-        def right_side(place: Place, sideways: Floats, change: Floats) -> Floats:
-            """Forces that unbalance the nodes when touches push by `sideways` and `change` more."""
-            right = -_by_stiffness(self.lattice, place, count)
-            pushed = np.concatenate([sideways, force[:, 2:]], axis=1)
-            more = np.concatenate([change, normal[:, None]], axis=1)
-            right[top] += np.einsum("ktp,kd->tdp", share, pushed)
-            right[top] += np.einsum("kt,kdp->tdp", shares, more)
-            return right
+    def _straight_change(
+        self, case: _Case, straight: Relaxed, own: _Change, row: int
+    ) -> tuple[Floats, Floats]:
+        """Change of a straight press's motion, (V, 3, P), and of its reactions, (K, 2, P)."""
+        first, reaction, held = straight.displacements[row], straight.reaction[row], case.held[row]
+        press = self._equilibrium.one_press(case.shares[row], case.force[row], held, case.link[row])
+        place = self._equilibrium.tangent.at(first)
+        gap = -np.einsum("ktp,td->kdp", own.share, first[self.lattice.loaded.ravel(), :2])
+        if not isinstance(self.grip, Covered):
+            turn, turned = _turned_axis(own.arm), _turned(case.arms[row])
+            gap -= np.einsum("kdp,le,le->kdp", turn, turned, reaction) / self._yaw
+            gap -= np.einsum("kd,lep,le->kdp", turned, turn, reaction) / self._yaw
+        change = np.zeros_like(gap)
+        right = self._unbalance(case, row, place, own, reaction, change)
+        moved, reactions = constrained_solve(
+            self._equilibrium.tangent, place, press, right, gap[held].reshape(-1, gap.shape[-1])
+        )
+        change[held] = reactions.reshape(-1, *change.shape[1:])
+        return moved, change
 
-        # The straight press, for how the reactions change.
-        press = self._equilibrium.one_press(shares, force, case.held[row], case.link[row])
-        first = answer.straight.displacements[row]
-        reaction = answer.straight.reaction[row]
-        change = np.zeros((places, 2, count))
-        if isinstance(self.grip, Frictionless):
-            moved = np.zeros((*first.shape, count))
-        else:
-            place = self._equilibrium.tangent.at(first)
-            gap = -np.einsum("ktp,td->kdp", share, first[top, :2])
-            if not isinstance(self.grip, Covered):
-                turn, turned = _turned_axis(arm), _turned(arms)
-                gap -= np.einsum("kdp,le,le->kdp", turn, turned, reaction) / self._yaw
-                gap -= np.einsum("kd,lep,le->kdp", turned, turn, reaction) / self._yaw
-            moved, reactions = constrained_solve(
-                self._equilibrium.tangent,
-                place,
-                press,
-                right_side(place, reaction, change),
-                gap[case.held[row]].reshape(-1, count),
-            )
-            change[case.held[row]] = reactions.reshape(-1, 2, count)
-        if isinstance(self.grip, Covered):
-            sideways, change = force[:, :2], drag
-        else:
-            sideways = answer.sideways[row]
-            change = self._cut_change(reaction + force[:, :2], force[:, 2], change + drag, normal)
-            place = self._equilibrium.tangent.at(answer.final.displacements[row])
-            right = right_side(place, sideways, change)
-            moved = self._equilibrium.tangent.solve(place, right)
-        slide = change.sum(axis=0) / self._board
-        turn = np.einsum("kd,kdp->p", _turned(arms), change)
-        turn += np.einsum("kdp,kd->p", _turned_axis(arm), sideways)
-        return moved, np.concatenate([slide, turn[None] / self._yaw])
+    def _unbalance(
+        self, case: _Case, row: int, place: Place, own: _Change, sideways: Floats, change: Floats
+    ) -> Floats:
+        """Forces that unbalance the nodes when touches push by `sideways` and `change` more."""
+        right = -_by_stiffness(self.lattice, place, change.shape[-1])
+        pushed = np.concatenate([sideways, case.force[row, :, 2:]], axis=1)
+        more = np.concatenate([change, own.normal[:, None]], axis=1)
+        top = self.lattice.loaded.ravel()
+        right[top] += np.einsum("ktp,kd->tdp", own.share, pushed)
+        right[top] += np.einsum("kt,kdp->tdp", case.shares[row], more)
+        return right
 
     def _cut_change(
         self, asked: Floats, normal: Floats, change: Floats, pressing: Floats
@@ -388,24 +408,6 @@ class BarHinge:
         most, amount = -self.grip.friction * normal, np.hypot(sideways[..., 0], sideways[..., 1])
         share = np.divide(most, amount, out=np.ones_like(amount), where=amount > most)
         return np.asarray(sideways * share[..., None])
-
-
-def yaw_stiffness(design: SkinDesign) -> float:
-    """Moment per angle of the board on its pillars, N m/rad.
-
-    Notes
-    -----
-    Source: SI Eq. (S26), of each pillar, times its squared distance from the middle. The design
-    does not place the pillars; they are taken as spread evenly under the sensing area.
-
-    Examples
-    --------
-    >>> from smoskin.design.document import read_design
-    >>> round(yaw_stiffness(read_design("planar")), 3)
-    6.283
-    """
-    x, y = geometry(design).extent
-    return float(board_stiffness(design) * (x**2 + y**2) / 12)
 
 
 def _by_stiffness(lattice: Lattice, place: Place, count: int) -> Floats:
