@@ -113,7 +113,7 @@ def main(
     The folder gets report.json, every figure as SVG, and an index of them.
     """
     if not all(find_spec(module) for module in _EXTRAS):
-        raise MissingExtraError("the report", "report")
+        raise MissingExtraError("the report", "paper")
     from paper.shared.rows import summary
     from paper.shared.setting import Setting
 

@@ -261,7 +261,7 @@ class _Equilibrium:
         try:
             import felupe
         except ImportError as error:
-            raise MissingExtraError("the finite elements of a rubber block", "fem") from error
+            raise MissingExtraError("the finite elements of a rubber block", "paper") from error
         self._length = float(np.ptp(mesh.nodes, axis=0).min())
         self._newton = block.shear_modulus * self._length**2
         grid = felupe.Mesh(mesh.nodes / self._length, mesh.cells, "hexahedron")

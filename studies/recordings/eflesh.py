@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from smoskin.arrays import Bools, Floats, Ints, frozen
+from smoskin.arrays import Bools, Floats, Ints, freeze
 from smoskin.errors import RecordingError
 
 EFLESH_SETS: Final = ("spatial_resolution", "normal_force", "shear_force")
@@ -49,16 +49,9 @@ class ProbeRun:
     """Rows left out because another file has none near them in time."""
 
     def __post_init__(self) -> None:
-        rows, chips = self.field.shape[:2]
-        shapes: dict[str, tuple[int, ...]] = {
-            "time": (rows,),
-            "field": (rows, chips, 3),
-            "field_rezeroed": (rows, chips, 3),
-            "position": (rows, 3),
-            "load": (rows,),
-        }
-        for name, shape in shapes.items():
-            object.__setattr__(self, name, frozen(name, getattr(self, name), shape))
+        field = (*np.shape(self.field)[:2], 3)
+        freeze(self, time=field[:1], field=field, field_rezeroed=field)
+        freeze(self, position=(field[0], 3), load=field[:1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -79,15 +72,8 @@ class TouchRun:
     """Rows left out because every chip read nothing but zeros."""
 
     def __post_init__(self) -> None:
-        rows, chips = self.field.shape[:2]
-        shapes: dict[str, tuple[int, ...]] = {
-            "time": (rows,),
-            "field": (rows, chips, 3),
-            "load": (rows,),
-            "cells": (rows, self.cells.shape[1], 2),
-        }
-        for name, shape in shapes.items():
-            object.__setattr__(self, name, frozen(name, getattr(self, name), shape))
+        rows, chips = np.shape(self.field)[:2]
+        freeze(self, time=(rows,), field=(rows, chips, 3), load=(rows,), cells=(rows, None, 2))
 
 
 def read_recordings(
@@ -146,7 +132,11 @@ def read_eflesh(directory: Path | str) -> tuple[ProbeRun, ...]:
             f"({' and '.join(_TOUCH_FILES)}); got {directory}"
         )
     sets = [place / name for name in EFLESH_SETS if (place / name).is_dir()]
-    return tuple(run for folder in sets for run in _read_set(folder))
+    runs = [sorted(path for path in folder.glob("*_probe") if path.is_dir()) for folder in sets]
+    for folder, found in zip(sets, runs, strict=True):
+        if not found:
+            raise RecordingError(f"{folder}: a set must hold folders named *_probe; it has none")
+    return tuple(_read_run(path) for found in runs for path in found)
 
 
 def read_touches(directory: Path | str) -> tuple[TouchRun, ...]:
@@ -226,18 +216,10 @@ def _counted(names: Sequence[str], pattern: str, *, first: int) -> int:
     return max(numbers, default=first - 1) - first + 1
 
 
-def _read_set(folder: Path) -> list[ProbeRun]:
-    """Every run of one set."""
-    runs = sorted(path for path in folder.glob("*_probe") if path.is_dir())
-    if not runs:
-        raise RecordingError(f"{folder}: a set must hold folders named *_probe; it has none")
-    return [_read_run(path) for path in runs]
-
-
 def _read_run(folder: Path) -> ProbeRun:
     """One run, its three files paired up on the sensor's times."""
     files = [folder / f"{name}.csv" for name in ("sensor", "sensor_post_baselines", "states")]
-    sensor, rezeroed, states = (_read_table(path) for path in files)
+    sensor, rezeroed, states = (_numbers(path, _lines(path)) for path in files)
     for path, table in zip(files[:2], (sensor, rezeroed), strict=True):
         if table.shape[1] < 4 or table.shape[1] % 3 != 1:
             raise RecordingError(
@@ -301,11 +283,6 @@ def _pair(time: Floats, other: Floats, path: Path, other_path: Path) -> tuple[In
     return rows, near
 
 
-def _read_table(path: Path) -> Floats:
-    """A CSV file of numbers without a header, its first column an increasing time."""
-    return _numbers(path, _lines(path), header=0, time=0)
-
-
 def _lines(path: Path) -> list[str]:
     """The lines of a text file that is whole."""
     try:
@@ -328,7 +305,7 @@ def _lines(path: Path) -> list[str]:
     return lines
 
 
-def _numbers(path: Path, lines: Sequence[str], *, header: int, time: int) -> Floats:
+def _numbers(path: Path, lines: Sequence[str], *, header: int = 0, time: int = 0) -> Floats:
     """Rows of numbers after so many lines of header, with time in one of the columns."""
     rows: list[list[float]] = []
     columns = lines[0].count(",") + 1

@@ -63,7 +63,7 @@ def _tests(runs: Sequence[ProbeRun], examples: Examples) -> Iterator[tuple[str, 
     for k, run in enumerate(runs):
         this = examples.run == k
         if len(runs) > 1:
-            others = ", ".join(one.name for one in runs if one is not run)
+            others = ", ".join(each.name for each in runs if each is not run)
             yield "other run", f"trained on {others}, judged on {run.name}", ~this, this
     for k, run in enumerate(runs):
         this = examples.run == k
@@ -98,12 +98,12 @@ def _described(encoding: Encoding) -> str:
 
 def _examples(runs: Sequence[ProbeRun]) -> Examples:
     """Loads over time: pressing is negative z; shear is along the skin's x by convention."""
-    field, run = joined([one.field_rezeroed for one in runs], [one.name for one in runs])
-    load = np.concatenate([one.load for one in runs])[:, None]
-    blocks = [np.arange(len(one.time)) * _BLOCKS // len(one.time) for one in runs]
+    field, run = joined([each.field_rezeroed for each in runs], [each.name for each in runs])
+    load = np.concatenate([each.load for each in runs])[:, None]
+    blocks = [np.arange(len(each.time)) * _BLOCKS // len(each.time) for each in runs]
     shear = runs[0].set == "shear_force"
     return Examples(
-        time=np.concatenate([one.time for one in runs]),
+        time=np.concatenate([each.time for each in runs]),
         field=field,
         targets=load if shear else -load,
         outputs=(Output.FX if shear else Output.FZ,),

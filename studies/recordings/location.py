@@ -1,12 +1,12 @@
 """Location of a probe: on places never trained on, later than trained on, under three zeros.
 
 Decides how drift is judged. The recording's own zero was taken anew before every press. Beside it
-stand the zero of the first moment alone, and the zero that
-`smoskin.sensing.signals.zero.Zero`
+stand the zero of the first moment alone, and the zero that `smoskin.sensing.signals.zero.Zero`
 follows through all readings in turn, without being told which of them are idle.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from enum import Enum
 from typing import Final
 
@@ -112,9 +112,9 @@ class _Questions:
         if count < self.recorded.field.shape[1]:
             listed = ", ".join(str(used) for used in chosen)
             self.trial.notes.append(f"spatial_resolution: best {count} chips by fold: {listed}")
-        yield from self._told(errors, count, later)
+        yield from self._scores(errors, count, later)
 
-    def _told(
+    def _scores(
         self, errors: dict[tuple[_Zero, str], list[Floats]], count: int, later: bool
     ) -> Iterator[Score]:
         """Mean errors under each zero, then their ratios to those under the recorded one."""
@@ -123,10 +123,11 @@ class _Questions:
         split = f"{_FOLDS} folds of {places} places, all passes of a place together"
         if later:
             split += f"; trained on the first {_EARLY:.0%} of the time, judged on the rest"
+        ratios: list[Score] = []
         mean = {key: float(np.concatenate(misses).mean()) for key, misses in errors.items()}
         for (zero, model), value in mean.items():
-            target = None if later or zero is not _Zero.RECORDED else _TARGETS.get(count)
-            yield Score(
+            recorded = zero is _Zero.RECORDED
+            score = Score(
                 set="spatial_resolution",
                 test=test + zero.value,
                 split=split,
@@ -135,31 +136,24 @@ class _Questions:
                 metric="mean_error",
                 value=1e3 * value,
                 unit="mm",
-                target=target,
+                target=_TARGETS.get(count) if recorded and not later else None,
             )
-        for (zero, model), value in mean.items():
-            if zero is not _Zero.RECORDED:
-                yield Score(
-                    set="spatial_resolution",
-                    test=test + zero.value,
-                    split=split,
-                    chips=count,
-                    model=model,
-                    metric="ratio",
-                    value=value / mean[_Zero.RECORDED, model],
-                    unit="",
-                    target=_TARGET_RATIO if zero is _Zero.FOLLOWED else None,
-                )
+            yield score
+            if not recorded:
+                ratio = value / mean[_Zero.RECORDED, model]
+                target = _TARGET_RATIO if zero is _Zero.FOLLOWED else None
+                ratios.append(replace(score, metric="ratio", value=ratio, unit="", target=target))
+        yield from ratios
 
 
 def _examples(trial: Trial, runs: Sequence[ProbeRun], zero: _Zero) -> Examples:
     """Presses and where they were."""
     fields = [_zeroed(trial, run, zero) for run in runs]
-    field, run = joined(fields, [one.name for one in runs])
-    position = np.concatenate([one.position[:, :2] for one in runs])
+    field, run = joined(fields, [each.name for each in runs])
+    position = np.concatenate([each.position[:, :2] for each in runs])
     _, place = np.unique(np.round(position / _PLACE_GRID), axis=0, return_inverse=True)
     return Examples(
-        time=np.concatenate([one.time for one in runs]),
+        time=np.concatenate([each.time for each in runs]),
         field=field,
         targets=position,
         outputs=(Output.X, Output.Y),

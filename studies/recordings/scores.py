@@ -18,7 +18,7 @@ class Score:
     split: str
     """What was trained on and what was judged."""
     chips: int
-    """How many the model saw."""
+    """Chips that the model saw."""
     model: str
     """`smoskin`, `ridge` or `5-nearest`."""
     metric: str
@@ -59,8 +59,8 @@ class Benchmark:
             head = (score.set, score.test, score.split, score.metric, score.chips, target)
             rows.setdefault(head, {})[score.model] = _shown(score.value, score.unit)
         for (*words, chips, target), values in rows.items():
-            said = [str(word) for word in words]
-            table.add_row(*said, str(chips), target, *(values.get(model, "") for model in models))
+            cells = [values.get(model, "") for model in models]
+            table.add_row(*map(str, words), str(chips), target, *cells)
         return table
 
 

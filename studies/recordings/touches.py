@@ -199,7 +199,7 @@ def _ordered(cells: Floats) -> Floats:
 
 
 def _answers(trial: Trial, rows: _Rows) -> dict[str, Floats]:
-    """Moments that each model says of every row, trained on other pairs and times."""
+    """Moments that each model predicts for every row, trained on other pairs and times."""
     fold = trial.folds(rows.examples.group, _FOLDS)
     answers: dict[str, Floats] = {}
     for k in range(_FOLDS):
@@ -234,9 +234,9 @@ def _sums_help(trial: Trial, rows: _Rows, trained: Bools, rng: np.random.Generat
         seen[: len(trained)] = trained & ~held
         examples, usual, varies = _varying(given.examples, seen)
         model = train(examples.where(seen), _encoding(rows), seed=trial.seed, effort=trial.quick)
-        said = np.tile(usual, (int(held.sum()), 1))
-        said[:, varies] = model.predict(rows.examples.encode(_encoding(rows))[held]).values
-        return float(_miss(places(said), rows.cells[held]).mean())
+        predicted = np.tile(usual, (int(held.sum()), 1))
+        predicted[:, varies] = model.predict(rows.examples.encode(_encoding(rows))[held]).values
+        return float(_miss(places(predicted), rows.cells[held]).mean())
 
     return miss(rows.with_sums(single, rng)) < miss(rows)
 
@@ -246,10 +246,14 @@ def _varying(examples: Examples, trained: Bools) -> tuple[Examples, Floats, Bool
 
     Without pairs nothing is spread, and what never changes cannot be trained on.
     """
-    known = examples.targets[trained]
-    varies = np.ptp(known, axis=0) > 0
-    outputs = tuple(one for one, kept in zip(_OUTPUTS, varies, strict=True) if kept)
-    return replace(examples, targets=examples.targets[:, varies], outputs=outputs), known[0], varies
+    targets = examples.targets[trained]
+    varies = np.ptp(targets, axis=0) > 0
+    outputs = tuple(name for name, kept in zip(_OUTPUTS, varies, strict=True) if kept)
+    return (
+        replace(examples, targets=examples.targets[:, varies], outputs=outputs),
+        targets[0],
+        varies,
+    )
 
 
 def _encoding(rows: _Rows) -> Encoding:
@@ -259,5 +263,5 @@ def _encoding(rows: _Rows) -> Encoding:
 
 def _miss(found: Floats, true: Floats) -> Floats:
     """Mean distance of two found places from the two true ones, paired as they lie nearest."""
-    ways = [np.linalg.norm(found - order, axis=-1).mean(axis=-1) for order in (true, true[:, ::-1])]
-    return np.asarray(np.minimum(*ways))
+    orders = [np.linalg.norm(found - pair, axis=-1).mean(axis=-1) for pair in (true, true[:, ::-1])]
+    return np.asarray(np.minimum(*orders))

@@ -6,7 +6,8 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from scipy.spatial import cKDTree
+from sklearn.linear_model import Ridge
+from sklearn.neighbors import KNeighborsRegressor
 
 from smoskin.arrays import Bools, Floats, Ints
 from smoskin.errors import RecordingError
@@ -47,7 +48,7 @@ class Trial:
         return fold[member.reshape(-1)]
 
     def answers(self, examples: Examples, judged: Bools, encoding: Encoding) -> dict[str, Floats]:
-        """What each model, trained on the known rows that are not judged, says of those."""
+        """Predictions of each model, trained on the rows with a target that are not judged."""
         training = examples.where(~judged)
         model = train(training, encoding, seed=self.seed, effort=self.effort)
         ours = model.predict(examples.encode(encoding)[judged]).values
@@ -59,7 +60,7 @@ class Trial:
         return {
             "smoskin": ours,
             "ridge": _ridge(x, y, group, asked, self.seed),
-            "5-nearest": y[cKDTree(x).query(asked, k=_NEIGHBOURS)[1]].mean(axis=1),
+            "5-nearest": KNeighborsRegressor(_NEIGHBOURS).fit(x, y).predict(asked),
         }
 
     def encoding(self, training: Examples, encodings: Sequence[Encoding]) -> Encoding:
@@ -99,14 +100,11 @@ def _ridge(x: Floats, y: Floats, group: Ints, asked: Floats, seed: int) -> Float
     inner = np.isin(group, drawn[: max(1, len(groups) // 5)])
 
     def fit(rows: Bools, strength: float, at: Floats) -> Floats:
-        mean, level = x[rows].mean(axis=0), y[rows].mean(axis=0)
-        moved = x[rows] - mean
-        normal = moved.T @ moved + strength * rows.sum() * np.eye(x.shape[1])
-        slope = np.linalg.solve(normal, moved.T @ (y[rows] - level))
-        return np.asarray((at - mean) @ slope + level)
+        model = Ridge(alpha=strength * rows.sum(), solver="cholesky").fit(x[rows], y[rows])
+        return np.asarray(model.predict(at))
 
     strengths = 10.0 ** np.arange(-8.0, 1.0)
-    errors = [((fit(~inner, one, x[inner]) - y[inner]) ** 2).mean() for one in strengths]
+    errors = [((fit(~inner, strength, x[inner]) - y[inner]) ** 2).mean() for strength in strengths]
     return fit(np.ones(len(x), dtype=bool), float(strengths[int(np.argmin(errors))]), asked)
 
 
@@ -122,4 +120,6 @@ def joined(fields: Sequence[Floats], names: Sequence[str]) -> tuple[Floats, Ints
     if len(set(chips)) > 1:
         counts = ", ".join(f"{name}: {count}" for name, count in zip(names, chips, strict=True))
         raise RecordingError(f"runs must have the same chips; got {counts}")
-    return np.concatenate(fields), np.repeat(np.arange(len(fields)), [len(one) for one in fields])
+    return np.concatenate(fields), np.repeat(
+        np.arange(len(fields)), [len(field) for field in fields]
+    )
