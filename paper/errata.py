@@ -132,12 +132,14 @@ def page(design: SkinDesign) -> str:
     """The whole of docs/errata.md."""
     entries = errata(design)
     closed = [
-        (one.number, one.place, one.printed, one.holds, f"`{one.test}`" if one.test else "")
-        for one in entries
-        if not one.is_open
+        (item.number, item.place, item.printed, item.holds, f"`{item.test}`" if item.test else "")
+        for item in entries
+        if not item.is_open
     ]
     open_ones = [
-        (one.number, one.place, one.printed, one.holds, one.tried) for one in entries if one.is_open
+        (item.number, item.place, item.printed, item.holds, item.tried)
+        for item in entries
+        if item.is_open
     ]
     attempts = [(name, f"{line:.4f}") for name, line in dividing_lines().items()]
     head = ("no.", "place", "what is printed")

@@ -51,15 +51,15 @@ def poisson_map(design: SkinDesign, steps: int = 121) -> PoissonMap:
 # Printed beside computed
 
 
-def poisson_rows(found: PoissonMap) -> list[Row]:
+def poisson_rows(result: PoissonMap) -> list[Row]:
     """What Text S1 says of the figure."""
 
     def falls(axis: int, sign: int) -> bool:
-        steps = [sign * np.diff(nu, axis=axis) for nu in (found.nu_13, found.nu_23)]
+        steps = [sign * np.diff(nu, axis=axis) for nu in (result.nu_13, result.nu_23)]
         return all((step[np.isfinite(step)] < 0).all() for step in steps)
 
     place, why = "Text S1", "S2 over 5 to 85 degrees"
-    computed = f"so in all of {np.isfinite(found.nu_13).sum()} points"
+    computed = f"so in all of {np.isfinite(result.nu_13).sum()} points"
     phi = "at one alpha nu_13 and nu_23 decrease as phi increases"
     alpha = "at one phi both increase with alpha"
     return [
@@ -74,14 +74,14 @@ def poisson_rows(found: PoissonMap) -> list[Row]:
 
 def plate(setting: Setting) -> Plate:
     """Figures S1a and S1b: both ratios over alpha and phi."""
-    found = poisson_map(setting.design)
+    result = poisson_map(setting.design)
     levels = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
-    degrees, norm = np.degrees(found.angle), LogNorm(0.01, 1000)
+    degrees, norm = np.degrees(result.angle), LogNorm(0.01, 1000)
     fine = np.geomspace(0.01, 1000, 31)
     with styled():
         figure = canvas(7.2, 3.5)
         axes = figure.subplots(1, 2, sharey=True)
-        names, ratios = (r"$\nu_{13}$", r"$\nu_{23}$"), (found.nu_13, found.nu_23)
+        names, ratios = (r"$\nu_{13}$", r"$\nu_{23}$"), (result.nu_13, result.nu_23)
         for axis, letter, name, nu in zip(axes, "ab", names, ratios, strict=True):
             grid = degrees, degrees, np.ma.masked_invalid(nu.T)
             colours = axis.contourf(*grid, fine, norm=norm, cmap=COLOURS, extend="both")
@@ -89,9 +89,9 @@ def plate(setting: Setting) -> Plate:
             lines = axis.contour(*grid, levels, colors="white", linewidths=0.7, norm=norm)
             axis.clabel(lines, lines.levels[2:], fmt=lambda value: f"{value:g}", fontsize=7)
             axis.plot([5, 85], [5, 85], color=INK, linewidth=0.8)
-            axis.plot(*np.degrees(found.reference), "o", color="white", markeredgecolor=INK)
+            axis.plot(*np.degrees(result.reference), "o", color="white", markeredgecolor=INK)
             axis.text(40, 62, "cannot fold:\n$\\phi > \\alpha$", color=GREY, ha="center")
-            at = np.degrees(found.reference).tolist()
+            at = np.degrees(result.reference).tolist()
             note(axis, "reference\ndesign", at, (-30, 8), fontsize=7, ha="center")
             axis.set(title=f"({letter}) {name}", xlabel="sector angle α (°)")
             axis.set(xlim=(5, 85), ylim=(5, 85), aspect="equal")
@@ -105,7 +105,7 @@ def plate(setting: Setting) -> Plate:
         "cell over sector angle and fold angle (S2). Both fall as the fold angle grows and rise "
         "with the sector angle.",
         figure=figure,
-        rows=tuple(poisson_rows(found)),
+        rows=tuple(poisson_rows(result)),
     )
 
 

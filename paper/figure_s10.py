@@ -169,13 +169,13 @@ def _variants(magnet: SoftMagnet, pressed: PressedBlock, fineness: int) -> tuple
     length, width, height = magnet.block.size
     wide = replace(magnet, block=replace(magnet.block, size=(2 * length, 2 * width, height)))
     loose = replace(magnet, block=replace(magnet.block, base="sliding"))
-    found = [("in four sectors", replace(magnet, profile="sectors"), pressed.at([-1]))]
+    result = [("in four sectors", replace(magnet, profile="sectors"), pressed.at([-1]))]
     for name, other in (("twice as long and wide", wide), ("sliding on its base", loose)):
         block = press_block(other.block, DEPTHS[-1:], radius=PATCH, fineness=fineness)
-        found.append((name, other, block))
+        result.append((name, other, block))
     return tuple(
         Variant(name=name, change=soft_response(other, block, POINTS).changes[-1])
-        for name, other, block in found
+        for name, other, block in result
     )
 
 
@@ -198,15 +198,15 @@ def _section(magnet: SoftMagnet, pressed: PressedBlock) -> tuple[Floats, Floats,
 # Printed beside computed
 
 
-def comparison_rows(found: Comparison) -> list[Row]:
+def comparison_rows(result: Comparison) -> list[Row]:
     """What Text S6 says of Figure S10, beside what came out."""
-    near, far = np.linalg.norm(found.points.changes[-1], axis=-1) * 1e6
-    away = np.hypot(*found.sheet.offsets.T) >= AWAY
-    least = np.linalg.norm(found.sheet.changes[-1, away], axis=-1).min() * 1e6
+    near, far = np.linalg.norm(result.points.changes[-1], axis=-1) * 1e6
+    away = np.hypot(*result.sheet.offsets.T) >= AWAY
+    least = np.linalg.norm(result.sheet.changes[-1, away], axis=-1).min() * 1e6
     others = "; ".join(
-        f"{one.name} {np.linalg.norm(one.change[0]) * 1e6:.0f} and "
-        f"{np.linalg.norm(one.change[1]) * 1e6:.2g} uT"
-        for one in found.variants
+        f"{item.name} {np.linalg.norm(item.change[0]) * 1e6:.0f} and "
+        f"{np.linalg.norm(item.change[1]) * 1e6:.2g} uT"
+        for item in result.variants
     )
     place = "Text S6, Figure S10b"
     return [
@@ -214,8 +214,8 @@ def comparison_rows(found: Comparison) -> list[Row]:
             "figure_s10.near",
             place,
             "a notable change in the magnetic field near the deformed area",
-            f"{near:.0f} uT at (0, 0, -3) mm, {found.visibility[0]:.0f} times the chip's noise",
-            bool(found.visibility[0] > 10),
+            f"{near:.0f} uT at (0, 0, -3) mm, {result.visibility[0]:.0f} times the chip's noise",
+            bool(result.visibility[0] > 10),
             "finite elements of a bonded block, magnetised as S3, pressed by 2 mm on a disc of "
             "5 mm radius",
         ),
@@ -223,8 +223,8 @@ def comparison_rows(found: Comparison) -> list[Row]:
             "figure_s10.far",
             place,
             "at (100, 100, -3) minimal change, which the chip does not detect",
-            f"{far:.2g} uT, {found.visibility[1]:.2g} times the noise of one reading",
-            bool(found.visibility[1] < 1),
+            f"{far:.2g} uT, {result.visibility[1]:.2g} times the noise of one reading",
+            bool(result.visibility[1] < 1),
             f"the same block; others that the words allow, near and far: {others}",
         ),
         stated(
@@ -232,8 +232,8 @@ def comparison_rows(found: Comparison) -> list[Row]:
             "Text S6",
             "the comparison illustrates the effect of the folded structure",
             f"{least:.0f} uT or more at every chip {AWAY * 1e3:.0f} mm or more away, "
-            f"{found.sheet_visibility[away].min():.0f} times the noise",
-            bool(found.sheet_visibility[away].min() > 10),
+            f"{result.sheet_visibility[away].min():.0f} times the noise",
+            bool(result.sheet_visibility[away].min() > 10),
             "the twin pressed by 2 mm on cell (1,1), chips under all inner corners of the cells",
         ),
     ]
@@ -249,24 +249,24 @@ def plate(setting: Setting) -> Plate:
     return draw(compare(setting.design, skin), MagnetisationLoop())
 
 
-def draw(found: Comparison, loop: MagnetisationLoop) -> Plate:
+def draw(result: Comparison, loop: MagnetisationLoop) -> Plate:
     """Loop, changes, set-up, sections and distances."""
     with styled():
         figure = canvas(7.2, 7.2)
         parts = figure.subfigures(2, 1, squeeze=False, height_ratios=(2, 1))
         axes = parts[0, 0].subplots(2, 2)
         _draw_loop(axes[0, 0], loop)
-        _draw_depths(axes[0, 1], found)
-        _draw_plan(axes[1, 0], found)
-        _draw_distances(axes[1, 1], found)
-        _draw_sections(parts[1, 0], found)
+        _draw_depths(axes[0, 1], result)
+        _draw_plan(axes[1, 0], result)
+        _draw_distances(axes[1, 1], result)
+        _draw_sections(parts[1, 0], result)
         lay_out(figure)
-    length, width, height = (side * 1e3 for side in found.magnet.block.size)
-    near, far = np.linalg.norm(found.points.changes[-1], axis=-1) * 1e6
+    length, width, height = (side * 1e3 for side in result.magnet.block.size)
+    near, far = np.linalg.norm(result.points.changes[-1], axis=-1) * 1e6
     others = "; ".join(
-        f"{one.name}: {np.linalg.norm(one.change[1]) * 1e6:.2g} µT" for one in found.variants
+        f"{item.name}: {np.linalg.norm(item.change[1]) * 1e6:.2g} µT" for item in result.variants
     )
-    away = np.hypot(*found.sheet.offsets.T) >= AWAY
+    away = np.hypot(*result.sheet.offsets.T) >= AWAY
     return Plate(
         name="figure_s10",
         title="Figures S10a to S10e",
@@ -275,15 +275,15 @@ def draw(found: Comparison, loop: MagnetisationLoop) -> Plate:
         "thick as the skin), magnetised towards its middle as S3, bonded below, is pressed by "
         f"{DEPTHS[-1] * 1e3:g} mm on a disc of {PATCH * 1e3:.0f} mm radius. The field changes by "
         f"{near:.0f} µT at (0, 0, -3) and by {far:.2g} µT at (100, 100, -3) mm, which lies beyond "
-        f"the magnet's corner: {found.visibility[0]:.0f} and {found.visibility[1]:.2g} times the "
+        f"the magnet's corner: {result.visibility[0]:.0f} and {result.visibility[1]:.2g} times the "
         "noise of one reading on the axis that shows it best. Pressed as deep on cell (1,1), the "
         "folded sheet changes the field at chips 100 mm and more away by "
-        f"{found.sheet_visibility[away].min():.0f} times the noise or more. Choices that the "
+        f"{result.sheet_visibility[away].min():.0f} times the noise or more. Choices that the "
         f"paper leaves open move the far change, magnetised or held otherwise: {others}. White "
         "lines in (e): change of the field, mT. The loop runs through the two printed points; its "
         "form between them is assumed.",
         figure=figure,
-        rows=tuple(comparison_rows(found)),
+        rows=tuple(comparison_rows(result)),
     )
 
 
@@ -305,21 +305,21 @@ def _draw_loop(axis: Axes, loop: MagnetisationLoop) -> None:
     open_axes(axis)
 
 
-def _draw_depths(axis: Axes, found: Comparison) -> None:
+def _draw_depths(axis: Axes, result: Comparison) -> None:
     """Change against depth, near and far, and the folded sheet's chip nearest to the far point."""
-    depth = found.points.depths * 1e3
-    nearest = int(np.linalg.norm(found.sheet.offsets - np.array(POINTS[1]), axis=-1).argmin())
-    x, y = found.sheet.offsets[nearest] * 1e3
+    depth = result.points.depths * 1e3
+    nearest = int(np.linalg.norm(result.sheet.offsets - np.array(POINTS[1]), axis=-1).argmin())
+    x, y = result.sheet.offsets[nearest] * 1e3
     lines = (
-        ("soft magnet, (0, 0)", found.points.changes[:, 0], BLUE, "o"),
-        ("soft magnet, (100, 100)", found.points.changes[:, 1], ORANGE, "s"),
-        (f"folded sheet, ({x:.0f}, {y:.0f})", found.sheet.changes[:, nearest], GREEN, "D"),
+        ("soft magnet, (0, 0)", result.points.changes[:, 0], BLUE, "o"),
+        ("soft magnet, (100, 100)", result.points.changes[:, 1], ORANGE, "s"),
+        (f"folded sheet, ({x:.0f}, {y:.0f})", result.sheet.changes[:, nearest], GREEN, "D"),
     )
     look: Look = {"linestyle": "-", "markersize": 3.5, "linewidth": 1.1}
     for name, change, colour, marker in lines:
         size = np.linalg.norm(change, axis=-1) * 1e6
         axis.plot(depth[1:], size[1:], marker, color=colour, label=name, **look)
-    _draw_noise(axis, found)
+    _draw_noise(axis, result)
     logarithmic(axis.yaxis)
     axis.set(title="(b) change of the field", xlabel="depth of the press (mm)")
     axis.set(ylabel="|ΔB| (µT)", xlim=(0, None), ylim=(0.05, 1e7))
@@ -327,14 +327,14 @@ def _draw_depths(axis: Axes, found: Comparison) -> None:
     open_axes(axis)
 
 
-def _draw_plan(axis: Axes, found: Comparison) -> None:
+def _draw_plan(axis: Axes, result: Comparison) -> None:
     """What is pressed and watched, seen from above."""
-    length, width, _ = (side * 1e3 for side in found.magnet.block.size)
+    length, width, _ = (side * 1e3 for side in result.magnet.block.size)
     look: Look = {"facecolor": "#eef1f4", "edgecolor": GREY, "linewidth": 0.8}
     axis.add_patch(Rectangle((-length / 2, -width / 2), length, width, **look))
     x, y = np.meshgrid(np.linspace(-0.4, 0.4, 5) * length, np.linspace(-0.4, 0.4, 5) * width)
     places = np.stack([x, y, np.zeros_like(x)], axis=-1) * 1e-3
-    inward = magnetisation(found.magnet, places) / found.magnet.remanence
+    inward = magnetisation(result.magnet, places) / result.magnet.remanence
     axis.quiver(x, y, inward[..., 0], inward[..., 1], color=GREY, width=0.004, scale=14)
     axis.add_patch(Circle((0, 0), PATCH * 1e3, facecolor=RED, edgecolor="none", alpha=0.6))
     for point, colour, name in zip(POINTS, (BLUE, ORANGE), ("near", "far"), strict=True):
@@ -346,17 +346,17 @@ def _draw_plan(axis: Axes, found: Comparison) -> None:
     open_axes(axis)
 
 
-def _draw_distances(axis: Axes, found: Comparison) -> None:
+def _draw_distances(axis: Axes, result: Comparison) -> None:
     """Change against distance from the press, after the whole press."""
     sides = (
-        (found.line, "s-", BLUE, "under the soft magnet"),
-        (found.sheet, "D", GREEN, "chips under the folded sheet"),
+        (result.line, "s-", BLUE, "under the soft magnet"),
+        (result.sheet, "D", GREEN, "chips under the folded sheet"),
     )
     for response, form, colour, name in sides:
         apart = np.hypot(*response.offsets.T) * 1e3
         size = np.linalg.norm(response.changes[-1], axis=-1) * 1e6
         axis.plot(apart, size, form, color=colour, markersize=3, linewidth=1.1, label=name)
-    _draw_noise(axis, found, label=None)
+    _draw_noise(axis, result, label=None)
     logarithmic(axis.yaxis)
     axis.set(title="(f) both against distance", xlabel="distance from the press (mm)")
     axis.set(ylabel=f"|ΔB| at {DEPTHS[-1] * 1e3:g} mm (µT)", ylim=(0.05, 1e6))
@@ -364,25 +364,25 @@ def _draw_distances(axis: Axes, found: Comparison) -> None:
     open_axes(axis)
 
 
-def _draw_sections(figure: SubFigure, found: Comparison) -> None:
+def _draw_sections(figure: SubFigure, result: Comparison) -> None:
     """Motion inside and field outside, in the plane y = 0, at rest and pressed."""
     axes = figure.subplots(1, 2, sharey=True)
-    x, z = found.section_x * 1e3, found.section_z * 1e3
-    height, top = found.magnet.block.size[2] * 1e3, float(found.section.max()) * 1e3
+    x, z = result.section_x * 1e3, result.section_z * 1e3
+    height, top = result.magnet.block.size[2] * 1e3, float(result.section.max()) * 1e3
     fine, shades, moved = np.linspace(0, top, 31), Normalize(0, top), Normalize(0, DEPTHS[-1] * 1e3)
-    faces = _face(found)
+    faces = _face(result)
     for state, axis, title in zip((0, -1), axes, ("(d) at rest", "(e) pressed"), strict=True):
         for part in (z < 0, z > height):
-            field = found.section[state][part] * 1e3
+            field = result.section[state][part] * 1e3
             colours = axis.contourf(x, z[part], field, fine, norm=shades, cmap=COLOURS)
             colours.set_edgecolor("face")
             if state:
-                change = found.section_change[part] * 1e3
+                change = result.section_change[part] * 1e3
                 white: Look = {"colors": "white", "linewidths": 0.6}
                 lines = axis.contour(x, z[part], change, _CHANGES, **white)
                 axis.clabel(lines, fmt=lambda value: f"{value:g}", fontsize=6)
-        shift = found.pressed.displacements[state]
-        corners = (found.pressed.mesh.nodes + shift)[faces][..., [0, 2]] * 1e3
+        shift = result.pressed.displacements[state]
+        corners = (result.pressed.mesh.nodes + shift)[faces][..., [0, 2]] * 1e3
         length = np.linalg.norm(shift, axis=-1)[faces].mean(axis=1) * 1e3
         look: Look = {"cmap": "Blues", "edgecolor": GREY, "linewidth": 0.2}
         block = PolyCollection(list(corners), array=length, norm=moved, **look)
@@ -399,9 +399,9 @@ def _draw_sections(figure: SubFigure, found: Comparison) -> None:
         bar.update_ticks()
 
 
-def _face(found: Comparison) -> Ints:
+def _face(result: Comparison) -> Ints:
     """Corner nodes (F, 4) of the cells' faces in the plane y = 0 that belong to y > 0."""
-    mesh = found.pressed.mesh
+    mesh = result.pressed.mesh
     here = np.isclose(mesh.nodes[:, 1], 0.0, atol=1e-9)
     behind = mesh.nodes[mesh.cells][..., 1].mean(axis=1) > 0
     touching = mesh.cells[behind & (here[mesh.cells].sum(axis=1) == 4)]
@@ -409,10 +409,10 @@ def _face(found: Comparison) -> Ints:
     return np.asarray(four[:, [0, 1, 3, 2]])
 
 
-def _draw_noise(axis: Axes, found: Comparison, label: str | None = "noise of one reading") -> None:
+def _draw_noise(axis: Axes, result: Comparison, label: str | None = "noise of one reading") -> None:
     """A line across at the noise of one reading in x and y."""
     look: Look = {"color": INK, "linewidth": 0.7, "linestyle": ":"}
-    axis.axhline(float(found.noise[0]) * 1e6, label=label, **look)
+    axis.axhline(float(result.noise[0]) * 1e6, label=label, **look)
 
 
 if __name__ == "__main__":

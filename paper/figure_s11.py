@@ -51,19 +51,19 @@ _WAYS: Final = (
 )
 
 
-def shear_learning_rows(found: ShearLearning, jointly: tuple[Jointly, Jointly]) -> list[Row]:
+def shear_learning_rows(result: ShearLearning, jointly: tuple[Jointly, Jointly]) -> list[Row]:
     """What Text S7 says of Figure S11, beside what came out."""
-    place, whole, theory = "Text S7, Figure S11", found.whole, found.theory
+    place, whole, theory = "Text S7, Figure S11", result.whole, result.theory
     both = whole.x, whole.y
-    raw, preprocessed = [one.raw for one in both], [one.preprocessed for one in both]
-    joint = [one.readings for one in jointly]
+    raw, preprocessed = [item.raw for item in both], [item.preprocessed for item in both]
+    joint = [item.readings for item in jointly]
     true = whole.x.true
-    quiet = max(float(one.force_error(true)[0]) for one in raw)
+    unsheared = max(float(item.force_error(true)[0]) for item in raw)
     still = max(_distance(raw, 0))
     nearer = (whole.x.nearer, whole.y.nearer)
     sides = theory.x, theory.y
-    ideal = [one.raw for one in sides], [one.preprocessed for one in sides]
-    printed = [one.printed for one in both]
+    ideal = [item.raw for item in sides], [item.preprocessed for item in sides]
+    printed = [item.printed for item in both]
     folding = "v_f is calibrated on this sheet"
     if not np.isfinite(whole.folding).any():
         folding = "this sheet does not stiffen under drag: its calibrated v_f is infinite"
@@ -73,8 +73,8 @@ def shear_learning_rows(found: ShearLearning, jointly: tuple[Jointly, Jointly]) 
             place,
             "without the preprocess the normal force estimation was quite inaccurate",
             f"off by {_percents(_force(raw, true))} with {DRAGS[SHOWN]:g} N of shear along X, Y; "
-            f"without shear by {100 * quiet:.1f} %",
-            min(_force(raw, true)) > max(0.05, 5 * quiet),
+            f"without shear by {100 * unsheared:.1f} %",
+            min(_force(raw, true)) > max(0.05, 5 * unsheared),
             "a learned model of the six upper signals, trained on 1650 presses of one made skin "
             "without shear; mean over 0.3 to 1 N on all 36 cells. By itself it would have refused "
             f"{100 * whole.refused:.0f} % of the sheared signals as unlike what it has seen",
@@ -109,7 +109,7 @@ def shear_learning_rows(found: ShearLearning, jointly: tuple[Jointly, Jointly]) 
             place,
             "a more suitable correction or calibration method is to be found",
             f"{_millimetres(_distance(joint))}, force off by {_percents(_force(joint, true))}, the "
-            f"drag itself by {1e3 * max(float(one.drag_error[SHOWN]) for one in jointly):.0f} "
+            f"drag itself by {1e3 * max(float(item.drag_error[SHOWN]) for item in jointly):.0f} "
             "mN",
             max(_distance(joint)) < 0.2 * min(_distance(preprocessed)),
             "all nine signals for five unknowns, on a response table of the design that 60 "
@@ -120,20 +120,20 @@ def shear_learning_rows(found: ShearLearning, jointly: tuple[Jointly, Jointly]) 
 
 def _force(readings: Sequence[Readings], true: Floats, drag: int = SHOWN) -> list[float]:
     """Mean relative errors of the force, along X and Y."""
-    return [float(one.force_error(true)[drag]) for one in readings]
+    return [float(item.force_error(true)[drag]) for item in readings]
 
 
 def _distance(readings: Sequence[Readings], drag: int = SHOWN) -> list[float]:
     """Mean errors of the place, along X and Y, m."""
-    return [float(one.distance[drag].mean()) for one in readings]
+    return [float(item.distance[drag].mean()) for item in readings]
 
 
 def _percents(values: Iterable[float]) -> str:
-    return " and ".join(f"{100 * one:.1f}" for one in values) + " %"
+    return " and ".join(f"{100 * item:.1f}" for item in values) + " %"
 
 
 def _millimetres(values: Iterable[float]) -> str:
-    return " and ".join(f"{1e3 * one:.1f}" for one in values) + " mm"
+    return " and ".join(f"{1e3 * item:.1f}" for item in values) + " mm"
 
 
 # %%
@@ -143,24 +143,24 @@ def _millimetres(values: Iterable[float]) -> str:
 def plate(setting: Setting) -> Plate:
     """Figures S11a to S11f, and what decides them: the drag, the sheet, and taking drags along."""
     skin = setting.skins[0]
-    found = shear_learning(skin.twin)
-    return draw(found, read_jointly(skin, found.whole))
+    result = shear_learning(skin.twin)
+    return draw(result, read_jointly(skin, result.whole))
 
 
-def draw(found: ShearLearning, jointly: tuple[Jointly, Jointly]) -> Plate:
+def draw(result: ShearLearning, jointly: tuple[Jointly, Jointly]) -> Plate:
     """Forces, errors of each cell, errors over the drag, and what a drag adds."""
-    whole, theory = found.whole, found.theory
+    whole, theory = result.whole, result.theory
     with styled():
         figure = canvas(7.2, 7.4)
         axes = figure.subplots(3, 3)
         sides = zip("XY", (whole.x, whole.y), jointly, strict=True)
         for row, (name, sheared, joint) in enumerate(sides):
-            ways = (sheared.raw, sheared.preprocessed, joint.readings)
+            kinds = (sheared.raw, sheared.preprocessed, joint.readings)
             letters = "abcdef"[3 * row : 3 * row + 3]
-            _draw_force(axes[row][0], sheared, ways)
+            _draw_force(axes[row][0], sheared, kinds)
             axes[row][0].set_title(f"({letters[0]}) normal force, shear along {name}")
             for column, place in ((1, "x"), (2, "y")):
-                _draw_cells(axes[row][column], sheared, ways, column - 1)
+                _draw_cells(axes[row][column], sheared, kinds, column - 1)
                 title = f"({letters[column]}) {place} error, shear along {name}"
                 axes[row][column].set_title(title)
         titles = (whole, "(g) the whole sheet"), (theory, "(h) theory's own sheet")
@@ -169,7 +169,7 @@ def draw(found: ShearLearning, jointly: tuple[Jointly, Jointly]) -> Plate:
             _draw_drags(axis, [sheet.x.preprocessed, sheet.y.preprocessed], 1)
             axis.set(title=title, ylim=(0.2, 200), xlabel="shear (N)")
             axis.set_ylabel("mean place error (mm)")
-        _draw_drags(axes[2][0], [one.readings for one in jointly], 2)
+        _draw_drags(axes[2][0], [item.readings for item in jointly], 2)
         _draw_answers(axes[2][2], whole)
         axes[0][0].legend(handlelength=1.2, loc="upper left")
         open_axes(*axes.flat)
@@ -195,25 +195,25 @@ def draw(found: ShearLearning, jointly: tuple[Jointly, Jointly]) -> Plate:
         f"finger that sticks, {whole.unasked:.2f} N in the mean without any drag, so that "
         "preprocessing spoils even presses without shear.",
         figure=figure,
-        rows=tuple(shear_learning_rows(found, jointly)),
+        rows=tuple(shear_learning_rows(result, jointly)),
     )
 
 
-def _draw_force(axis: Axes, sheared: Sheared, ways: tuple[Readings, ...]) -> None:
+def _draw_force(axis: Axes, sheared: Sheared, kinds: tuple[Readings, ...]) -> None:
     """Force read over the true one."""
     axis.plot([0, 1.1], [0, 1.1], color=GREY, linewidth=0.6)
-    for k, (readings, (label, colour, marker)) in enumerate(zip(ways, _WAYS, strict=True)):
+    for k, (readings, (label, colour, marker)) in enumerate(zip(kinds, _WAYS, strict=True)):
         groups = [readings.force[SHOWN][sheared.true == force] for force in FORCES]
         look: Look = {"fmt": marker, "color": colour, "markersize": 3.5, "linewidth": 0.9}
-        middle, spread = [one.mean() for one in groups], [one.std() for one in groups]
+        middle, spread = [item.mean() for item in groups], [item.std() for item in groups]
         axis.errorbar(np.array(FORCES) + 0.02 * (k - 1), middle, spread, label=label, **look)
     axis.set(xlim=(0.2, 1.1), ylim=(0.2, 1.25))
     axis.set(xlabel="normal force (N)", ylabel="normal force read (N)")
 
 
-def _draw_cells(axis: Axes, sheared: Sheared, ways: tuple[Readings, ...], along: int) -> None:
+def _draw_cells(axis: Axes, sheared: Sheared, kinds: tuple[Readings, ...], along: int) -> None:
     """Place error of each cell along one axis, mm."""
-    for readings, (label, colour, marker) in zip(ways, _WAYS, strict=True):
+    for readings, (label, colour, marker) in zip(kinds, _WAYS, strict=True):
         errors = sheared.by_cell(np.abs(readings.place[SHOWN][:, along])) * 1e3
         cells = np.arange(len(errors)) + 1
         axis.plot(cells, errors, marker, color=colour, markersize=2.6, label=label)
@@ -224,7 +224,7 @@ def _draw_cells(axis: Axes, sheared: Sheared, ways: tuple[Readings, ...], along:
 def _draw_drags(axis: Axes, readings: Sequence[Readings], way: int) -> None:
     """Mean place error over the drag, both axes together."""
     label, colour, marker = _WAYS[way]
-    errors = np.mean([one.distance.mean(axis=1) for one in readings], axis=0) * 1e3
+    errors = np.mean([item.distance.mean(axis=1) for item in readings], axis=0) * 1e3
     axis.plot(DRAGS, errors, marker + "-", color=colour, markersize=3.5, linewidth=1.0, label=label)
     logarithmic(axis.yaxis)
 

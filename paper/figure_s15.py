@@ -78,8 +78,8 @@ def warmth(design: SkinDesign) -> Warmth:
     magnet = design.magnet(site.magnet)
     temperature = np.linspace(REFERENCE_TEMPERATURE, 75.0, 11)
     at_rest = sector.field(magnet, geometry(design).rest[chip] - [*BESIDE, 0.0])
-    turn = mlx90393.rotation(site)
-    field = temperature_factor(temperature)[:, None] * (at_rest @ turn)
+    rotation = mlx90393.rotation(site)
+    field = temperature_factor(temperature)[:, None] * (at_rest @ rotation)
     sample = mlx90393.measure(
         field,
         design.hall_setting,
@@ -101,25 +101,25 @@ def warmth(design: SkinDesign) -> Warmth:
 # Printed beside computed
 
 
-def warmth_rows(found: Warmth) -> list[Row]:
+def warmth_rows(result: Warmth) -> list[Row]:
     """What Text S11 says of the figure."""
     place = "Text S11, Figure S15"
-    losses = ", ".join(f"{100 * loss:.2f}" for loss in found.loss)
+    losses = ", ".join(f"{100 * loss:.2f}" for loss in result.loss)
     return [
         stated(
             "figure_s15.loss",
             place,
             "the field falls in all three directions, almost linearly, by about 5 % per 10 degC",
-            f"{losses} % in x, y, z; readings off their line by up to {100 * found.bend:.2f} %",
-            bool((abs(found.loss - 0.05) < 1e-3).all()) and found.bend < 1e-2,
+            f"{losses} % in x, y, z; readings off their line by up to {100 * result.bend:.2f} %",
+            bool((abs(result.loss - 0.05) < 1e-3).all()) and result.bend < 1e-2,
             "readings of a noisy chip from 25 to 75 degC; the model takes the 5 % in",
         ),
         stated(
             "figure_s15.corrected",
             place,
             "the MLX90393 tells the temperature, with which the signal can be corrected",
-            f"right to {100 * found.left:.2f} % of the field up to 75 degC",
-            found.left < 1e-2,
+            f"right to {100 * result.left:.2f} % of the field up to 75 degC",
+            result.left < 1e-2,
             "each reading over the magnet's factor at the temperature that the chip reads; the "
             "factor is the same that weakened the magnet",
         ),
@@ -135,25 +135,25 @@ def plate(setting: Setting) -> Plate:
     return draw(warmth(setting.design))
 
 
-def draw(found: Warmth) -> Plate:
+def draw(result: Warmth) -> Plate:
     """Fields, losses and what the correction leaves."""
     with styled():
         figure = canvas(7.2, 2.9)
         fields, losses, rest = figure.subplots(1, 3)
-        start, degrees = found.field[0], found.temperature
+        start, degrees = result.field[0], result.temperature
         for k, (name, colour, marker) in enumerate(_AXES):
             marks: Look = {"marker": marker, "linestyle": "none", "color": colour, "markersize": 3}
-            share = found.read[:, k] / start[k]
-            left = found.corrected[:, k] / start[k] - 1
-            loss = f"$B_{name}$: {100 * found.loss[k]:.2f} % per 10 °C"
-            fields.plot(degrees, np.abs(found.field[:, k]) * 1e3, color=colour, linewidth=0.8)
-            fields.plot(degrees, np.abs(found.read[:, k]) * 1e3, label=f"$|B_{name}|$", **marks)
+            share = result.read[:, k] / start[k]
+            left = result.corrected[:, k] / start[k] - 1
+            loss = f"$B_{name}$: {100 * result.loss[k]:.2f} % per 10 °C"
+            fields.plot(degrees, np.abs(result.field[:, k]) * 1e3, color=colour, linewidth=0.8)
+            fields.plot(degrees, np.abs(result.read[:, k]) * 1e3, label=f"$|B_{name}|$", **marks)
             losses.plot(degrees, 100 * (share - 1), label=loss, **marks)
             rest.plot(degrees, 100 * left, label=f"$B_{name}$", **marks)
         printed: Look = {"color": INK, "linewidth": 0.6, "linestyle": "--"}
         span = degrees[[0, -1]]
         losses.plot(span, -0.5 * (span - span[0]), label="printed: 5 % per 10 °C", **printed)
-        reach = 400 * found.left
+        reach = 400 * result.left
         fields.set(title="(a) field", ylabel="field at the chip (mT)", ylim=(0, None))
         losses.set(title="(b) change", ylabel="change from 25 °C (%)")
         rest.set(title="(c) corrected by the chip's °C", ylabel="error of the field (%)")
@@ -172,7 +172,7 @@ def draw(found: Warmth) -> Plate:
         "the paper's own fields are not in its text. (c) divides each reading by the magnet's "
         "factor at the temperature that the chip itself reads.",
         figure=figure,
-        rows=tuple(warmth_rows(found)),
+        rows=tuple(warmth_rows(result)),
     )
 
 

@@ -131,9 +131,9 @@ def _coverage(design: SkinDesign, grip: "Grip") -> Coverage:
 # Printed beside computed
 
 
-def cover_rows(found: Covers) -> list[Row]:
+def cover_rows(result: Covers) -> list[Row]:
     """What the text says of the figure."""
-    place, bare, covered = "text on Figure S16", found.bare, found.covered
+    place, bare, covered = "text on Figure S16", result.bare, result.covered
     return [
         stated(
             "figure_s16.place",
@@ -170,9 +170,9 @@ def plate(setting: Setting) -> Plate:
     return draw(covers(setting.design))
 
 
-def draw(found: Covers) -> Plate:
+def draw(result: Covers) -> Plate:
     """Motion of the magnets, its spread within cells, and errors of the place."""
-    bare, covered = found.bare, found.covered
+    bare, covered = result.bare, result.covered
     with styled():
         figure = canvas(7.2, 6.6)
         axes = figure.subplots(2, 2)
@@ -212,7 +212,7 @@ def draw(found: Covers) -> Plate:
         f"enough on this sheet: its signs hold for {bare.agreeing} of {bare.spread.size} cells "
         f"under a finger and for {covered.agreeing} through covers.",
         figure=figure,
-        rows=tuple(cover_rows(found)),
+        rows=tuple(cover_rows(result)),
     )
 
 
@@ -221,14 +221,14 @@ def _rounding(spread: float) -> str:
     return "rounding" if spread < 1e-9 else f"{100 * spread:.2g} %"
 
 
-def _draw_motions(axis: Axes, found: Coverage) -> None:
+def _draw_motions(axis: Axes, result: Coverage) -> None:
     """Motion in x of the two magnets, for each place of each cell, µm."""
     ring: Look = {"marker": "o", "linestyle": "none", "markersize": 4.5, "markeredgecolor": INK}
-    for n in range(len(found.motion)):
-        points = found.motion[n, ..., 0].reshape(-1, found.motion.shape[-2]) * 1e6
+    for n in range(len(result.motion)):
+        points = result.motion[n, ..., 0].reshape(-1, result.motion.shape[-2]) * 1e6
         dots: Look = {"markersize": 2.2, "markeredgewidth": 0, "label": f"n = {n + 1}"}
         axis.plot(points[:, 0], points[:, 1], ".", color=f"C{n}", **dots)
-        table = found.table[n, ..., 0] * 1e6
+        table = result.table[n, ..., 0] * 1e6
         axis.plot(table[:, 0], table[:, 1], color=f"C{n}", markeredgewidth=0.5, **ring)
     axis.axhline(0, color=GREY, linewidth=0.4)
     axis.axvline(0, color=GREY, linewidth=0.4)

@@ -43,10 +43,10 @@ def location_rows(design: SkinDesign) -> list[Row]:
     ]
 
 
-def zone_rows(found: Sequence[Zone]) -> list[Row]:
+def zone_rows(result: Sequence[Zone]) -> list[Row]:
     """Table S1, row by row."""
     rows = []
-    for zone, printed in zip(found, TABLE_S1, strict=True):
+    for zone, printed in zip(result, TABLE_S1, strict=True):
         signs = signs_text(zone)
         why = "cells " + ", ".join(f"({n + 1},{m + 1})" for m in zone.rows for n in zone.columns)
         name, texts = f"table_s1.z{zone.number}", (" ".join(printed), " ".join(signs))
@@ -55,7 +55,7 @@ def zone_rows(found: Sequence[Zone]) -> list[Row]:
             why = f"{why}: printed like an earlier zone's (E7)"
             row = replace(row, verdict="corrected", why=why)
         rows.append(row)
-    different = len({signs_text(zone) for zone in found})
+    different = len({signs_text(zone) for zone in result})
     return [*rows, compared("table_s1.zones", "Text S4", 9, different, "different rows of signs")]
 
 
@@ -70,11 +70,11 @@ def signs_text(zone: Zone) -> str:
 
 def plate(setting: Setting) -> Plate:
     """Figures S5a to S5i: ratios of the four cells of each zone, and the lines between them."""
-    found = zones(unit_press(setting.design))
+    result = zones(unit_press(setting.design))
     with styled():
         figure = canvas(7.2, 7.4)
         axes = figure.subplots(3, 3)
-        for zone in found:
+        for zone in result:
             row, column = divmod(zone.number - 1, 3)
             axis = axes[2 - row][column]
             _draw_zone(axis, zone)
@@ -93,7 +93,7 @@ def plate(setting: Setting) -> Plate:
         "Titles give the signs of dS2x, dS2y, dS3x, dS3y (Table S1, Z.5 corrected). The line "
         "printed as 1.51 in zone 1 comes out at 1.3248 (U1).",
         figure=figure,
-        rows=(*location_rows(setting.design), *zone_rows(found)),
+        rows=(*location_rows(setting.design), *zone_rows(result)),
     )
 
 

@@ -55,7 +55,7 @@ def stiffness_rows(maps: Floats) -> list[Row]:
     n, m = maps.shape[1:]
     ratio = maps[:, 0, 0] / maps[:, (n - 1) // 2, (m - 1) // 2]
     shrinking = np.diff(np.abs(ratio - 1))[ratio[1:] > 1]
-    listed = [f"{v:g}: {one:.3f}" for v, one in zip(FIGURE_S7_ATTENUATIONS, ratio, strict=True)]
+    listed = [f"{v:g}: {item:.3f}" for v, item in zip(FIGURE_S7_ATTENUATIONS, ratio, strict=True)]
     over = "cell (1,1) over (3,3)"
     return [
         stated(

@@ -113,19 +113,19 @@ def plate(setting: Setting) -> Plate:
     return draw(recovery(setting.design))
 
 
-def draw(found: Recovery) -> Plate:
+def draw(result: Recovery) -> Plate:
     """A part of the figure for each cell."""
     with styled():
         figure = canvas(7.2, 4.6)
-        axes = figure.subplots(-(-len(found.cells) // 3), 3, sharex=True, sharey=True)
+        axes = figure.subplots(-(-len(result.cells) // 3), 3, sharex=True, sharey=True)
         for k, axis in enumerate(axes.flat):
-            _draw_recovery(axis, found, k)
+            _draw_recovery(axis, result, k)
             axis.label_outer()
         axes[-1, 0].legend(loc=(0.3, 0.5), handlelength=1.6)
         lay_out(figure)
     returned = [
         f"to {100 * part:g} % {_after(seconds)}"
-        for part, seconds in zip(PARTS, found.settled.max(axis=0), strict=True)
+        for part, seconds in zip(PARTS, result.settled.max(axis=0), strict=True)
     ]
     return Plate(
         name="figure_s9",
@@ -141,21 +141,21 @@ def draw(found: Recovery) -> Plate:
     )
 
 
-def _draw_recovery(axis: Axes, found: Recovery, k: int) -> None:
+def _draw_recovery(axis: Axes, result: Recovery, k: int) -> None:
     """One cell."""
-    n, m = found.cells[k]
-    inside = (found.times >= _SHOWN[0]) & (found.times <= _SHOWN[1])
+    n, m = result.cells[k]
+    inside = (result.times >= _SHOWN[0]) & (result.times <= _SHOWN[1])
     for s, (name, colour) in enumerate((("chip 2", BLUE), ("chip 3", ORANGE))):
-        signal = found.signal[k, inside, s] * 1e6
-        axis.plot(found.times[inside], signal, color=colour, label=name, linewidth=1.1)
+        signal = result.signal[k, inside, s] * 1e6
+        axis.plot(result.times[inside], signal, color=colour, label=name, linewidth=1.1)
     line: Look = {"color": INK, "linewidth": 0.6, "linestyle": ":"}
-    axis.axhline(found.noise * 1e6, label="noise of one reading", **line)
+    axis.axhline(result.noise * 1e6, label="noise of one reading", **line)
     logarithmic(axis.yaxis)
     axis.set(xlim=_SHOWN, ylim=(1, 2e4), title=f"({'abcdefghi'[k]}) cell ({n},{m})")
     axis.set(xlabel="time after the release (s)", ylabel="change of field (µT)")
     times = [
         f"to {100 * part:g} %: {_duration(seconds)}"
-        for part, seconds in zip(PARTS, found.settled[k], strict=True)
+        for part, seconds in zip(PARTS, result.settled[k], strict=True)
     ]
     style: Look = {"ha": "right", "va": "top", "fontsize": SMALL, "linespacing": 1.3}
     axis.text(0.97, 0.95, "\n".join(times), transform=axis.transAxes, **style)

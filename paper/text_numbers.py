@@ -39,13 +39,13 @@ SWEEP_FORCES: Final = 10
 def calibration_rows(design: SkinDesign) -> list[Row]:
     """Counts of Text S5, and its v_f put into a bench and found again."""
     layers = int(cell_layers(design.cells).max()) + 1
-    found = _calibrated_again(design)
+    result = _calibrated_again(design)
     why = "layers of cells from the rim inwards"
     rows = [
         compared("calibration.layers", "Text S5", 3, layers, why),
         compared("calibration.v_f", "Text S5", 6, 2 * layers, "v_f: layers times X and Y"),
     ]
-    for axis, values in (("x", found.folding_correction_x), ("y", found.folding_correction_y)):
+    for axis, values in (("x", result.folding_correction_x), ("y", result.folding_correction_y)):
         for layer, pair in enumerate(zip(PRINTED_V_F[axis], values, strict=True), start=1):
             why = (
                 f"N, v_f in {axis.upper()}, layer {layer} from the rim: of a virtual skin that "

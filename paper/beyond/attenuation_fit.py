@@ -198,21 +198,21 @@ def plate(setting: Setting) -> Plate:
     return draw(assumptions(setting.design))
 
 
-def draw(found: Assumptions) -> Plate:
+def draw(result: Assumptions) -> Plate:
     """Three maps, a table of all variants, and the columns' curve."""
     with styled():
         figure = canvas(7.2, 7.8)
         grid = figure.add_gridspec(3, 3, height_ratios=(1.15, 0.75, 1))
         for column, (letter, k) in enumerate(zip("abc", _MAPPED, strict=True)):
             axis = figure.add_subplot(grid[0, column])
-            _draw_map(axis, found.variants[k])
-            axis.set_title(f"({letter}) {_short(found.variants[k].name)}")
+            _draw_map(axis, result.variants[k])
+            axis.set_title(f"({letter}) {_short(result.variants[k].name)}")
             axis.label_outer()
-        _draw_table(figure.add_subplot(grid[1, :]), found)
-        _draw_columns(figure.add_subplot(grid[2, :]), found)
+        _draw_table(figure.add_subplot(grid[1, :]), result)
+        _draw_columns(figure.add_subplot(grid[2, :]), result)
         lay_out(figure)
-    built, guided, hard, rigid = (found.variants[k] for k in (0, 1, 3, 5))
-    half = float(np.interp(0.5, found.folding, np.log10(found.axial_factors)))
+    built, guided, hard, rigid = (result.variants[k] for k in (0, 1, 3, 5))
+    half = float(np.interp(0.5, result.folding, np.log10(result.axial_factors)))
     return Plate(
         name="attenuation_fit",
         title="The reduced model fitted to the whole sheet",
@@ -252,54 +252,54 @@ def _short(name: str) -> str:
 def _draw_map(axis: Axes, variant: Variant) -> None:
     """What is left for a press on each cell."""
     left = variant.columns.cell_residual
-    draw_map(axis, left, Normalize(0, 1), texts=[[f"{one:.2f}" for one in line] for line in left])
+    draw_map(axis, left, Normalize(0, 1), texts=[[f"{item:.2f}" for item in line] for line in left])
     for n, m in np.argwhere(~variant.agree.all(axis=(2, 3))):
         axis.plot(n + 1.32, m + 1.32, "x", color=RED, markersize=4, markeredgewidth=1.2)
 
 
 _COLUMNS: Final[tuple[tuple[float, str, Callable[[Variant], str]], ...]] = (
-    (0.0, "granted to the whole sheet", lambda one: one.name),
-    (0.27, "v_aX, v_aY", lambda one: _pair(one)),
-    (0.375, "scale", lambda one: f"{one.columns.scale:.3f}"),
-    (0.445, "left", lambda one: percent(one.columns.residual)),
-    (0.51, "left,\nscale 1", lambda one: percent(one.unscaled.residual)),
-    (0.585, "magnets\nalone, left", lambda one: percent(one.magnets.residual)),
+    (0.0, "granted to the whole sheet", lambda item: item.name),
+    (0.27, "v_aX, v_aY", lambda item: _pair(item)),
+    (0.375, "scale", lambda item: f"{item.columns.scale:.3f}"),
+    (0.445, "left", lambda item: percent(item.columns.residual)),
+    (0.51, "left,\nscale 1", lambda item: percent(item.unscaled.residual)),
+    (0.585, "magnets\nalone, left", lambda item: percent(item.magnets.residual)),
     (
         0.685,
         "signs as\nTable S1",
-        lambda one: f"{one.cells_agreeing} of {one.agree[..., 0, 0].size}",
+        lambda item: f"{item.cells_agreeing} of {item.agree[..., 0, 0].size}",
     ),
-    (0.77, "press that\nfolds", lambda one: percent(one.presses.folding.mean())),
-    (0.855, "K mean\n(N/mm)", lambda one: f"{one.presses.stiffness.mean() / 1e3:.1f}"),
-    (0.925, "S5: v_a,\nleft of K", lambda one: _bound(one.stiffness)),
+    (0.77, "press that\nfolds", lambda item: percent(item.presses.folding.mean())),
+    (0.855, "K mean\n(N/mm)", lambda item: f"{item.presses.stiffness.mean() / 1e3:.1f}"),
+    (0.925, "S5: v_a,\nleft of K", lambda item: _bound(item.stiffness)),
 )
 """Columns of the table: left edge, head and text."""
 
 
-def _draw_table(axis: Axes, found: Assumptions) -> None:
+def _draw_table(axis: Axes, result: Assumptions) -> None:
     """All variants, one a line."""
     axis.axis("off")
-    axis.set(xlim=(0, 1), ylim=(-len(found.variants) - 0.2, 1.2))
+    axis.set(xlim=(0, 1), ylim=(-len(result.variants) - 0.2, 1.2))
     for left, head, _ in _COLUMNS:
         axis.text(left, 0.1, head, va="bottom", fontsize=SMALL, weight="bold")
     axis.axhline(-0.1, color=GREY, linewidth=0.5)
-    for line, variant in enumerate(found.variants):
+    for line, variant in enumerate(result.variants):
         for left, _, text in _COLUMNS:
             axis.text(left, -line - 0.65, text(variant), va="center", fontsize=SMALL)
 
 
-def _draw_columns(axis: Axes, found: Assumptions) -> None:
+def _draw_columns(axis: Axes, result: Assumptions) -> None:
     """Share of the press that folds, over the columns' stiffness along z."""
-    factors, folding = np.asarray(found.axial_factors), 100 * np.asarray(found.folding)
-    free = 100 * np.asarray(found.folding_free)
+    factors, folding = np.asarray(result.axial_factors), 100 * np.asarray(result.folding)
+    free = 100 * np.asarray(result.folding_free)
     alone = "stiffer along z alone, with the frame"
     axis.plot(factors, folding, "-o", color=BLUE, markersize=3, label=alone)
     axis.plot(factors, free, "-s", color=ORANGE, markersize=3, label="the same without the frame")
     label: str | None = "columns of another size (r x h), which stiffen in shear as well"
-    for one in found.sizes:
-        at = one.axial / found.sizes[0].axial, 100 * one.folding
+    for item in result.sizes:
+        at = item.axial / result.sizes[0].axial, 100 * item.folding
         axis.plot(*at, "D", color=RED, markersize=4, label=label)
-        text = f"{one.radius * 1e3:g} x {one.height * 1e3:g} mm\n{one.stiffness / 1e3:.1f} N/mm"
+        text = f"{item.radius * 1e3:g} x {item.height * 1e3:g} mm\n{item.stiffness / 1e3:.1f} N/mm"
         note(axis, text, at, (4, -11), fontsize=6, color=INK, linespacing=1.1)
         label = None
     logarithmic(axis.xaxis)

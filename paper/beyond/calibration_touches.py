@@ -42,45 +42,45 @@ def plate(setting: Setting) -> Plate:
     return draw(touch_curve(setting.design, table, EFFORT))
 
 
-def draw(found: TouchCurve) -> Plate:
+def draw(result: TouchCurve) -> Plate:
     """Place on the left, force on the right."""
     with styled():
         figure = canvas(7.2, 3.1)
         place, force = figure.subplots(1, 2)
-        _curves(place, found.counts, 1e3 * found.planned, 1e3 * found.random)
+        _curves(place, result.counts, 1e3 * result.planned, 1e3 * result.random)
         look: Look = {"color": BLUE, "linewidth": 0.8, "linestyle": ":"}
-        place.plot(found.counts, 1e3 * found.expected, label="expected of planned ones", **look)
-        _level(place, 1e3 * found.bound, "bound by noise")
+        place.plot(result.counts, 1e3 * result.expected, label="expected of planned ones", **look)
+        _level(place, 1e3 * result.bound, "bound by noise")
         _level(place, _PRINTED_PLACE, "paper, 825 presses a force")
         place.set(title="(a) place", ylabel="mean error (mm)")
-        _curves(force, found.counts, 100 * found.planned_force, 100 * found.random_force)
+        _curves(force, result.counts, 100 * result.planned_force, 100 * result.random_force)
         _level(force, _PRINTED_FORCE, "paper")
         force.set(title="(b) normal force", ylabel="mean error (%)")
         for axis in (place, force):
             axis.set(xscale="log", yscale="log", xlabel="touches of the calibration")
-            axis.set_xticks(found.counts, [str(count) for count in found.counts])
+            axis.set_xticks(result.counts, [str(count) for count in result.counts])
             open_axes(axis)
             low, high = axis.get_ylim()
-            ticks = [one for one in _TICKS if low <= one <= high]
-            axis.set_yticks(ticks, [f"{one:g}" for one in ticks])
+            ticks = [item for item in _TICKS if low <= item <= high]
+            axis.set_yticks(ticks, [f"{item:g}" for item in ticks])
             axis.minorticks_off()
         place.legend(loc="upper right", bbox_to_anchor=(1.0, 0.9))
         lay_out(figure)
-    least, most = found.counts[0], found.counts[-1]
-    chips = f"{3 * len(found.chips)} signals"
+    least, most = result.counts[0], result.counts[-1]
+    chips = f"{3 * len(result.chips)} signals"
     return Plate(
         name="calibration_touches",
         title="Calibration touches against error",
         caption=f"Not in the paper: mean errors of the Bayesian estimator with {chips} on "
-        f"{len(found.planned)} made skins after a calibration of {least} to {most} touches, "
+        f"{len(result.planned)} made skins after a calibration of {least} to {most} touches, "
         "straight touches from rim to rim at 15 to 35 °C on rubber that creeps, under chips that "
         "drift. Every touch counts; one that is not told as one touch is taken to lie in the "
         "middle. Blue: each touch is the one that tells most after those before it; orange: "
         f"anywhere; bands from the best to the worst skin. After {most} planned touches "
-        f"{1e3 * found.planned[:, -1].mean():.2f} mm and "
-        f"{100 * found.planned_force[:, -1].mean():.2f} % remain; by the "
-        f"chips' noise alone {1e3 * found.bound:.2f} mm would; "
-        f"{100 * found.inside[:, -1].mean():.0f} % of the truths lie in the stated 90 % regions. "
+        f"{1e3 * result.planned[:, -1].mean():.2f} mm and "
+        f"{100 * result.planned_force[:, -1].mean():.2f} % remain; by the "
+        f"chips' noise alone {1e3 * result.bound:.2f} mm would; "
+        f"{100 * result.inside[:, -1].mean():.0f} % of the truths lie in the stated 90 % regions. "
         f"The paper's network has {_PRINTED_PLACE} mm and {_PRINTED_FORCE:g} % after 825 presses "
         "for each force.",
         figure=figure,

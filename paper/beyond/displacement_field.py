@@ -107,7 +107,7 @@ def plate(setting: Setting) -> Plate:
     return draw(setting.design, press_field(setting.design))
 
 
-def draw(design: SkinDesign, found: PressField) -> Plate:
+def draw(design: SkinDesign, result: PressField) -> Plate:
     """Both plans, and a section through the pressed row."""
     n, m = PRESSED
     sheet = geometry(design).sheet
@@ -117,33 +117,33 @@ def draw(design: SkinDesign, found: PressField) -> Plate:
         grid = figure.add_gridspec(2, 2, height_ratios=(3.2, 1))
         whole, reduced = (figure.add_subplot(grid[0, k]) for k in range(2))
         section = figure.add_subplot(grid[1, :])
-        sunk = -found.moved[:, 2] * 1e6
+        sunk = -result.moved[:, 2] * 1e6
         shades = Normalize(min(0.0, float(sunk[feet].min())), float(sunk[feet].max()))
         _draw_plan(whole, design, sunk, shades)
         _draw_plan(reduced, design, np.zeros_like(sunk), shades)
-        own = _draw_arrows(whole, found.vertices[feet], found.moved[feet][..., :2])
-        other = _draw_arrows(reduced, found.vertices[feet], found.reduced)
-        _draw_magnets(whole, design, found, own)
+        own = _draw_arrows(whole, result.vertices[feet], result.moved[feet][..., :2])
+        other = _draw_arrows(reduced, result.vertices[feet], result.reduced)
+        _draw_magnets(whole, design, result, own)
         whole.set_title(f"(a) whole sheet, arrows x {own:.0f}")
         reduced.set_title(f"(b) reduced model, arrows x {other:.0f}")
         colour_bar(figure, whole.collections[0], [whole, reduced], "sink (µm)", shrink=0.7)
-        _draw_section(section, design, found)
+        _draw_section(section, design, result)
         lay_out(figure)
-    moved = np.linalg.norm(found.moved[feet][..., :2], axis=-1).max() * 1e6
-    theory = np.linalg.norm(found.reduced, axis=-1).max() * 1e6
-    tilt = np.linalg.norm(found.magnets[:, 3:5], axis=1).max() * 1e3
+    moved = np.linalg.norm(result.moved[feet][..., :2], axis=-1).max() * 1e6
+    theory = np.linalg.norm(result.reduced, axis=-1).max() * 1e6
+    tilt = np.linalg.norm(result.magnets[:, 3:5], axis=1).max() * 1e3
     return Plate(
         name="displacement_field",
         title="Displacement field under a press",
         caption=f"A press of {FORCE:g} N on cell ({n + 1},{m + 1}); not in the paper. (a) The "
-        f"whole sheet sinks by {found.press * 1e3:.2f} mm at the pressed vertex; columns move by "
+        f"whole sheet sinks by {result.press * 1e3:.2f} mm at the pressed vertex; columns move by "
         f"up to {moved:.0f} µm in the plane (arrows), colours show how far the sheet sinks; "
         f"circles are the magnets, with what they move in the plane; they sink by up to "
-        f"{-found.magnets[:, 2].min() * 1e3:.2f} mm and tilt by up to {tilt:.1f} mrad. (b) The "
-        f"reduced model under the same force: {found.reduced_press * 1e3:.2f} mm, up to "
+        f"{-result.magnets[:, 2].min() * 1e3:.2f} mm and tilt by up to {tilt:.1f} mrad. (b) The "
+        f"reduced model under the same force: {result.reduced_press * 1e3:.2f} mm, up to "
         f"{theory:.0f} µm, and no column sinks. (c) The row of vertices through the pressed one "
         "and the columns on either side: the sheet sinks and tilts on its columns much as a rigid "
-        f"plate would ({found.plate * 1e3:.2f} mm in the mean), so that what is pressed hardly "
+        f"plate would ({result.plate * 1e3:.2f} mm in the mean), so that what is pressed hardly "
         "folds.",
         figure=figure,
     )
@@ -154,7 +154,7 @@ def _draw_plan(axis: Axes, design: SkinDesign, sunk: Floats, shades: Normalize) 
     sheet = geometry(design).sheet
     place = sheet.vertices[:, :2] * 1e3
     side = 2 * design.cells[0] + 1
-    x, y, z = (one.reshape(side, -1) for one in (place[:, 0], place[:, 1], sunk))
+    x, y, z = (item.reshape(side, -1) for item in (place[:, 0], place[:, 1], sunk))
     sink = (z[:-1, :-1] + z[1:, :-1] + z[1:, 1:] + z[:-1, 1:]) / 4
     axis.pcolormesh(x, y, sink, cmap="Blues", norm=shades, edgecolor="white", linewidth=0.2)
     mark: Look = {"marker": "v", "color": RED, "markersize": 6, "zorder": 5}
@@ -174,10 +174,10 @@ def _draw_arrows(axis: Axes, rest: Floats, moved: Floats) -> float:
     return factor
 
 
-def _draw_magnets(axis: Axes, design: SkinDesign, found: PressField, factor: float) -> None:
+def _draw_magnets(axis: Axes, design: SkinDesign, result: PressField, factor: float) -> None:
     """Magnets of the sheet, what they move in the plane and by how much they tilt."""
     places = geometry(design).magnets * 1e3
-    for magnet, place, motion in zip(design.magnets, places, found.magnets, strict=True):
+    for magnet, place, motion in zip(design.magnets, places, result.magnets, strict=True):
         if magnet.mount != "sheet":
             continue
         x, y = float(place[0]), float(place[1])
@@ -190,17 +190,17 @@ def _draw_magnets(axis: Axes, design: SkinDesign, found: PressField, factor: flo
         note(axis, text, (x, y), (0, -19), ha="center", zorder=6, bbox=box)
 
 
-def _draw_section(axis: Axes, design: SkinDesign, found: PressField) -> None:
+def _draw_section(axis: Axes, design: SkinDesign, result: PressField) -> None:
     """Sink along x of the pressed row of top vertices and of the columns beside it."""
     side = 2 * design.cells[0] + 1
-    x = found.vertices[:, 0].reshape(side, -1) * 1e3
-    sunk = -found.moved[:, 2].reshape(side, -1) * 1e3
+    x = result.vertices[:, 0].reshape(side, -1) * 1e3
+    sunk = -result.moved[:, 2].reshape(side, -1) * 1e3
     row = 2 * PRESSED[1] + 1
     axis.plot(x[:, row], sunk[:, row], "-o", color=INK, markersize=3, label="top vertices")
     line: Look = {"marker": "s", "markersize": 2.5, "linewidth": 0.8}
     axis.plot(x[:, row - 1], sunk[:, row - 1], color=BLUE, label="columns before it", **line)
     axis.plot(x[:, row + 1], sunk[:, row + 1], color=ORANGE, label="columns behind it", **line)
-    vertex = x[2 * PRESSED[0] + 1, row], found.reduced_press * 1e3
+    vertex = x[2 * PRESSED[0] + 1, row], result.reduced_press * 1e3
     axis.plot(*vertex, "v", color=RED, markersize=5, label="pressed vertex, reduced model")
     axis.axhline(0, color=GREY, linewidth=0.5)
     axis.invert_yaxis()

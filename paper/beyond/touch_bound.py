@@ -36,25 +36,25 @@ def plate(setting: Setting) -> Plate:
     return draw(touch_errors(setting.design, setting.skins))
 
 
-def draw(found: TouchErrors) -> Plate:
+def draw(result: TouchErrors) -> Plate:
     """Three maps of bounds and three of errors."""
-    bound = found.bound
+    bound = result.bound
     bounds = (bound.location, bound.force, np.hypot(bound.drag[..., 0], bound.drag[..., 1]))
-    errors = (found.distance, found.force, found.drag)
+    errors = (result.distance, result.force, result.drag)
     with styled():
         figure = canvas(7.2, 6.4)
         axes = figure.subplots(2, 3, sharex=True, sharey=True)
         for column, (label, *values) in enumerate(zip(_COLUMNS, bounds, errors, strict=True)):
-            low, high = _ends(1e3 * np.concatenate([one.ravel() for one in values]))
+            low, high = _ends(1e3 * np.concatenate([item.ravel() for item in values]))
             norm = LogNorm(low, high)
-            for row, (one, kind) in enumerate(zip(values, ("bound", "error"), strict=True)):
+            for row, (item, kind) in enumerate(zip(values, ("bound", "error"), strict=True)):
                 axis = axes[row][column]
                 edges = _edges(bound.x) * 1e3, _edges(bound.y) * 1e3
-                draw_map(axis, np.maximum(1e3 * one, low), norm, edges=edges, line=0)
+                draw_map(axis, np.maximum(1e3 * item, low), norm, edges=edges, line=0)
                 letter, name = "abcdef"[3 * row + column], label.rpartition(" (")[0]
                 axis.set(title=f"({letter}) {kind} of {name}", aspect="equal")
             look: Look = {"shrink": 0.6, "location": "bottom"}
-            look["ticks"] = [one for one in _TICKS if low <= one <= high]
+            look["ticks"] = [item for item in _TICKS if low <= item <= high]
             bar = colour_bar(
                 figure, ScalarMappable(norm, COLOURS), list(axes[:, column]), label, **look
             )
@@ -74,14 +74,15 @@ def draw(found: TouchErrors) -> Plate:
         f"be told to 5 mm: {', '.join(blind) if blind else 'nowhere'}. (d-f) Mean errors of the "
         "Bayesian estimator on two made skins after 60 calibration touches each, at 15 to 35 °C, "
         "on rubber that creeps, under chips that drift: "
-        f"{1e3 * found.distance.mean():.2f} mm in the mean, {1e3 * np.median(found.distance):.2f} "
-        f"in the median, {100 * found.force.mean() / FORCE:.1f} % of the normal force, "
-        f"{1e3 * found.drag.mean():.1f} mN of the drag; {100 * found.counted:.0f} % are found as "
+        f"{1e3 * result.distance.mean():.2f} mm in the mean, "
+        f"{1e3 * np.median(result.distance):.2f} "
+        f"in the median, {100 * result.force.mean() / FORCE:.1f} % of the normal force, "
+        f"{1e3 * result.drag.mean():.1f} mN of the drag; {100 * result.counted:.0f} % are found as "
         "one touch, the others count as taken to lie in the middle. Root mean square place error "
-        f"over bound: {found.over_bound:.1f}. Super-resolution with {bound.chips} chips, area a "
+        f"over bound: {result.over_bound:.1f}. Super-resolution with {bound.chips} chips, area a "
         "chip over mean square error and the root of the area over the mean error: "
         f"{_factors(bound.super_resolution)} by the bound, "
-        f"{_factors(found.super_resolution)} reached.",
+        f"{_factors(result.super_resolution)} reached.",
         figure=figure,
     )
 
@@ -117,8 +118,8 @@ def _edges(middles: Floats) -> Floats:
     return np.append(middles - half, middles[-1] + half)
 
 
-def _factors(one: SuperResolution) -> str:
-    return f"{one.area:.0f} and {one.spacing:.0f}"
+def _factors(item: SuperResolution) -> str:
+    return f"{item.area:.0f} and {item.spacing:.0f}"
 
 
 if __name__ == "__main__":

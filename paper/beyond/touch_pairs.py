@@ -77,23 +77,23 @@ def plate(setting: Setting) -> Plate:
     return draw(pair_errors(setting.design, setting.skins[0]), single)
 
 
-def draw(found: PairErrors, single: TouchErrors) -> Plate:
+def draw(result: PairErrors, single: TouchErrors) -> Plate:
     """Shares found, place errors, bounds, and the errors of pairs far apart."""
-    errors = 1e3 * found.distance, 1e3 * found.bound
-    known = np.concatenate([one[np.isfinite(one)] for one in errors])
-    norm = LogNorm(float(known.min()), float(known.max()))
+    errors = 1e3 * result.distance, 1e3 * result.bound
+    finite = np.concatenate([item[np.isfinite(item)] for item in errors])
+    norm = LogNorm(float(finite.min()), float(finite.max()))
     with styled():
         figure = canvas(7.2, 5.6)
         axes = figure.subplots(2, 2)
-        _draw(axes[0][0], 100 * found.counted, Normalize(0, 100), "{:.0f} %")
+        _draw(axes[0][0], 100 * result.counted, Normalize(0, 100), "{:.0f} %")
         axes[0][0].set_title("(a) found as two touches")
         _draw(axes[0][1], errors[0], norm, "{:.1f}")
         axes[0][1].set_title("(b) mean place error of those (mm)")
         _draw(axes[1][0], errors[1], norm, "{:.2f}")
         axes[1][0].set_title("(c) bound by noise alone, median (mm)")
         axis = axes[1][1]
-        draw_shares(axis, 1e3 * found.each_bound[found.apart], "bound by noise", ORANGE)
-        draw_shares(axis, 1e3 * found.each[found.apart], "error", BLUE)
+        draw_shares(axis, 1e3 * result.each_bound[result.apart], "bound by noise", ORANGE)
+        draw_shares(axis, 1e3 * result.each[result.apart], "error", BLUE)
         axis.axvline(5, color=GREY, linewidth=0.6, linestyle="--")
         logarithmic(axis.xaxis)
         axis.set(title="(d) pairs from 40 mm and 0.3 N on", ylim=(0, 101))
@@ -102,13 +102,13 @@ def draw(found: PairErrors, single: TouchErrors) -> Plate:
         axis.legend(loc="upper left")
         open_axes(axis)
         lay_out(figure)
-    far = found.each[found.apart]
+    far = result.each[result.apart]
     return Plate(
         name="touch_pairs",
         title="Two touches at once",
         caption="Not in the paper, which leaves several touches open (Text S8): pairs of straight "
         "touches on a made skin after 60 calibration touches of single touches, by how far apart "
-        f"they are and by their force; {found.each.shape[2]} pairs a field. (a) Pairs whose "
+        f"they are and by their force; {result.each.shape[2]} pairs a field. (a) Pairs whose "
         "reading is found to be of two touches, by the evidence of one and of two. (b) How far "
         "their places are off. (c) Cramer-Rao bound of the nine signals for the six unknowns. (d) "
         "Pairs from 40 mm and 0.3 N on, a pair not found as two counting as infinitely far off: "
@@ -117,19 +117,19 @@ def draw(found: PairErrors, single: TouchErrors) -> Plate:
         "not what limits them, but how well the table knows what two touches do beyond adding up; "
         "pairs nearer than a cell, 27 mm, are not among those that it was judged on.",
         figure=figure,
-        rows=tuple(touch_error_rows(single, found)),
+        rows=tuple(touch_error_rows(single, result)),
     )
 
 
 def _draw(axis: Axes, values: Floats, norm: Normalize, form: str) -> None:
     """One map, a number a field."""
     texts = [
-        [form.format(one) if np.isfinite(one) else "none" for one in line] for line in values.T
+        [form.format(item) if np.isfinite(item) else "none" for item in line] for line in values.T
     ]
     distances, forces = (np.arange(count + 1.0) for count in values.shape)
     draw_map(axis, values.T, norm, edges=(forces, distances), texts=texts, size=7)
-    axis.set_xticks(forces, [f"{one:g}" for one in FORCES])
-    axis.set_yticks(distances, [f"{1e3 * one:g}" for one in DISTANCES])
+    axis.set_xticks(forces, [f"{item:g}" for item in FORCES])
+    axis.set_yticks(distances, [f"{1e3 * item:g}" for item in DISTANCES])
     axis.set(xlabel="force of each (N)", ylabel="distance apart (mm)")
 
 

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from smoskin.arrays import Floats, Ints, frozen
+from smoskin.arrays import Floats, Ints, assign, freeze
 from smoskin.errors import ArgumentError
 
 _CROWDING: Final = 0.2
@@ -34,7 +34,7 @@ class BlockMesh:
     """(C, 8): nodes of each; four counter-clockwise seen from above, then the four over them."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "nodes", frozen("nodes", self.nodes, (None, 3)))
+        freeze(self, nodes=(None, 3))
         cells = np.array(self.cells, dtype=np.int64)
         if cells.ndim != 2 or cells.shape[1] != 8:
             raise ArgumentError(f"cells must have shape (C, 8); got {cells.shape}")
@@ -45,7 +45,7 @@ class BlockMesh:
         if not np.all(np.linalg.det(edges) > 0.0):
             raise ArgumentError("cells must be convex and not turned inside out; some are not")
         cells.flags.writeable = False
-        object.__setattr__(self, "cells", cells)
+        assign(self, cells=cells)
 
 
 class Quarter(NamedTuple):
@@ -136,8 +136,8 @@ def _plan(half_x: float, half_y: float, radius: float, fineness: int) -> tuple[F
     half[-1] = 1.0
     t = np.concatenate([-half[::-1], [0.0], half])
     side = np.stack([np.ones(fineness), t[:-1]], axis=-1)
-    turn = np.array([[0.0, 1.0], [-1.0, 0.0]])
-    square = np.concatenate([side @ np.linalg.matrix_power(turn, k) for k in range(4)])
+    rotation = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    square = np.concatenate([side @ np.linalg.matrix_power(rotation, k) for k in range(4)])
     core = _CORE * radius * square
     circle = radius * square / np.linalg.norm(square, axis=1, keepdims=True)
     rim = square * [half_x, half_y]

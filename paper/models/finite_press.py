@@ -157,7 +157,7 @@ def _cell_folds(
     for count, v, growth in zip(cells, attenuation, growths, strict=True):
         n = np.arange(count)
         fading = np.float64(v) ** np.abs(n[None, :] - n[:, None])
-        jets.append(Jet(*(fading * one for one in growth)))
+        jets.append(Jet(*(fading * item for item in growth)))
     length, width = jets
     phi = fold_angle(cell, length=rest.length + length.value)
     slope = 1 / (2 * cell.panel_b * np.cos(phi))
@@ -228,7 +228,7 @@ def _column_motion(
         shift = phi.through(
             b * (np.cos(phi.value) - np.cos(phi_0)), -b * np.sin(phi.value), -b * np.cos(phi.value)
         )
-        zigzags.append([share * line_means(one) for one in shift])
+        zigzags.append([share * line_means(item) for item in shift])
     orders = []
     for dl, dw, of_columns, of_rows in zip(length, width, *zigzags, strict=True):
         zigzag_x = np.zeros_like(unit.x)

@@ -68,7 +68,7 @@ def fading_folds(
     return Split(*parts)
 
 
-def inner_product(one: Split, other: Split) -> Floats:
+def inner_product(item: Split, other: Split) -> Floats:
     """Sum over the grid of the product of two quantities, for each load, shape (N, M).
 
     Examples
@@ -77,11 +77,11 @@ def inner_product(one: Split, other: Split) -> Floats:
     >>> float(inner_product(grid, grid)[0, 0]) == 11**2 + 12**2 + 21**2 + 22**2 + 31**2 + 32**2
     True
     """
-    columns, rows = one.along.shape[1], one.across.shape[1]
-    of_columns = rows * (one.along * other.along).sum(axis=1)
-    of_rows = columns * (one.across * other.across).sum(axis=1)
-    mixed = np.outer(one.along.sum(axis=1), other.across.sum(axis=1))
-    mixed += np.outer(other.along.sum(axis=1), one.across.sum(axis=1))
+    columns, rows = item.along.shape[1], item.across.shape[1]
+    of_columns = rows * (item.along * other.along).sum(axis=1)
+    of_rows = columns * (item.across * other.across).sum(axis=1)
+    mixed = np.outer(item.along.sum(axis=1), other.across.sum(axis=1))
+    mixed += np.outer(other.along.sum(axis=1), item.across.sum(axis=1))
     return np.asarray(of_columns[:, None] + of_rows[None, :] + mixed)
 
 
@@ -95,7 +95,7 @@ class DihedralChanges(NamedTuple):
 
 
 def crease_product(
-    cell: MiuraCell, one: DihedralChanges, other: DihedralChanges, count: CreaseCount
+    cell: MiuraCell, item: DihedralChanges, other: DihedralChanges, count: CreaseCount
 ) -> Floats:
     """Sum over all creases of length times both changes, for each load, shape (N, M), m rad^2.
 
@@ -110,13 +110,13 @@ def crease_product(
     """
     if count == "printed":
         return 4 * (
-            cell.panel_a * _as_printed(one.at_a, other.at_a)
-            + cell.panel_b * _as_printed(one.at_b, other.at_b)
+            cell.panel_a * _as_printed(item.at_a, other.at_a)
+            + cell.panel_b * _as_printed(item.at_b, other.at_b)
         )
-    of_a = inner_product(one.at_a, other.at_a)
-    of_a += inner_product(one.at_a.between_columns(), other.at_a.between_columns())
-    of_b = inner_product(one.at_b, other.at_b)
-    of_b += inner_product(one.at_b.between_rows(), other.at_b.between_rows())
+    of_a = inner_product(item.at_a, other.at_a)
+    of_a += inner_product(item.at_a.between_columns(), other.at_a.between_columns())
+    of_b = inner_product(item.at_b, other.at_b)
+    of_b += inner_product(item.at_b.between_rows(), other.at_b.between_rows())
     return 2 * (cell.panel_a * of_a + cell.panel_b * of_b)
 
 
@@ -198,13 +198,13 @@ def border_misfit(cell: MiuraCell) -> BorderMisfit:
     extent, (at_a, at_b) = size(cell), dihedral_angles(cell)
     lean = 2 / extent.width  # d psi / dh = 1 / (a cos psi), and w = 2 a cos psi
     # sin(phi) = sin(alpha) sin(phi_1/2), differentiated.
-    turn = np.sin(cell.sector_angle) * np.cos(at_a / 2) / np.cos(cell.fold_angle) / 2
-    turn = abs(turn * dihedral_rates(cell).at_a)
+    rotation = np.sin(cell.sector_angle) * np.cos(at_a / 2) / np.cos(cell.fold_angle) / 2
+    rotation = abs(rotation * dihedral_rates(cell).at_a)
     return BorderMisfit(
         twist_x=float(cell.panel_a * lean / 2 * np.sin(at_a / 2)),
-        twist_y=float(cell.panel_b * turn / 2 * np.cos(at_b / 2)),
+        twist_y=float(cell.panel_b * rotation / 2 * np.cos(at_b / 2)),
         shear_x=float(lean / 2 * np.cos(at_a / 2)),
-        shear_y=float(turn / 2 * np.sin(at_b / 2)),
+        shear_y=float(rotation / 2 * np.sin(at_b / 2)),
     )
 
 
@@ -247,10 +247,10 @@ def panel_stiffness_map(
     )
 
 
-def _as_printed(one: Split, other: Split) -> Floats:
+def _as_printed(item: Split, other: Split) -> Floats:
     """Sums over all cells and, for the bottom creases, again over the first (N - 1)(M - 1)."""
-    bottom = [Split(part.along[:, :-1], part.across[:, :-1]) for part in (one, other)]
-    return np.asarray(inner_product(one, other) + inner_product(*bottom))
+    bottom = [Split(part.along[:, :-1], part.across[:, :-1]) for part in (item, other)]
+    return np.asarray(inner_product(item, other) + inner_product(*bottom))
 
 
 def _squared(part: Split) -> Floats:

@@ -19,11 +19,8 @@ _ORDERS: Final = (2, 4, 7)
 """Gauss nodes along the side of a box; one that needs more is cut in two."""
 _DEEPEST: Final = 14
 """Halvings of a cell after which a point counts as touching the rubber."""
-_CORNERS: Final = np.array(
-    [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1],
-     [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]],
-    dtype=np.float64,
-)  # fmt: skip
+_FACE: Final = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+_CORNERS: Final = np.array([(x, y, z) for z in (-1, 1) for x, y in _FACE], dtype=np.float64)
 """Corners of the reference cube, in the order of a cell's corners."""
 
 
@@ -122,10 +119,10 @@ class MagneticRubber:
             raise ArgumentError(f"points must be (Q, 3) and finite; got {where}")
         if not tolerance > 0.0:
             raise ArgumentError(f"tolerance must be positive; got {tolerance}")
-        found = np.empty((len(self._states), len(where), 3))
+        result = np.empty((len(self._states), len(where), 3))
         for index, point in enumerate(where):
-            found[:, index] = self._field(point, tolerance)
-        return found
+            result[:, index] = self._field(point, tolerance)
+        return result
 
     def _field(self, point: Floats, tolerance: float) -> Floats:
         """B (K, 3) at one point."""
@@ -139,7 +136,7 @@ class MagneticRubber:
             resolved = boxes.some(ready)
             for index, order in enumerate(orders.tolist()):
                 some = resolved.some(np.equal(group, index))
-                dipoles = self._sample(some, tuple(_ORDERS[one] for one in order))
+                dipoles = self._sample(some, tuple(_ORDERS[item] for item in order))
                 total += _field_of(dipoles, point, np.ones(len(some.cell), dtype=bool))
             if ready.all():
                 return total
@@ -191,7 +188,7 @@ class MagneticRubber:
         """
         rules = [_gauss(order) for order in orders]
         grid = np.meshgrid(*(nodes for nodes, _ in rules), indexing="ij")
-        local = np.stack([one.ravel() for one in grid], axis=-1)
+        local = np.stack([item.ravel() for item in grid], axis=-1)
         heavy = np.einsum("i,j,k->ijk", *(weights for _, weights in rules)).ravel()
         middle, half = boxes.middle, boxes.half
         if np.all(half == 1.0):  # whole cells, whose shape functions are all alike

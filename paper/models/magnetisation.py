@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Floats, floats
+from smoskin.arrays import Floats, assign, floats
 from smoskin.design.skin import Magnet
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import sector
@@ -88,8 +88,8 @@ class MagnetisationLoop:
         half = (1 - part) / 2
         shift = (math.sqrt(half**2 + top**2 * part) - half) / top
         beyond = math.atanh(shift) * self.width
-        object.__setattr__(self, "centre", self.coercivity * (1 + beyond))
-        object.__setattr__(self, "plateau", self.remanence / math.tanh((1 + beyond) / self.width))
+        plateau = self.remanence / math.tanh((1 + beyond) / self.width)
+        assign(self, centre=self.coercivity * (1 + beyond), plateau=plateau)
 
     def descending(self, field: ArrayLike) -> Floats:
         """Magnetisation on the way down from saturation, A/m.
@@ -209,10 +209,10 @@ def sector_factor(magnet: Magnet) -> float:
     0.48
     """
     rules = [np.polynomial.legendre.leggauss(count) for count in _NODES]
-    (r, in_r), (turn, in_turn), (z, in_z) = [((1 + x) / 2, w / 2) for x, w in rules]
+    (r, in_r), (share, in_share), (z, in_z) = [((1 + x) / 2, w / 2) for x, w in rules]
     # Squared towards radius, rim and faces, where the field of the charged edges is steep.
-    weights = np.einsum("i,j,k->ijk", in_r * r, in_turn, in_z)
-    azimuth = math.pi / 4 * turn
+    weights = np.einsum("i,j,k->ijk", in_r * r, in_share, in_z)
+    azimuth = math.pi / 4 * share
     places = np.empty((*weights.shape, 3))
     places[..., 0] = magnet.radius * r[:, None, None] * np.cos(azimuth)[:, None]
     places[..., 1] = magnet.radius * r[:, None, None] * np.sin(azimuth)[:, None]

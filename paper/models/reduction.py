@@ -195,8 +195,8 @@ def fit_stiffness(presses: UnitPresses) -> Reduction:
     tried = np.linspace(LEAST_ATTENUATION, 1.0, 60)
     best = int(np.argmin([ratio(v)[1] for v in tried]))
     bracket = tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)]
-    found = minimize_scalar(lambda v: ratio(float(v))[1], bounds=bracket, method="bounded")
-    v = float(found.x)
+    result = minimize_scalar(lambda v: ratio(float(v))[1], bounds=bracket, method="bounded")
+    v = float(result.x)
     variation = ratio(v)[0]
     return Reduction(
         attenuation=(v, v),
@@ -247,11 +247,11 @@ def _fit(
         return np.asarray((scaled(attenuation)[1] - measured).ravel())
 
     starts = np.stack(np.meshgrid(_STARTS, _STARTS), axis=-1).reshape(-1, 2)
-    start = min(starts, key=lambda one: float(np.linalg.norm(left(one))))
-    found = least_squares(left, start, bounds=(LEAST_ATTENUATION, 1.0), xtol=1e-12, ftol=1e-12)
-    best, expected = scaled(found.x)
+    start = min(starts, key=lambda item: float(np.linalg.norm(left(item))))
+    result = least_squares(left, start, bounds=(LEAST_ATTENUATION, 1.0), xtol=1e-12, ftol=1e-12)
+    best, expected = scaled(result.x)
     return Reduction(
-        attenuation=(float(found.x[0]), float(found.x[1])),
+        attenuation=(float(result.x[0]), float(result.x[1])),
         scale=best,
         measured=measured,
         expected=expected,

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from paper.models.block_mesh import BlockMesh
 from paper.models.magnetic_rubber import MagneticRubber
 from paper.models.solid import Block, PressedBlock
-from smoskin.arrays import Floats, floats, frozen
+from smoskin.arrays import Floats, floats, freeze
 from smoskin.design.materials import ELASTOMERS
 from smoskin.design.skin import HallSetting, SkinDesign
 from smoskin.errors import ArgumentError
@@ -74,12 +74,9 @@ class PressResponse:
     """(K, S, 3), T, from the field at rest; NaN where no equilibrium was found."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "depths", frozen("depths", self.depths, (None,)))
+        freeze(self, depths=(None,), offsets=(None, 2))
         steps = len(self.depths)
-        object.__setattr__(self, "forces", frozen("forces", self.forces, (steps,)))
-        object.__setattr__(self, "offsets", frozen("offsets", self.offsets, (None, 2)))
-        shape = (steps, len(self.offsets), 3)
-        object.__setattr__(self, "changes", frozen("changes", self.changes, shape))
+        freeze(self, forces=(steps,), changes=(steps, len(self.offsets), 3))
 
     def visibility(self, setting: HallSetting) -> Floats:
         """Change over a chip's noise, on the axis where that is largest, shape (K, S)."""
@@ -364,8 +361,8 @@ def _fields(
     magnet: SoftMagnet, mesh: BlockMesh, displacements: Floats, points: Floats, tolerance: float
 ) -> Floats:
     """B (K, Q, 3) at points outside, all states by one quadrature; NaN in states without one."""
-    known = np.asarray(np.isfinite(displacements).all(axis=(1, 2)))
-    states = mesh.nodes + displacements[known]
+    solved = np.asarray(np.isfinite(displacements).all(axis=(1, 2)))
+    states = mesh.nodes + displacements[solved]
     rubber = MagneticRubber(
         mesh.nodes[mesh.cells],
         states[:, mesh.cells],
@@ -373,9 +370,9 @@ def _fields(
         strength=magnet.remanence,
         smoothness=2.0 / _wave_number(magnet) if magnet.profile == "sinusoid" else math.inf,
     )
-    found = np.full((len(known), *points.shape), np.nan)
-    found[known] = rubber.field(points, tolerance=tolerance)
-    return found
+    fields = np.full((len(solved), *points.shape), np.nan)
+    fields[solved] = rubber.field(points, tolerance=tolerance)
+    return fields
 
 
 def _wave_number(magnet: SoftMagnet) -> float:

@@ -163,9 +163,9 @@ def press_block(
         held[base] = True
     if hold == "sticking":
         held[patch] = True
-    told = np.zeros((len(steps), *nodes.shape))
-    told[:, patch, 2] = -steps[:, None]
-    return _whole(hold_block(block, image.mesh, held, told, tolerance=tolerance), mesh, image)
+    prescribed = np.zeros((len(steps), *nodes.shape))
+    prescribed[:, patch, 2] = -steps[:, None]
+    return _whole(hold_block(block, image.mesh, held, prescribed, tolerance=tolerance), mesh, image)
 
 
 def hold_block(
@@ -211,23 +211,23 @@ def hold_block(
     fixed = np.asarray(held, dtype=bool)
     if fixed.shape != nodes.shape:
         raise ArgumentError(f"held must have shape {nodes.shape}; got {fixed.shape}")
-    told = floats("displacements", displacements, nodes.shape)
-    if told.ndim != 3 or not np.isfinite(told[:, fixed]).all():
+    prescribed = floats("displacements", displacements, nodes.shape)
+    if prescribed.ndim != 3 or not np.isfinite(prescribed[:, fixed]).all():
         raise ArgumentError(
             "displacements must be (K, P, 3) and finite where nodes are held; "
-            f"got shape {told.shape}"
+            f"got shape {prescribed.shape}"
         )
     if not 0.0 < tolerance < 1.0:
         raise ArgumentError(f"tolerance must lie in (0, 1); got {tolerance}")
-    count = len(told)
-    moved = np.full(told.shape, np.nan)
+    count = len(prescribed)
+    moved = np.full(prescribed.shape, np.nan)
     forces = moved.copy()
     ratios = np.full((count, len(mesh.cells)), np.nan)
     residuals = np.full(count, np.nan)
     iterations = np.zeros(count, dtype=np.int64)
     converged = np.zeros(count, dtype=bool)
     equilibrium = _Equilibrium(block, mesh, fixed, tolerance)
-    for state, goal in enumerate(told):
+    for state, goal in enumerate(prescribed):
         reached, iterations[state] = equilibrium.move_to(goal[fixed])
         if reached is None:
             break
@@ -327,10 +327,10 @@ class _Equilibrium:
         pull = -force[~self._held] - stiffness[:, self._held] @ free
         scale = 1.0 / np.sqrt(np.abs(inner.diagonal()))
         even = diags_array(scale) @ inner @ diags_array(scale)
-        found, _ = cg(even, scale * pull, rtol=_LINEAR_TOLERANCE, maxiter=_LINEAR_ITERATIONS)
+        result, _ = cg(even, scale * pull, rtol=_LINEAR_TOLERANCE, maxiter=_LINEAR_ITERATIONS)
         step = np.empty(len(force))
         step[self._held] = free
-        step[~self._held] = scale * found
+        step[~self._held] = scale * result
         return step.reshape(-1, 3)
 
     def _reached(self, force: Floats, residual: float) -> _Reached:

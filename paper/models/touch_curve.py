@@ -147,7 +147,7 @@ def touch_curve(
                 ]
             )
         skins.append(kinds)
-    found = np.array(skins)
+    result = np.array(skins)
     bounds = [
         bound_map(table, noise, force=force, drags=False, places=(13, 17)).location.mean()
         for force in asked.forces
@@ -155,11 +155,11 @@ def touch_curve(
     return TouchCurve(
         counts=asked.counts,
         chips=table.chips,
-        planned=found[:, 0, :, 0],
-        random=found[:, 1, :, 0],
-        planned_force=found[:, 0, :, 1],
-        random_force=found[:, 1, :, 1],
-        inside=found[:, 0, :, 2],
+        planned=result[:, 0, :, 0],
+        random=result[:, 1, :, 0],
+        planned_force=result[:, 0, :, 1],
+        random_force=result[:, 1, :, 1],
+        inside=result[:, 0, :, 2],
         expected=_MEAN_OVER_RMS * np.array([plan[n - 1].error for n in asked.counts]),
         bound=_MEAN_OVER_RMS * float(np.mean(bounds)),
     )
@@ -169,8 +169,8 @@ def _random_targets(
     plan: Sequence[Target], table: ResponseTable, rng: np.random.Generator
 ) -> list[Target]:
     """As many touches anywhere, half of them straight, with forces as large as the plan's."""
-    most = max(-one.force[2] for one in plan)
-    drag = max(float(np.hypot(*one.force[:2])) for one in plan)
+    most = max(-item.force[2] for item in plan)
+    drag = max(float(np.hypot(*item.force[:2])) for item in plan)
     targets = []
     for number in range(len(plan)):
         angle, dragged = rng.uniform(0, 2 * np.pi), number % 2
@@ -203,17 +203,17 @@ def _judged(twin: Twin, table: ResponseTable, sessions: Sequence[Session], seed:
         priors=TouchPriors(drag_spread=0.0),
     )
     rng = np.random.default_rng([seed, 2])
-    found = [judge(estimator, twin, session, rng) for session in sessions]
-    whole = found[0]
-    for more in found[1:]:
+    result = [judge(estimator, twin, session, rng) for session in sessions]
+    whole = result[0]
+    for more in result[1:]:
         whole = whole + more
     return whole
 
 
-def _figures(found: Judged, middle: Floats) -> tuple[float, float, float]:
+def _figures(result: Judged, middle: Floats) -> tuple[float, float, float]:
     """Mean distance, mean relative error of force, and share inside the stated regions."""
-    told = found.count == 1
-    lost = np.hypot(*(found.truth[:, 0, :2] - middle).T)
-    distance = np.where(told, found.distance[:, 0], lost)
-    force = np.where(told, np.abs(found.error[:, 0, 4] / found.truth[:, 0, 4]), 1.0)
-    return float(distance.mean()), float(force.mean()), float(found.inside.mean())
+    counted = result.count == 1
+    lost = np.hypot(*(result.truth[:, 0, :2] - middle).T)
+    distance = np.where(counted, result.distance[:, 0], lost)
+    force = np.where(counted, np.abs(result.error[:, 0, 4] / result.truth[:, 0, 4]), 1.0)
+    return float(distance.mean()), float(force.mean()), float(result.inside.mean())

@@ -133,8 +133,8 @@ def bench_signals(
     """
     still = Motion.rest(len(design.magnets), (_UNTOUCHED,))
     zero, read = (
-        mlx90393.tesla(readout.sample(one, rng).counts, design.hall_setting)
-        for one in (still, motion)
+        mlx90393.tesla(readout.sample(item, rng).counts, design.hall_setting)
+        for item in (still, motion)
     )
     return np.asarray(
         np.einsum("sij,bsj->bsi", mlx90393.rotations(design.halls), read - zero.mean(axis=0))

@@ -93,7 +93,9 @@ class Sheared:
     @property
     def nearer(self) -> float:
         """Share of the cells whose mean place error preprocessing lowers, at the drag shown."""
-        before, after = (self.by_cell(one.distance[SHOWN]) for one in (self.raw, self.preprocessed))
+        before, after = (
+            self.by_cell(item.distance[SHOWN]) for item in (self.raw, self.preprocessed)
+        )
         return float((after < before).mean())
 
     def by_cell(self, values: Floats) -> Floats:
@@ -176,8 +178,8 @@ def read_jointly(skin: TrialSkin, trial: SheetTrial) -> tuple[Jointly, Jointly]:
     """
     joint = TouchSolver(skin.table, skin.noise, TouchPriors())
     x, y = (
-        _jointly(skin.twin.design, joint, axis, one.signals)
-        for axis, one in enumerate((trial.x, trial.y))
+        _jointly(skin.twin.design, joint, axis, item.signals)
+        for axis, item in enumerate((trial.x, trial.y))
     )
     return x, y
 
@@ -222,11 +224,11 @@ def _theory(reduced: ReducedTwin, where: Floats, push: Floats) -> Motion:
 def _loads(design: SkinDesign, axis: int) -> tuple[Ints, Floats, Floats]:
     """Cells (R,), their places (R, 2) and the forces of the presses with each drag (D, R, 3)."""
     places = np.asarray(geometry(design).tops.swapaxes(0, 1).reshape(-1, 2))
-    turn, cell = np.indices((len(FORCES), len(places))).reshape(2, -1)
+    step, cell = np.indices((len(FORCES), len(places))).reshape(2, -1)
     push = np.zeros((len(DRAGS), len(cell), 3))
-    push[..., 2] = -np.array(FORCES)[turn]
+    push[..., 2] = -np.array(FORCES)[step]
     # Each cell is dragged both ways.
-    push[..., axis] = np.multiply.outer(DRAGS, np.where((turn + cell) % 2, 1.0, -1.0))
+    push[..., axis] = np.multiply.outer(DRAGS, np.where((step + cell) % 2, 1.0, -1.0))
     return cell, places[cell], push
 
 
@@ -234,18 +236,18 @@ def _trial(bench: _Bench, folding: Floats | None) -> SheetTrial:
     """One sheet; v_f is found from loads at 45 degrees where it is not given."""
     design, upper = bench.design, bench.upper
     model = _learn(bench)
-    known = _fitted_folding(bench, model) if folding is None else folding
+    folding_map = _fitted_folding(bench, model) if folding is None else folding
     sheared = []
     for axis in range(2):
         cell, where, push = _loads(design, axis)
         rows = bench.press(np.tile(where, (len(DRAGS), 1)), push.reshape(-1, 3))
-        said = rows.reshape(*push.shape[:2], *rows.shape[1:])
-        sheared.append(_read(bench, model, known, cell, where, push, said))
-    shown, straight = (np.concatenate([one.signals[k] for one in sheared]) for k in (SHOWN, 0))
-    parted, quiet = (bench.without_shear(one) for one in (shown, straight))
+        signals_read = rows.reshape(*push.shape[:2], *rows.shape[1:])
+        sheared.append(_read(bench, model, folding_map, cell, where, push, signals_read))
+    shown, straight = (np.concatenate([item.signals[k] for item in sheared]) for k in (SHOWN, 0))
+    parted, without = (bench.without_shear(item) for item in (shown, straight))
     added = shown - straight
-    told, flat = (added[:, chips].reshape(len(added), -1) for chips in (bench.lower, upper))
-    fitted = told @ np.linalg.lstsq(told, flat, rcond=None)[0]
+    sensed, flat = (added[:, chips].reshape(len(added), -1) for chips in (bench.lower, upper))
+    fitted = sensed @ np.linalg.lstsq(sensed, flat, rcond=None)[0]
     novelty = model.predict(_inputs(model, shown)).novelty
     cell, _, push = _loads(design, 0)
     sign = np.sign(push[SHOWN, :, 0, None])
@@ -257,9 +259,9 @@ def _trial(bench: _Bench, folding: Floats | None) -> SheetTrial:
         induced=_rms(flat),
         left=_rms((parted.signals - straight)[:, upper]),
         fitted_left=_rms(flat - fitted),
-        unasked=float(np.hypot(*quiet.shear.T).mean()),
+        unasked=float(np.hypot(*without.shear.T).mean()),
         refused=float((novelty > 1).mean()),
-        folding=known,
+        folding=folding_map,
         answers=np.stack([answers[cell == k].mean(axis=0) for k in np.unique(cell)]),
         slide=slid.mean(axis=0),
     )
@@ -312,8 +314,8 @@ def _fitted_folding(bench: _Bench, model: LearnedModel) -> Floats:
     force = _say(model, parted.signals)[:, 2].reshape(push.shape[:3])
     drawn = force * np.hypot(*parted.shear.T).reshape(push.shape[:3])
     share = ((-push[..., 2] - force) * drawn).sum(axis=2) / (drawn**2).sum(axis=2)
-    found = np.divide(1.0, share, out=np.full(share.shape, np.inf), where=share > 0)
-    return np.asarray(found.T[layers])
+    result = np.divide(1.0, share, out=np.full(share.shape, np.inf), where=share > 0)
+    return np.asarray(result.T[layers])
 
 
 def _read(
@@ -323,10 +325,10 @@ def _read(
     cell: Ints,
     where: Floats,
     push: Floats,
-    said: Floats,
+    signals_read: Floats,
 ) -> Sheared:
     """Signals (D, R, S, 3) of presses (D, R, 3) on cells (R,), read by the model."""
-    flat = said.reshape(-1, *said.shape[2:])
+    flat = signals_read.reshape(-1, *signals_read.shape[2:])
     design, parted = bench.design, bench.without_shear(flat)
     raw, deducted = _say(model, flat), _say(model, parted.signals)
 
@@ -342,15 +344,15 @@ def _read(
         deducted=_readings(deducted, where),
         preprocessed=corrected(folding),
         printed=corrected(folding_correction_map(design.cells, design.coefficients)),
-        signals=said,
+        signals=signals_read,
     )
 
 
-def _jointly(design: SkinDesign, joint: TouchSolver, axis: int, said: Floats) -> Jointly:
+def _jointly(design: SkinDesign, joint: TouchSolver, axis: int, signals_read: Floats) -> Jointly:
     """The same signals read by the joint estimator."""
     _, where, push = _loads(design, axis)
-    flat = said.reshape(push.shape[0] * push.shape[1], -1)
-    solved = np.stack([joint.one(one).values[0] for one in flat])
+    flat = signals_read.reshape(push.shape[0] * push.shape[1], -1)
+    solved = np.stack([joint.one(item).values[0] for item in flat])
     missed = solved[:, 2:4].reshape(*push.shape[:2], 2) - push[..., :2]
     return Jointly(
         readings=_readings(solved[:, [0, 1, 4]] * (1.0, 1.0, -1.0), where),

@@ -136,9 +136,9 @@ def pair_errors(design: SkinDesign, skin: TrialSkin) -> PairErrors:
         push[d, f, ..., 2] = -rng.uniform(FORCES[f], FORCES[f + 1], (_A_CLASS, 2))
     flat = Touches(position=where.reshape(-1, 2, 2), force=push.reshape(-1, 2, 3))
     estimator = _estimator(design, skin, 0.0)
-    found = judge(estimator, skin.twin, press(skin.twin, flat, 25.0), rng)
-    each = found.distance.mean(axis=1).reshape(shape)
-    right = (found.count == 2).reshape(shape)
+    result = judge(estimator, skin.twin, press(skin.twin, flat, 25.0), rng)
+    each = result.distance.mean(axis=1).reshape(shape)
+    right = (result.count == 2).reshape(shape)
     counted = right.mean(axis=2)
     bound, told = _pair_bounds(skin.table, skin.noise, flat)
     total = np.where(right, each, 0.0).sum(axis=2)
@@ -162,9 +162,9 @@ def _estimator(design: SkinDesign, skin: TrialSkin, drag: float) -> BayesEstimat
     )
 
 
-def _lost(found: Judged, extent: Floats) -> Floats:
+def _lost(result: Judged, extent: Floats) -> Floats:
     """Errors of whoever takes each touch to lie in the skin's middle and to weigh nothing."""
-    blank = -found.truth[:, 0]
+    blank = -result.truth[:, 0]
     blank[:, :2] += extent / 2
     return np.asarray(blank)
 

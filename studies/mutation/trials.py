@@ -228,7 +228,7 @@ def judge_all(
     for fault in listed:
         if not Path(fault.path).is_relative_to(_SOURCES):
             raise ArgumentError(f"path must lie below {_SOURCES}; got {fault.path}")
-    told = Lock()
+    reporting = Lock()
     benches: SimpleQueue[Bench] = SimpleQueue()
 
     def judge(fault: Fault) -> Judgement:
@@ -237,7 +237,7 @@ def judge_all(
             judgement = bench.judge(fault, last)
         finally:
             benches.put(bench)
-        with told:
+        with reporting:
             progress(judgement, fault)
         return judgement
 

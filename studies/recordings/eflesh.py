@@ -133,10 +133,10 @@ def read_eflesh(directory: Path | str) -> tuple[ProbeRun, ...]:
         )
     sets = [place / name for name in EFLESH_SETS if (place / name).is_dir()]
     runs = [sorted(path for path in folder.glob("*_probe") if path.is_dir()) for folder in sets]
-    for folder, found in zip(sets, runs, strict=True):
-        if not found:
+    for folder, result in zip(sets, runs, strict=True):
+        if not result:
             raise RecordingError(f"{folder}: a set must hold folders named *_probe; it has none")
-    return tuple(_read_run(path) for found in runs for path in found)
+    return tuple(_read_run(path) for result in runs for path in result)
 
 
 def read_touches(directory: Path | str) -> tuple[TouchRun, ...]:

@@ -54,11 +54,11 @@ def score_touches(trial: Trial, runs: Sequence[TouchRun]) -> Iterator[Score]:
         f"and of fifths in time of files of {singles} single cells"
     )
     for model, answer in _answers(trial, rows).items():
-        found = places(answer)
-        distance = np.linalg.norm(found[:, 0] - found[:, 1], axis=1)
-        centre = np.linalg.norm(found.mean(axis=1) - rows.cells.mean(axis=1), axis=1)
+        result = places(answer)
+        distance = np.linalg.norm(result[:, 0] - result[:, 1], axis=1)
+        centre = np.linalg.norm(result.mean(axis=1) - rows.cells.mean(axis=1), axis=1)
         judged: list[tuple[str, str, Bools, Floats, str]] = [
-            ("both places", "mean_error", rows.two, _miss(found, rows.cells), "cells"),
+            ("both places", "mean_error", rows.two, _miss(result, rows.cells), "cells"),
             ("one place", "mean_error", ~rows.two, centre, "cells"),
         ]
         if pairs and singles:
@@ -158,11 +158,11 @@ class _Rows:
 
     def with_sums(self, single: Bools, rng: np.random.Generator) -> "_Rows":
         """The same, and after them pairs made of these single touches on different cells."""
-        one, other = rng.choice(np.flatnonzero(single), (2, _SUMS))
-        both = np.stack([self.cells[one, 0], self.cells[other, 0]], axis=1)
+        item, other = rng.choice(np.flatnonzero(single), (2, _SUMS))
+        both = np.stack([self.cells[item, 0], self.cells[other, 0]], axis=1)
         apart = (both[:, 0] != both[:, 1]).any(axis=1)
         return _Rows(
-            field=np.concatenate([self.field, (self.field[one] + self.field[other])[apart]]),
+            field=np.concatenate([self.field, (self.field[item] + self.field[other])[apart]]),
             cells=np.concatenate([self.cells, _ordered(both[apart])]),
             part=np.concatenate([self.part, np.full(apart.sum(), -1)]),
         )
@@ -214,9 +214,9 @@ def _answers(trial: Trial, rows: _Rows) -> dict[str, Floats]:
         asked[: len(judged)] = judged
         examples, usual, varies = _varying(given.examples, ~asked)
         for model, answer in trial.answers(examples, asked, _encoding(rows)).items():
-            found = answers.setdefault(model, np.empty((len(judged), len(_OUTPUTS))))
-            found[judged] = usual
-            found[np.ix_(judged, varies)] = answer
+            result = answers.setdefault(model, np.empty((len(judged), len(_OUTPUTS))))
+            result[judged] = usual
+            result[np.ix_(judged, varies)] = answer
     return answers
 
 
@@ -261,7 +261,9 @@ def _encoding(rows: _Rows) -> Encoding:
     return Encoding(chips=tuple(range(rows.field.shape[1])), form=Form.DIRECTION)
 
 
-def _miss(found: Floats, true: Floats) -> Floats:
+def _miss(result: Floats, true: Floats) -> Floats:
     """Mean distance of two found places from the two true ones, paired as they lie nearest."""
-    orders = [np.linalg.norm(found - pair, axis=-1).mean(axis=-1) for pair in (true, true[:, ::-1])]
+    orders = [
+        np.linalg.norm(result - pair, axis=-1).mean(axis=-1) for pair in (true, true[:, ::-1])
+    ]
     return np.asarray(np.minimum(*orders))
