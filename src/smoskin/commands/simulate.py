@@ -58,11 +58,11 @@ class PressReport:
             "temperature_degC": self.temperature,
             "touches": [
                 {
-                    "at_mm": _plain(one.position / _MM),
-                    "force_N": _plain(one.force),
+                    "at_mm": _plain(contact.position / _MM),
+                    "force_N": _plain(contact.force),
                     "depth_mm": _plain(depth / _MM),
                 }
-                for one, depth in zip(self.contacts, self.depths, strict=True)
+                for contact, depth in zip(self.contacts, self.depths, strict=True)
             ],
             "magnets": [
                 {
@@ -81,7 +81,7 @@ class PressReport:
                     "name": site.name,
                     "field_mT": _plain(field / 1e-3),
                     "reading_mT": _plain(read / 1e-3),
-                    "flags": [known.name for known in ChipFlag if flag & known],
+                    "flags": [each.name for each in ChipFlag if flag & each],
                 }
                 for site, field, read, flag in zip(
                     self.design.halls,
@@ -97,18 +97,19 @@ class PressReport:
         """Touches, magnets and chips, for people."""
         values: Any = self.as_json()
         touches = _table("Touches", "", "x, y (mm)", "Fx, Fy, Fz (N)", "depth (mm)")
-        for number, one in enumerate(values["touches"], 1):
-            place, depth = _text(one["at_mm"], 1), _text([one["depth_mm"]], 4)
-            touches.add_row(str(number), place, _text(one["force_N"], 3), depth)
+        for number, touch in enumerate(values["touches"], 1):
+            place, depth = _text(touch["at_mm"], 1), _text([touch["depth_mm"]], 4)
+            touches.add_row(str(number), place, _text(touch["force_N"], 3), depth)
         magnets = _table("Magnets over the board", "", "x, y, z (mm)", "turn (deg)")
-        for one in values["magnets"]:
-            magnets.add_row(one["name"], _text(one["shift_mm"], 4), _text(one["turn_deg"], 3))
+        for magnet in values["magnets"]:
+            shift, turned = _text(magnet["shift_mm"], 4), _text(magnet["turn_deg"], 3)
+            magnets.add_row(magnet["name"], shift, turned)
         board = values["board"]
         magnets.add_row("board", _text(board["shift_mm"], 4), _text([board["turn_deg"]], 3))
         chips = _table("Chips", "", "field in the skin (mT)", "reads, own axes (mT)", "flags")
-        for one in values["chips"]:
-            field, reading = _text(one["field_mT"], 4), _text(one["reading_mT"], 4)
-            chips.add_row(one["name"], field, reading, ", ".join(one["flags"]) or "good")
+        for chip in values["chips"]:
+            field, reading = _text(chip["field_mT"], 4), _text(chip["reading_mT"], 4)
+            chips.add_row(chip["name"], field, reading, ", ".join(chip["flags"]) or "good")
         return [touches, magnets, chips]
 
 
@@ -254,7 +255,7 @@ def _vector(name: str, text: str, length: int) -> list[float]:
 def _plain(value: Any) -> Any:
     """Numbers to nine figures for JSON, NaN as null."""
     if np.ndim(value):
-        return [_plain(one) for one in value]
+        return [_plain(each) for each in value]
     return float(f"{value:.9g}") if np.isfinite(value) else None
 
 
@@ -268,4 +269,4 @@ def _table(title: str, *headings: str) -> "Table":
 
 
 def _text(values: Sequence[float | None], digits: int) -> str:
-    return ", ".join("-" if one is None else f"{one:.{digits}f}" for one in values)
+    return ", ".join("-" if value is None else f"{value:.{digits}f}" for value in values)

@@ -270,8 +270,8 @@ def _range(name: str, text: str) -> tuple[float, float]:
 
 def _pair(name: str, text: str) -> tuple[int, int]:
     try:
-        one, other = text.split("x")
-        return int(one), int(other)
+        along, across = text.split("x")
+        return int(along), int(across)
     except ValueError as error:
         raise ArgumentError(f"{name} must be two numbers such as 25x33; got {text!r}") from error
 

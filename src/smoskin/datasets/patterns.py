@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final, Literal, Protocol, get_args
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 
@@ -38,19 +38,6 @@ Mechanics = Literal["whole", "reduced"]
 _STICKING: Final = Sticking()
 _PRESSES, _NOISE = 0, 1
 """What a chunk draws, each from its own stream."""
-
-
-class Pattern(Protocol):
-    """Presses in a row, each of one or more touches at once."""
-
-    @property
-    def count(self) -> int:
-        """How many presses."""
-        ...
-
-    def touches(self, design: SkinDesign, index: Ints, rng: np.random.Generator) -> Touches:
-        """The presses of these numbers, from 0; only random patterns draw from `rng`."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,9 +129,10 @@ class Pairs:
     def touches(self, design: SkinDesign, index: Ints, rng: np.random.Generator) -> Touches:
         """The presses of these numbers; the second place changes fastest, then the first."""
         forces, places = len(self.forces), math.prod(self.places)
-        one, other, first, second = np.unravel_index(index, (forces, forces, places, places))
+        shape = (forces, forces, places, places)
+        weak, strong, first, second = np.unravel_index(index, shape)
         push = np.zeros((len(index), 2, 3))
-        push[..., 2] = -np.array(self.forces)[np.stack([one, other], axis=1)]
+        push[..., 2] = -np.array(self.forces)[np.stack([weak, strong], axis=1)]
         position = _places(design, self.places)[np.stack([first, second], axis=1)]
         return Touches(position=position, force=push, radius=np.full((len(index), 2), self.radius))
 
@@ -262,14 +250,14 @@ class Sweep:
     grip: Grip = _STICKING
     """How touches hold on to the whole sheet."""
     seed: int = 0
-    """Of random presses and of the chips' noise."""
+    """Seed of random presses and of the chips' noise."""
     presses_per_chunk: int = 256
 
     def __post_init__(self) -> None:
         for name, kind in (("presses", Grid | Pairs | Random), ("grip", Grip)):
             if not isinstance(getattr(self, name), kind):
-                known = ", ".join(one.__name__ for one in get_args(kind))
-                raise ArgumentError(f"{name} must be one of {known}; got {getattr(self, name)!r}")
+                names = ", ".join(each.__name__ for each in get_args(kind))
+                raise ArgumentError(f"{name} must be one of {names}; got {getattr(self, name)!r}")
         _within("temperatures", self.temperatures, *SERVICE_LIMITS, "degC")
         if self.presses_per_chunk < 1:
             raise ArgumentError(
@@ -313,7 +301,7 @@ class Sweep:
         return self.skins[self._split(chunk)[0]] if self.skins else None
 
     def temperature(self, chunk: int) -> float:
-        """Of skin, magnets and chips in a chunk, degC."""
+        """Temperature of skin, magnets and chips in a chunk, degC."""
         return self.temperatures[self._split(chunk)[1]]
 
     def touches(self, design: SkinDesign, chunk: int) -> Touches:
@@ -322,7 +310,7 @@ class Sweep:
         return self.presses.touches(design, index, self._stream(chunk, _PRESSES))
 
     def noise(self, chunk: int) -> np.random.Generator:
-        """Of the chips' noise in a chunk."""
+        """Generator of the chips' noise in a chunk."""
         return self._stream(chunk, _NOISE)
 
     @property
@@ -367,12 +355,12 @@ def sideways(sizes: Sequence[float], directions: int) -> tuple[tuple[float, floa
     """
     if directions < 1:
         raise ArgumentError(f"directions must be at least 1; got {directions}")
-    turns = [2 * math.pi * k / directions for k in range(directions)]
+    angles = [2 * math.pi * k / directions for k in range(directions)]
     # Rounded to far below a noticeable force, so that an axis is exactly an axis.
     return tuple(
-        (round(one * math.cos(turn), 12) + 0.0, round(one * math.sin(turn), 12) + 0.0)
-        for one in sizes
-        for turn in turns
+        (round(size * math.cos(angle), 12) + 0.0, round(size * math.sin(angle), 12) + 0.0)
+        for size in sizes
+        for angle in angles
     )
 
 
@@ -420,7 +408,7 @@ def parse_sweep(document: Mapping[str, Any]) -> Sweep:
 
 
 def _places(design: SkinDesign, places: tuple[int, int]) -> Floats:
-    """Of a grid, shape (P, 2), m; y changes fastest."""
+    """Places of a grid, shape (P, 2), m; y changes fastest."""
     return places_to_the_rim(geometry(design).extent, places)
 
 

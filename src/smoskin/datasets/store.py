@@ -181,10 +181,10 @@ class Dataset:
         sums = _read_sums(self.path)
         files = {chunk: _chunk_file(self.path, chunk) for chunk in self.present}
         try:
-            found = {chunk: _sum(file.read_bytes()) for chunk, file in files.items()}
+            sums_now = {chunk: _sum(file.read_bytes()) for chunk, file in files.items()}
         except OSError as error:
             raise RecordingError(f"{self.path} cannot be read: {error}") from error
-        return tuple(chunk for chunk in files if found[chunk] != sums.get(files[chunk].name))
+        return tuple(chunk for chunk in files if sums_now[chunk] != sums.get(files[chunk].name))
 
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write all rows to one HDF5 file.

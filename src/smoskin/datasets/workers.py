@@ -1,4 +1,4 @@
-"""Where the chunks of a sweep are computed: processes of this machine, or a cluster's.
+"""Engines that compute the chunks of a sweep: processes of this machine, or a cluster's.
 
 Decides how work reaches workers, what happens when one dies (its item, and no other, is computed
 again) and how long anyone waits. Numerics in workers have one thread each, so that a result does

@@ -1,4 +1,4 @@
-"""Where everything of a skin stands at rest, in the skin's frame: computed once for a design.
+"""Places of everything of a skin at rest, in the skin's frame: computed once for a design.
 
 Decides the heights of magnets and chips. z = 0 is the plane of the bottom vertices; the board's
 upper face lies a column's height below. A magnet on the sheet hangs above its chip on the board's

@@ -6,7 +6,7 @@ chips.
 """
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -38,40 +38,39 @@ class Tolerances:
     """v_s: of all rubber of one skin together, relative; a platinum silicone's modulus changes by
     about as much from batch to batch and with the cure."""
     column_stiffness: float = 0.05
-    """Of each column, relative; bubbles, and the radius by 0.02 mm, which counts fourfold."""
+    """Stiffness of each column, relative; bubbles, and the radius by 0.02 mm, counting fourfold."""
     column_height: float = 0.1e-3
-    """Of each column, m; what a mould's meniscus and a trimming blade leave. The rubber dripped
-    on its top takes the difference up, so that it changes the column's stiffness alone."""
+    """Height of each column, m; what a mould's meniscus and a trimming blade leave. The rubber
+    dripped on its top takes the difference up, so that it changes the column's stiffness alone."""
     crease_stiffness: float = 0.15
-    """Of each crease, relative; the gap by a tenth of a millimetre, laser-cut."""
+    """Stiffness of each crease, relative; the gap by a tenth of a millimetre, laser-cut."""
     frame_stiffness: float = 0.10
-    """Of all rim springs together, relative; how tightly the frame is clamped."""
+    """Stiffness of all rim springs together, relative; how tightly the frame is clamped."""
     remanence: float = 0.03
-    """Of each magnet, relative; filling of the mould, and the coil's pulse."""
+    """Remanence of each magnet, relative; filling of the mould, and the coil's pulse."""
     magnet_place: float = 0.15e-3
-    """Of each magnet along each axis, m; hand assembly into a printed holder."""
+    """Place of each magnet along each axis, m; hand assembly into a printed holder."""
     magnet_tilt: float = math.radians(1.0)
-    """Of each magnet about each axis, rad; 0.17 mm across its diameter."""
+    """Tilt of each magnet about each axis, rad; 0.17 mm across its diameter."""
     chip_place: float = 0.1e-3
-    """Of each chip along each axis, m; placement and its package's sensing point."""
+    """Place of each chip along each axis, m; placement and its package's sensing point."""
     chip_tilt: float = math.radians(1.0)
-    """Of each chip about each axis, rad; reflow lets a small package turn by as much."""
+    """Tilt of each chip about each axis, rad; reflow lets a small package turn by as much."""
     chip_sensitivity: float = 0.02
-    """Of each axis of each chip, relative; as chips of one reel differ."""
+    """Sensitivity of each axis of each chip, relative; as chips of one reel differ."""
     chip_cross_axis: float = 0.01
-    """Of what each axis of each chip reads of each other axis, relative."""
+    """Share of each other axis that each axis of each chip reads, relative."""
     chip_zero: float = 20e-6
-    """Of each axis of each chip, T; the offset that is left without a field."""
+    """Zero of each axis of each chip, T; the offset that is left without a field."""
     chip_warmth: float = 1.0
-    """Of each chip's temperature reading, degC."""
+    """Error of each chip's temperature reading, degC."""
 
     def __post_init__(self) -> None:
-        for one in fields(self):
-            value = getattr(self, one.name)
+        for name, value in asdict(self).items():
             if not 0.0 <= value < math.inf:
-                raise ArgumentError(f"{one.name} must be finite and >= 0; got {value}")
-            if one.name in _RELATIVE and value >= 1.0 / _CUT:
-                raise ArgumentError(f"{one.name} must be below {1 / _CUT:.3f}; got {value}")
+                raise ArgumentError(f"{name} must be finite and >= 0; got {value}")
+            if name in _RELATIVE and value >= 1.0 / _CUT:
+                raise ArgumentError(f"{name} must be below {1 / _CUT:.3f}; got {value}")
 
 
 _RELATIVE = (
@@ -104,14 +103,14 @@ class Deviations:
     magnet_turn: Floats
     """(G, 3), rad: rotation vector off the designed attitude, in the skin's axes."""
     chip_pose: ChipPose
-    """Of S chips, off their sites."""
+    """Poses of the S chips, off their sites."""
     chip_errors: ChipErrors
-    """Of S chips, against their data sheet."""
+    """Errors of the S chips, against their data sheet."""
 
 
 def as_designed(design: SkinDesign) -> Deviations:
     """No deviation at all."""
-    nothing = Tolerances(**{one.name: 0.0 for one in fields(Tolerances)})
+    nothing = Tolerances(**dict.fromkeys(asdict(Tolerances()), 0.0))
     return draw(design, np.random.default_rng(0), nothing)
 
 

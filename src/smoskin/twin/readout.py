@@ -59,19 +59,19 @@ class Readout:
         self._middle = np.append(geometry(design).extent / 2, 0.0)
         self._earth = around.earth
         self._neighbours = [
-            (one.place + geometry(design).magnets @ turn.T, turn)
-            for one in around.neighbours
-            for turn in (rotation_matrix(one.turn),)
+            (skin.place + geometry(design).magnets @ rotation.T, rotation)
+            for skin in around.neighbours
+            for rotation in (rotation_matrix(skin.turn),)
         ]
 
     def field(self, motion: Motion, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
-        """Of all magnets and the surroundings at all chips.
+        """Field of all magnets and the surroundings at all chips.
 
         Parameters
         ----------
         motion : Motion
         temperature : array_like, shape (...), optional
-            Of the magnets, degC.
+            Temperature of the magnets, degC.
 
         Returns
         -------
@@ -120,9 +120,9 @@ class Readout:
         ----------
         motion : Motion
         rng : numpy.random.Generator
-            Of the chips' noise.
+            Generator of the chips' noise.
         temperature : array_like, shape (...), optional
-            Of magnets and chips, degC.
+            Temperature of magnets and chips, degC.
 
         Returns
         -------
@@ -177,8 +177,8 @@ class Readout:
             board[..., None, :, :] @ rotation_matrix(moved[..., 3:]) @ self._turns,
         )
         total = arrangement_field(self._magnets, places, turns, chips)
-        for places, turn in self._neighbours:
-            turns = np.broadcast_to(turn, (len(self._design.magnets), 3, 3))
+        for places, rotation in self._neighbours:
+            turns = np.broadcast_to(rotation, (len(self._design.magnets), 3, 3))
             total = total + arrangement_field(self._design.magnets, places, turns, chips)
         factor = temperature_factor(check_temperature(temperature))
         return np.asarray(total * factor[..., None, None] + self._earth)

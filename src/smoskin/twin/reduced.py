@@ -95,9 +95,7 @@ class ReducedTwin(VirtualSkin):
     ) -> Floats:
         """How deep each state of touch presses each cell's top vertex, shape (B, N, M), m.
 
-        Notes
-        -----
-        Source: SI Eq. (S27), U_z = F_z / ((1 + |F_p| / v_f) v_s K_z), each touch in its shares.
+        U_z = F_z / ((1 + |F_p| / v_f) v_s K_z), the sum over the touches' shares of the vertex.
         """
         gain = shear_gain(touches.force[:, :, None, None, :2], self._folding)
         force = self._shares(touches) * -touches.force[..., 2, None, None]

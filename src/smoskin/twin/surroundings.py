@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smoskin.arrays import Floats, frozen
+from smoskin.arrays import Floats, assign, frozen
 from smoskin.errors import ArgumentError
 
 _NONE = (0.0, 0.0, 0.0)
@@ -15,13 +15,12 @@ class Neighbour:
     """Another skin of the same design, at rest, by the pose of its frame in this skin's."""
 
     place: Floats
-    """(3,), m: of its origin."""
+    """(3,), m: place of its origin."""
     turn: Floats
     """(3,), rad: rotation vector of its axes."""
 
     def __init__(self, *, place: object, turn: object = _NONE) -> None:
-        object.__setattr__(self, "place", _finite("place", place))
-        object.__setattr__(self, "turn", _finite("turn", turn))
+        assign(self, place=_finite("place", place), turn=_finite("turn", turn))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,13 +34,12 @@ class Surroundings:
     """
 
     earth: Floats
-    """(3,), T, in the skin's frame; 25 to 65 uT at the Earth's surface."""
+    """(3,), T: the Earth's field in the skin's frame; 25 to 65 uT at the Earth's surface."""
     neighbours: tuple[Neighbour, ...]
     """Further skins; their magnets do not move."""
 
     def __init__(self, *, earth: object = _NONE, neighbours: tuple[Neighbour, ...] = ()) -> None:
-        object.__setattr__(self, "earth", _finite("earth", earth))
-        object.__setattr__(self, "neighbours", tuple(neighbours))
+        assign(self, earth=_finite("earth", earth), neighbours=tuple(neighbours))
 
 
 def _finite(name: str, value: object) -> Floats:
