@@ -163,14 +163,14 @@ def test_pairs_are_compared_after_some_steps_and_three_at_least_are_followed(
     solver = TouchSolver(table, signal_noise(skin), STRAIGHT)
     exact = table.together(WHERE[None], FORCE[None])[0]
     solver.two(exact)
-    brief = [9.0, 3.0, 5.0, 4.0, 9.0, 9.0, 9.0, 9.0, 9.0, 9.0]
-    for ends, taken in (((9.0, 3.1, 4.0), 3), ((3.2, 3.3, 3.2, 3.1), 4)):
+    brief = [9.0, 3.0, 5.0, 4.0, *[9.0] * 10]
+    for ends, taken in (((9.0, 2.2, 4.0), 3), ((2.3, 2.4, 2.3, 2.2), 4)):
         problem = StatedProblem(*brief, *ends)
         monkeypatch.setattr(solver, "_pair", problem)
         assert solver.two(exact) == min(ends)
         steps = [row[2] for row in problem.begun]
-        assert steps == [3] * 10 + [40] * taken
-        assert [row[0][0] for row in problem.begun[10:]] == sorted(brief)[:taken]
+        assert steps == [4] * 14 + [40] * taken
+        assert [row[0][0] for row in problem.begun[14:]] == sorted(brief)[:taken]
 
 
 def test_a_touch_that_cannot_have_stood_there_is_let_go(table, skin, monkeypatch):

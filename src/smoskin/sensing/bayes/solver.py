@@ -21,7 +21,7 @@ from smoskin.sensing.response.table import PointTable, ResponseTable
 
 _FITS: Final = 4.0
 """Squared residual a signal up to which what follows from the last reading is believed."""
-_BRIEF: Final = 3
+_BRIEF: Final = 4
 """Steps after which many starts are compared."""
 
 
@@ -36,7 +36,7 @@ class _Search(NamedTuple):
     """Squared residual a signal at which no other is followed."""
 
 
-_SEARCHES: Final = {1: _Search(3, 1, 2.0), 2: _Search(10, 3, 0.7)}
+_SEARCHES: Final = {1: _Search(3, 1, 2.0), 2: _Search(14, 3, 0.5)}
 
 
 class TouchSolver:
