@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from smoskin.magnetics import sector
+from smoskin.magnetics import inversion, sector
 from smoskin.magnetics.inversion import FieldInverse, rest_cross_talk
 from smoskin.origami.geometry import geometry
 
@@ -95,3 +95,29 @@ def test_the_other_magnets_fields_are_those_of_their_places(planar):
                 expected[s] += sector.field(magnet, chips[s] - place)
     assert np.abs(expected).max() > 1e-7
     np.testing.assert_allclose(rest_cross_talk(planar), expected, rtol=1e-12, atol=1e-15)
+
+
+def test_one_reading_near_rest_takes_plain_numbers(planar, monkeypatch):
+    """The pace of a live skin: no array is inverted while every magnet is in its usable range."""
+    inverse = FieldInverse(planar)
+    moved = np.full((1, 3, 3), 1e-4)
+    fields = exact_fields(planar, moved)
+
+    def refused(*_):
+        raise AssertionError("arrays were inverted")
+
+    monkeypatch.setattr(inversion, "displacement", refused)
+    answer = inverse.displacements(fields)
+    np.testing.assert_allclose(answer.moved, moved, atol=1e-6)
+    assert answer.found.tolist() == [True]
+    # Past the usable range of one chip, or with a field that no place has, arrays take over.
+    far = moved.copy()
+    far[0, 1, 0] = 1e-3
+    for field in (exact_fields(planar, far), np.zeros((1, 3, 3))):
+        with pytest.raises(AssertionError, match="arrays were inverted"):
+            inverse.displacements(field)
+
+
+@pytest.mark.parametrize("field", [0.0, np.nan, 1.0])
+def test_one_reading_of_no_place_is_not_found(planar, field):
+    assert not FieldInverse(planar).displacements(np.full((1, 3, 3), field)).found.any()
