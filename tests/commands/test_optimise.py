@@ -16,6 +16,7 @@ from smoskin.commands.optimise import (
     Side,
     changes_of,
     check_made,
+    compare_bounds,
     design_bound,
     made_sheets,
     optimise,
@@ -23,6 +24,7 @@ from smoskin.commands.optimise import (
 from smoskin.commands.optimise.limits import (
     Reached,
     allowed_field,
+    alone_over,
     clearances,
     fit_gaps,
     largest_field,
@@ -31,9 +33,14 @@ from smoskin.commands.optimise.limits import (
     slowest_setting,
     stood_limits,
 )
-from smoskin.commands.optimise.objective import design_information, try_design, unknown_of
+from smoskin.commands.optimise.objective import (
+    design_information,
+    try_design,
+    unknown_of,
+    worth,
+)
 from smoskin.commands.optimise.pressed import PressedSheet, rated_touches
-from smoskin.commands.optimise.search import find_design
+from smoskin.commands.optimise.search import _point, _varied, exchange, find_design
 from smoskin.errors import ArgumentError
 from smoskin.feasibility import load_design
 from smoskin.magnetics import mlx90393
@@ -219,6 +226,102 @@ def test_better_places_lower_the_bound_and_keep_the_limits(planar, sheet, found)
     corners = [one.corner for one in found.after.magnets]
     assert len(set(corners)) == len(corners)
     assert 1 / mlx90393.conversion_time(found.after.hall_setting, 0) >= WITHIN.rate
+
+
+def test_magnets_are_placed_where_they_tell_most(planar, sheet):
+    told = []
+    best = find_design(
+        planar, AIM, WITHIN, PLACED, lambda what, share: told.append((what, share)), ticking()
+    )
+    assert [one.corner for one in best.design.magnets] == [(3, 1), (5, 5), (1, 5)]
+    assert [site.gap for site in best.design.halls] == pytest.approx([4.95e-3, 6.15e-3, 6.15e-3])
+    assert best.design.hall_setting.gain_selection == 3
+    assert best.merit == best.value == pytest.approx(0.36462e-3, rel=1e-3)
+    assert [what for what, _ in told] == ["places of magnets"] * 9 + ["rounding"]
+    assert told[-1][1] == 1.0
+    # No other corner of a single magnet would tell more, as far as each chip sees its own alone.
+    limits = Limits()
+    placed = exchange(planar, sheet, AIM, limits, np.random.default_rng(0))
+    corners = {
+        site.magnet: next(m.corner for m in placed.magnets if m.name == site.magnet)
+        for site in placed.halls
+    }
+
+    def value(chosen):
+        whole = sum(
+            design_information(alone_over(planar, site, chosen[site.magnet]), sheet, AIM.unmodelled)
+            for site in planar.halls
+        )
+        return worth(whole, sheet, len(planar.halls), AIM)
+
+    best = value(corners)
+    assert best < value({m.name: m.corner for m in planar.magnets})
+    assert len(set(corners.values())) == 3
+    for name in corners:
+        for corner in ((1, 1), (1, 5), (3, 3), (5, 1), (5, 5), (2, 4)):
+            if corner not in corners.values():
+                assert value(corners | {name: corner}) >= best
+
+
+def test_numbers_are_rounded_to_what_a_workshop_sets(planar):
+    odd = replace(
+        planar,
+        columns=replace(planar.columns, radius=1.518e-3, height=10.04e-3),
+        frame=replace(planar.frame, stiffness=123.4),
+        magnets=tuple(replace(m, radius=4.03e-3, height=2.98e-3) for m in planar.magnets),
+    )
+    best = find_design(odd, AIM, WITHIN, SearchEffort(seconds=0.5), lambda *told: None, ticking())
+    columns = best.design.columns
+    assert columns.radius in (1.5e-3, 1.55e-3)
+    assert columns.height in (10.0e-3, 10.1e-3)
+    assert best.design.frame.stiffness == 120.0
+    for magnet in best.design.magnets:
+        assert (magnet.radius, magnet.height) == (4.0e-3, 3.0e-3)
+    for site in best.design.halls:
+        assert site.gap / 0.05e-3 == pytest.approx(round(site.gap / 0.05e-3))
+
+
+def test_variables_run_evenly_in_their_logarithms_between_their_ends(planar):
+    limits = Limits()
+    for part in (0.0, 0.5, 1.0, 1.5):
+        varied = _varied(planar, np.full(5, part), limits)
+        ends = (
+            (varied.columns.radius, limits.column_radius),
+            (varied.columns.height, limits.column_height),
+            (varied.frame.stiffness, limits.frame_stiffness),
+            (varied.magnets[1].radius, limits.magnet_radius),
+            (varied.magnets[2].height, limits.magnet_height),
+        )
+        for value, (least, most) in ends:
+            expected = [least, math.sqrt(least * most), most, most][round(2 * part)]
+            assert value == pytest.approx(expected)
+        assert _point(varied, limits) == pytest.approx(np.full(5, min(part, 1.0)))
+    thin = replace(planar, columns=replace(planar.columns, radius=0.5e-3))
+    assert _point(thin, limits)[0] == 0.0
+
+
+def test_both_designs_are_compared_in_every_case(planar):
+    sides = compare_bounds(
+        planar, load_design("optimised"), force=0.5, unmodelled=0.005, places=COARSE
+    )
+    assert len(sides) == 52
+    known = {(one.case, one.quantity): (one.before, one.after) for one in sides}
+    for case, quantity, before, after in (
+        ("all chips, drag unknown", "mean location, mm", 0.4220, 0.18052),
+        ("all chips, drag unknown", "worst drag, mN", 1.86732, 0.55018),
+        ("all chips, drag unknown", "super-resolution by area", 35288.2, 189067.0),
+        ("all chips, no drag", "mean normal force, mN", 0.74908, 0.89292),
+        ("the sheet's chips, no drag", "median location, mm", 0.26855, 0.14683),
+        ("the sheet's chips, no drag", "super-resolution by spacing", 428.358, 745.741),
+        (
+            "all chips, drag and a share of signals unknown",
+            "maximum location, mm",
+            0.79596,
+            0.33481,
+        ),
+        ("all chips, drag unknown, made skins", "mean location, mm", 0.41280, 0.17801),
+    ):
+        assert known[case, quantity] == pytest.approx((before, after), rel=2e-3)
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from scipy.stats import multivariate_normal
 
 from learned_examples import cycles, presses
 from smoskin.errors import ArgumentError
-from smoskin.sensing.learned.inputs import Encoding, Form
+from smoskin.sensing.learned.inputs import Encoding, Form, Past
 from smoskin.sensing.learned.training import (
     FittingEffort,
     _judge,
@@ -146,6 +146,28 @@ def test_stated_covariance_reach_and_figures_are_those_of_what_was_held_out():
     assert figures["rmse_x"] == pytest.approx(np.sqrt(np.mean(error[:, 0] ** 2)))
     assert figures["rmse_y"] == pytest.approx(np.sqrt(np.mean(error[:, 1] ** 2)))
     assert figures["mean_error"] == pytest.approx(np.linalg.norm(error, axis=1).mean())
+
+
+def test_a_training_comes_to_the_same_numbers_as_ever():
+    encoding = Encoding(
+        chips=(0, 2), form=Form.DIRECTION, time_constants=(1.0,), past=Past.STRENGTH
+    )
+    effort = FittingEffort(rows=300, evidence_rows=80, iterations=10)
+    model = train(cycles(), encoding, effort=effort, seed=2, place=(0.01, 0.02), touch_field=1e-5)
+    assert [metric.name for metric in model.metrics] == ["rmse_fz"]
+    assert model.metrics[0].value == pytest.approx(0.175045, rel=1e-3)
+    assert model.scale == pytest.approx(
+        [1.7435, 1.73767, 2.13369, 2.23942, 1.68859, 1.80842, 1.69071, 2.4646], rel=1e-3
+    )
+    assert model.reach == pytest.approx(1.70517, rel=1e-3)
+    assert model.residual == pytest.approx(np.array([[59.124]]), rel=1e-3)
+    assert model.noise == pytest.approx([1.50469e-4, 1.07129e-13], rel=1e-3)
+    assert model.intercept == pytest.approx([-4.9912], rel=1e-3)
+    assert model.slope[[0, 5], 0] == pytest.approx([-0.25588, -0.79784], rel=2e-3)
+    assert (model.place.tolist(), model.touch_field) == ([0.01, 0.02], 1e-5)
+    assert model.split == "2 of 10 groups held out whole, drawn with seed 2"
+    usual = FittingEffort()
+    assert (usual.rows, usual.evidence_rows, usual.iterations) == (4000, 500, 30)
 
 
 def test_held_out_are_whole_groups_and_the_final_model_sees_all():

@@ -9,6 +9,7 @@ from scipy.stats import multivariate_normal
 
 from networks import TINY, random_network, tiny_network
 from smoskin.errors import ArgumentError, ModelError
+from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.sensing.network.samples import Lessons, TouchSource, TouchSpread, TrainingEffort
 from smoskin.sensing.network.training import likelihood_loss, train_network
 from smoskin.sensing.signals.signals import signal_noise
@@ -149,6 +150,48 @@ def test_a_killed_training_goes_on_to_the_same_numbers(skin, tmp_path):
     assert resumed.ended == "all 3 epochs are done"
     again = train_network(skin, reduced_table(skin), effort=SHORT, checkpoint=checkpoint)
     assert len(again.curve) == 3
+
+
+def test_a_training_comes_to_the_same_numbers_as_ever(skin):
+    trained = train_network(
+        skin,
+        table_with_modes(skin),
+        spread=TouchSpread(drag=0.4),
+        creep=Prony(moduli=[0.2], times=[1.0]),
+        effort=replace(SHORT, seed=3),
+    )
+    curve = np.array([(one.rate, one.training, one.held_out) for one in trained.curve])
+    assert curve == pytest.approx(
+        np.array(
+            [[0.03, 6.28672, 7.04194], [0.0225, 4.04836, 6.62835], [0.0075, 2.78712, 6.25909]]
+        ),
+        rel=2e-3,
+    )
+    model = trained.model
+    assert model.stretch == pytest.approx([0.8156, 0.8156, 0.9729, 0.9602, 0.8429], rel=0.01)
+    assert model.reach == pytest.approx(9.2939, rel=1e-3)
+    assert np.abs(model.whitener).sum() == pytest.approx(16.374, rel=1e-3)
+    assert model.middle == pytest.approx([0.06027, 0.08098, 0.2774, -0.16414, 4.9237], rel=1e-4)
+    assert model.size == pytest.approx([0.03623, 0.04794, 61.757, 62.117, 0.4026], rel=1e-3)
+    figures = [metric.value for metric in model.metrics]
+    assert figures == pytest.approx([0.04643, 0.18636, 0.91015, 0.15137], rel=0.01)
+    assert (model.drag, model.floor) == (0.4, 1e-6)
+    table = table_with_modes(skin)
+    assert (model.forces, model.softening) == (table.forces, table.softening)
+    assert model.split == (
+        "skins of their own: 128 to end training, 128 for the spread, 128 for the figures, of 96 "
+        "touches each"
+    )
+
+
+def test_usual_sizes_are_those_that_are_told():
+    usual = TrainingEffort()
+    assert (usual.members, usual.width, usual.depth) == (4, 64, 3)
+    assert (usual.epochs, usual.steps, usual.batch, usual.touches) == (60, 200, 1024, 64)
+    assert (usual.rate, usual.patience, usual.seconds, usual.seed) == (1e-2, 12, np.inf, 0)
+    spread = TouchSpread()
+    assert (spread.margin, spread.drag, spread.straight, spread.uneven) == (2.5e-3, 0.0, 0.4, 0.5)
+    assert (spread.temperatures, spread.drift) == ((15.0, 35.0), 0.5e-6)
 
 
 def test_a_checkpoint_of_another_training_is_refused(skin, tmp_path):
