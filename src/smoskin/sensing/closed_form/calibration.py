@@ -1,9 +1,8 @@
-"""What distinguishes one skin from its design: the numbers an estimator works with, and its file.
+"""The numbers of the paper's model that tell one skin from its design, and their file.
 
-Decides what a calibration holds: the coefficients of the reduced model, two stiffnesses, how each
-chip's reading becomes the field of the magnet as designed (its turn, and k_c, c_c of S6), and how
-the sheet answers on each cell, if that was measured.
-The file is TOML with units in its keys, bound to the design by its hash.
+Decides what a calibration holds: the coefficients of the reduced model, two stiffnesses, and how
+each chip's reading becomes the field of the magnet as designed (its turn, and k_c, c_c of S6). The
+file is TOML with units in its keys, bound to the design by its hash.
 """
 
 import math
@@ -64,7 +63,7 @@ class Evidence:
     date: str
     """ISO date of the measurement."""
     data_sha256: str
-    """Of the measured file."""
+    """SHA-256 of the measured file."""
     touches: int
     """Rows in it."""
     freedom: int

@@ -138,45 +138,16 @@ def fit_calibration(
     Source: SI Text S5, "Calibration Process", with Eqs. (S6), (S26), (S27).
     Valid for touches on top vertices with depths in the linear range of S7.
     """
-    from scipy.optimize import least_squares
-
     _check_touches(design, touches)
     model = PressModel(design, touches, 1 if attenuation == "equal" else 2)
     _check_loads(model)
     nominal = Calibration.nominal(design)
-    chip = np.sqrt(mlx90393.noise(design.hall_setting) ** 2
-                   + mlx90393.sensitivity(design.hall_setting) ** 2 / 12)  # fmt: skip
-    levels = np.array([_RELATIVE, _RELATIVE, 1.0])
-    group = _groups(model)
-    prior = _prior(model)
-    bounds = _bounds(model, nominal)
-
-    sigma = _sigmas(model, levels, chip, 0.0)
-    values = _start(model, nominal, sigma)
-    for _ in range(_ROUNDS):
-        problem = _Problem(model, sigma, prior)
-        result = least_squares(
-            problem.residuals,
-            values,
-            jac=problem.jacobian,
-            bounds=(bounds[0], bounds[1]),
-            x_scale="jac",
-            xtol=1e-8,
-            ftol=1e-8,
-            max_nfev=60,
-        )
-        values = result.x
-        solved = problem.solve(values)
-        _check_determined(model, solved.reduced)
-        levels = _levels(levels, group, solved, merged=not model.read.any())
-        # Noise as large as the modelled values say: the measured ones would weigh low values more.
-        sigma = _sigmas(model, levels, chip, solved.residual)
+    values, levels, sigma = _fitted(model, nominal)
     # The uncertainty is that of the noise found last.
-    solved = _Problem(model, sigma, prior).solve(values)
-    _check_inside(model, values, bounds)
+    solved = _Problem(model, sigma).solve(values)
     deviation = np.sqrt(np.diag(np.linalg.inv(solved.reduced.T @ solved.reduced)))
     measured = np.isfinite(sigma)
-    freedom = int(measured.sum() - 3 * len(touches.force) - model.size + (prior > 0).sum())
+    freedom = int(measured.sum() - 3 * len(touches.force) - model.size + (_prior(model) > 0).sum())
     residual = np.where(measured, solved.residual, np.nan)
     evidence = Evidence(
         date=date,
@@ -186,23 +157,53 @@ def fit_calibration(
         uncertainty=_uncertainty(model, values, deviation),
         residuals=tuple(_summaries(design, residual)),
     )
+    field = float(levels[2] * _chip_noise(design)[0]) if model.read.any() else np.nan
     return Fit(
         calibration=replace(model.calibration(values, nominal), evidence=evidence),
         touches=touches,
-        noise=(*levels[:2].tolist(), float(levels[2] * chip[0]) if model.read.any() else np.nan),
+        noise=(*levels[:2].tolist(), field),
         depth=solved.own[:, 0],
         drag=solved.own[:, 1:],
         residual=residual,
     )
 
 
+def _fitted(model: PressModel, nominal: Calibration) -> tuple[Floats, Floats, Floats]:
+    """Fitted numbers (P,), noise levels (3,) and the noise of every value (T, V)."""
+    from scipy.optimize import least_squares
+
+    levels = np.array([_RELATIVE, _RELATIVE, 1.0])
+    group, bounds = _groups(model), _bounds(model, nominal)
+    sigma = _sigmas(model, levels, 0.0)
+    values = _start(model, nominal, sigma)
+    for _ in range(_ROUNDS):
+        problem = _Problem(model, sigma)
+        values = least_squares(
+            problem.residuals,
+            values,
+            jac=problem.jacobian,
+            bounds=(bounds[0], bounds[1]),
+            x_scale="jac",
+            xtol=1e-8,
+            ftol=1e-8,
+            max_nfev=60,
+        ).x
+        solved = problem.solve(values)
+        _check_determined(model, solved.reduced)
+        levels = _levels(levels, group, solved, merged=not model.read.any())
+        # Noise as large as the modelled values say: the measured ones would weigh low values more.
+        sigma = _sigmas(model, levels, solved.residual)
+    _check_inside(model, values, bounds)
+    return values, levels, sigma
+
+
 class _Problem:
     """The least squares over the skin's numbers alone."""
 
-    def __init__(self, model: PressModel, sigma: Floats, prior: Floats) -> None:
+    def __init__(self, model: PressModel, sigma: Floats) -> None:
         self._model = model
         self._weight = 1 / sigma
-        self._prior = prior
+        self._prior = _prior(model)
         self._last: _Solved | None = None
         self._own = np.column_stack([model.depth, model.touches.force[:, :2]])
 
@@ -290,7 +291,7 @@ def _require(name: str, count: int, what: str) -> None:
         )
 
 
-def _sigmas(model: PressModel, levels: Floats, chip: Floats, residual: Floats | float) -> Floats:
+def _sigmas(model: PressModel, levels: Floats, residual: Floats | float) -> Floats:
     """Noise of every value, shape (T, V), SI; infinite where nothing was measured."""
     touches = model.touches
     measured = np.column_stack([touches.force, model.depth])
@@ -301,9 +302,15 @@ def _sigmas(model: PressModel, levels: Floats, chip: Floats, residual: Floats | 
     depth = np.hypot(levels[1] * size[:, 3], _DEPTH_FLOOR)
     untouched = ~model.touched
     force[untouched], depth[untouched] = _UNTOUCHED
-    field = np.broadcast_to(levels[2] * chip, touches.field.shape)
+    field = np.broadcast_to(levels[2] * _chip_noise(model.design), touches.field.shape)
     field = np.where(model.read[..., None], field, np.inf)
     return np.concatenate([force, depth[:, None], field.reshape(len(depth), -1)], axis=1)
+
+
+def _chip_noise(design: SkinDesign) -> Floats:
+    """Noise of one reading along each axis of a chip, its rounding included, (3,), T."""
+    setting = design.hall_setting
+    return np.asarray(np.hypot(mlx90393.noise(setting), mlx90393.sensitivity(setting) / 12**0.5))
 
 
 def _groups(model: PressModel) -> Ints:
@@ -319,7 +326,7 @@ def _groups(model: PressModel) -> Ints:
 def _levels(levels: Floats, group: Ints, solved: _Solved, *, merged: bool) -> Floats:
     """Noise levels that the residuals show; without readings force and depth share one factor."""
     group = np.where(group == 1, 0, group) if merged else group
-    found = levels.copy()
+    scaled = levels.copy()
     by_data = solved.reduced[: solved.used.size]
     shared = np.einsum("ip,pi->i", by_data, np.linalg.pinv(solved.reduced)[:, : len(by_data)])
     used = solved.used + shared.reshape(solved.used.shape)
@@ -327,10 +334,10 @@ def _levels(levels: Floats, group: Ints, solved: _Solved, *, merged: bool) -> Fl
         mine = group == k
         left = mine.sum() - used[mine].sum()
         if left > max(_LEAST_SHARE * mine.sum(), 3):
-            found[k] *= np.sqrt((solved.scaled[mine] ** 2).sum() / left)
+            scaled[k] *= np.sqrt((solved.scaled[mine] ** 2).sum() / left)
     if merged:
-        found[1] = levels[1] * found[0] / levels[0]
-    return found
+        scaled[1] = levels[1] * scaled[0] / levels[0]
+    return scaled
 
 
 def _prior(model: PressModel) -> Floats:
@@ -360,24 +367,30 @@ def _start(model: PressModel, nominal: Calibration, sigma: Floats) -> Floats:
     press = -model.touches.force[:, 2]
     straight = model.touched & (model.depth > 0) & (press > 0)
     straight &= np.abs(model.touches.force[:, :2]).max(axis=1) <= _STRAIGHT * press
-    problem = _Problem(model, sigma, _prior(model))
-    starts = []
+    problem = _Problem(model, sigma)
+    candidates = []
     for v_a in (0.12, 0.2, 0.3, 0.45, 0.7):
         values = model.start(nominal)
         values[model.layout.attenuation] = v_a
         modelled = model.press_stiffness(values)[straight] * model.depth[straight]
         values[model.layout.stiffness_variation] = np.log(np.median(press[straight] / modelled))
-        starts.append((float((problem.residuals(values) ** 2).sum()), values))
-    return min(starts, key=lambda one: one[0])[1]
+        candidates.append((float((problem.residuals(values) ** 2).sum()), values))
+    return min(candidates, key=lambda candidate: candidate[0])[1]
 
 
 def _tolerances(model: PressModel) -> Iterator[tuple[str, int, float]]:
     """Name, place and largest standard uncertainty of each number."""
     at = model.layout
     wide = {"attenuation": 0.1, "rotation": 0.05, "factor": 0.1, "offset": 5e-3}
-    full = {"folding_x": "folding_correction_x", "folding_y": "folding_correction_y",
-            "board": "board_stiffness", "sheet": "sheet_stiffness", "rotation": "chip_rotation",
-            "factor": "field_factor", "offset": "field_offset"}  # fmt: skip
+    full = {
+        "folding_x": "folding_correction_x",
+        "folding_y": "folding_correction_y",
+        "board": "board_stiffness",
+        "sheet": "sheet_stiffness",
+        "rotation": "chip_rotation",
+        "factor": "field_factor",
+        "offset": "field_offset",
+    }
     for part in at._fields:
         place = getattr(at, part)
         for k in range(place.start, place.stop):
@@ -414,7 +427,7 @@ def _check_inside(model: PressModel, values: Floats, bounds: Floats) -> None:
 def _uncertainty(model: PressModel, values: Floats, deviation: Floats) -> Uncertainty:
     """Standard uncertainties in the numbers' own units."""
     at = model.layout
-    own = deviation * 1.0
+    own = deviation.copy()
     for part in (at.stiffness_variation, at.folding_x, at.folding_y, at.board, at.sheet):
         own[part] *= np.exp(values[part])
     v_a = own[at.attenuation].tolist()
@@ -436,8 +449,8 @@ def _uncertainty(model: PressModel, values: Floats, deviation: Floats) -> Uncert
 
 def _summaries(design: SkinDesign, residual: Floats) -> Iterator[ResidualSummary]:
     """Root mean square of each group of residuals."""
-    groups = [("force_x", "N", residual[:, 0]), ("force_y", "N", residual[:, 1]),
-              ("force_z", "N", residual[:, 2]), ("depth", "mm", residual[:, 3])]  # fmt: skip
+    groups = [(f"force_{axis}", "N", residual[:, k]) for k, axis in enumerate("xyz")]
+    groups.append(("depth", "mm", residual[:, 3]))
     for s in range((residual.shape[1] - 4) // 3):
         name = f"field of chip {design.halls[s].name}"
         groups.append((name, "uT", residual[:, 4 + 3 * s : 7 + 3 * s]))

@@ -25,7 +25,7 @@ from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.calibration import Calibration, Triple
 
 _STEP: Final = 1e-5
-"""Of v_a in its central differences."""
+"""Step of v_a in its central differences."""
 
 
 _ON_VERTEX: Final = 1e-3
@@ -33,7 +33,7 @@ _ON_VERTEX: Final = 1e-3
 
 
 class Layout(NamedTuple):
-    """Where each number stands among the fitted ones; stiffnesses and v_f as logarithms."""
+    """Places of the numbers among the fitted ones; stiffnesses and v_f as logarithms."""
 
     attenuation: slice
     stiffness_variation: slice
@@ -211,8 +211,8 @@ class PressModel:
         self._places, self._charges = point_charges(magnets)
         self._rest = geometry(design).rest
         mounts = mlx90393.rotations(design.halls)
-        known = np.isfinite(touches.temperature)
-        degrees = np.where(known, touches.temperature, REFERENCE_TEMPERATURE)
+        reported = np.isfinite(touches.temperature)
+        degrees = np.where(reported, touches.temperature, REFERENCE_TEMPERATURE)
         warmth = temperature_factor(degrees)[..., None]
         seen = np.where(self.read[..., None], touches.field, 0.0)
         self._seen = np.einsum("sij,tsj->tsi", mounts, seen) / warmth
@@ -264,35 +264,39 @@ class PressModel:
         field = field + np.einsum("sgij,tgj->tsi", self._cross_slope, against)
 
         turned = np.einsum("sij,tsj->tsi", Rotation.from_rotvec(rotation).as_matrix(), self._seen)
-        known = self.read[..., None]
+        read = self.read[..., None]
         # Measured less modelled, not corrected less designed: a factor on the noise would pull
         # the factor down.
         expected = (field - offset) / factor[:, None]
-        residual[:, 4:] = np.where(known, turned - expected, 0.0).reshape(count, -1)
+        residual[:, 4:] = np.where(read, turned - expected, 0.0).reshape(count, -1)
 
         # d(field)/d(motion of every magnet), (T, S, G, 3, 2).
         slope = np.broadcast_to(self._cross_slope, (count, *self._cross_slope.shape)).copy()
         slope[:, np.arange(chips), self._watched] += gradient[..., :2]
-        slope *= np.where(known, -1.0 / factor[:, None], 0.0)[..., None, None]
+        slope *= np.where(read, -1.0 / factor[:, None], 0.0)[..., None, None]
         by_own[:, 4:, 0] = np.einsum("tsgij,tgj->tsi", slope, per_press).reshape(count, -1)
         by_own[:, 4:, 1:] = np.einsum("tsgij,g->tsij", slope, by_drag).reshape(count, -1, 2)
-        for k, one in enumerate(slopes):
-            moved = -one.motion * press[:, None, None]
-            by_skin[:, 4:, k] = np.einsum("tsgij,tgj->tsi", slope, moved).reshape(count, -1)
+        moves = [(k, -one.motion * press[:, None, None]) for k, one in enumerate(slopes)]
         for part, weight in ((at.board, -(1 - on) * soft[0]), (at.sheet, on * soft[1])):
-            moved = weight[:, None] * drag[:, None, :]
-            by_skin[:, 4:, part.start] = np.einsum("tsgij,tgj->tsi", slope, moved).reshape(
-                count, -1
-            )
-        for s in range(chips):
+            moves.append((part.start, weight[:, None] * drag[:, None, :]))
+        for place, moved in moves:
+            by_skin[:, 4:, place] = np.einsum("tsgij,tgj->tsi", slope, moved).reshape(count, -1)
+        self._slopes_by_chips(values, turned, expected, by_skin)
+
+    def _slopes_by_chips(
+        self, values: Floats, turned: Floats, expected: Floats, by_skin: Floats
+    ) -> None:
+        """Fill in the fields' derivatives by each chip's rotation, factor and offset."""
+        at, read = self.layout, self.read[..., None]
+        rotation, factor = values[at.rotation].reshape(-1, 3), values[at.factor]
+        for s in range(len(factor)):
             rows = slice(4 + 3 * s, 7 + 3 * s)
-            by_skin[:, rows, at.factor.start + s] = expected[:, s] / factor[s] * known[:, s]
-            for axis in range(3):
-                unit = np.eye(3)[axis]
+            by_skin[:, rows, at.factor.start + s] = expected[:, s] / factor[s] * read[:, s]
+            for axis, unit in enumerate(np.eye(3)):
                 turn = np.cross(unit + np.cross(rotation[s], unit) / 2, turned[:, s])
-                by_skin[:, rows, at.rotation.start + 3 * s + axis] = turn * known[:, s]
+                by_skin[:, rows, at.rotation.start + 3 * s + axis] = turn * read[:, s]
                 by_skin[:, 4 + 3 * s + axis, at.offset.start + 3 * s + axis] = (
-                    known[:, s, 0] / factor[s]
+                    read[:, s, 0] / factor[s]
                 )
 
     def _sheet_and_slopes(self, attenuation: tuple[float, ...]) -> "tuple[_Sheet, list[_Sheet]]":
