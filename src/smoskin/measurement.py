@@ -95,17 +95,21 @@ class TouchTable:
             temperature=(rows, chips),
             held=(rows, 2),
         )
-        known = np.isfinite(self.position)
-        began = np.isfinite(self.held)
-        for name, bad, rule in (
-            ("position", known.any(axis=1) != known.all(axis=1), "have both coordinates or none"),
+        self._check()
+
+    def _check(self) -> None:
+        """Raise on the first row that is no touch and not the untouched skin."""
+        placed, timed = np.isfinite(self.position), np.isfinite(self.held)
+        untimely = timed.any(axis=1) & ~(self.held[:, 0] <= self.held[:, 1])
+        rules = (
+            ("position", placed.any(axis=1) != placed.all(axis=1), "have both coordinates or none"),
             ("force", ~np.isfinite(self.force).all(axis=1), "be finite"),
             ("force", self.touched & ~(self.force[:, 2] < 0), "press: z must be below zero"),
             ("force", ~self.touched & self.force.any(axis=1), "be zero where nothing touches"),
             ("depth", self.depth < 0, "press: a pushed skin has a displacement z below zero"),
-            ("held", began.any(axis=1) & ~(self.held[:, 0] <= self.held[:, 1]),
-             "end with a time that is not before its beginning"),
-        ):  # fmt: skip
+            ("held", untimely, "end with a time that is not before its beginning"),
+        )
+        for name, bad, rule in rules:
             if bad.any():
                 row = int(np.argmax(bad))
                 raise ArgumentError(
@@ -160,9 +164,9 @@ class TouchTable:
                 )
             fields.append(np.mean([good[k].field for k in chosen], axis=0))
             reported = np.array([good[k].temperature for k in chosen])
-            known = np.isfinite(reported)
-            mean = np.where(known, reported, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-            degrees.append(np.where(known.any(axis=0), mean, np.nan))
+            there = np.isfinite(reported)
+            mean = np.where(there, reported, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+            degrees.append(np.where(there.any(axis=0), mean, np.nan))
         return replace(self, field=np.array(fields), temperature=np.array(degrees))
 
     def held_touches(self, readings: Iterable[Reading] | None = None) -> tuple[HeldTouch, ...]:
@@ -180,33 +184,20 @@ class TouchTable:
             If no row has been made, no row of the untouched skin stands before the first touch,
             rows do not follow each other in time, or there are no readings when one was held.
         """
-        made = np.flatnonzero(self.made)
-        held = self.held
-        if readings is None:
-            made = made[np.isfinite(self.field[made]).any(axis=(1, 2))]
-            held = np.repeat(_APART * np.arange(len(self.held))[:, None], 2, axis=1)
-            readings = [
-                Reading(time=held[k, 0], field=self.field[k], temperature=self.temperature[k])
-                for k in made
-            ]
-        elif np.isnan(held[made]).any():
-            raise ArgumentError("from_s and until_s must say when each row was held")
+        timed, readings = self._timed() if readings is None else (self, readings)
+        made = np.flatnonzero(timed.made)
         if not len(made):
             raise ArgumentError("touches must have been made; no row has been filled in")
+        if np.isnan(timed.held[made]).any():
+            raise ArgumentError("from_s and until_s must say when each row was held")
         ordered = sorted(readings, key=lambda reading: reading.time)
         times = np.array([reading.time for reading in ordered])
         touches: list[HeldTouch] = []
         rest: tuple[float, float] | None = None
         reached = -np.inf
         for k in made.tolist():
-            begin, end = held[k].tolist()
-            if not ((times >= begin) & (times <= end)).any():
-                raise ArgumentError(
-                    f"readings must hold some from {begin:g} to {end:g} s, when row {k + 1} was "
-                    "held; got none"
-                )
-            if begin < reached:
-                raise ArgumentError(f"row {k + 1} must be held after the row before it")
+            begin, end = timed.held[k].tolist()
+            _check_order(k + 1, (begin, end), reached, times)
             if not self.touched[k]:
                 rest, reached = (begin, end), max(reached, begin)
                 continue
@@ -214,17 +205,34 @@ class TouchTable:
                 raise ArgumentError(
                     f"row {k + 1} must come after a row of the untouched skin, without a place"
                 )
-            since = times > (touches[-1].held[1] if touches else np.nextafter(rest[0], -np.inf))
-            touches.append(
-                HeldTouch(
-                    contact=Contact(position=self.position[k], force=self.force[k]),
-                    readings=tuple(ordered[i] for i in np.flatnonzero(since & (times <= end))),
-                    rest=rest,
-                    held=(begin, end),
-                )
-            )
+            contact = Contact(position=self.position[k], force=self.force[k])
+            since = times > touches[-1].held[1] if touches else times >= rest[0]
+            seen = tuple(ordered[i] for i in np.flatnonzero(since & (times <= end)))
+            touches.append(HeldTouch(contact=contact, readings=seen, rest=rest, held=(begin, end)))
             reached = end
         return tuple(touches)
+
+    def _timed(self) -> "tuple[TouchTable, list[Reading]]":
+        """The same rows a minute apart, and what those that were read say as readings then."""
+        read: Bools = np.asarray(np.isfinite(self.field).any(axis=(1, 2)))
+        times = np.where(read, _APART * np.arange(len(read)), np.nan)
+        readings = [
+            Reading(time=times[k], field=self.field[k], temperature=self.temperature[k])
+            for k in np.flatnonzero(read)
+        ]
+        return replace(self, held=np.stack([times, times], axis=1)), readings
+
+
+def _check_order(row: int, held: tuple[float, float], reached: float, times: Floats) -> None:
+    """Raise unless a row was held after the one before it, and there are readings of then."""
+    begin, end = held
+    if not ((times >= begin) & (times <= end)).any():
+        raise ArgumentError(
+            f"readings must hold some from {begin:g} to {end:g} s, when row {row} was held; got "
+            "none"
+        )
+    if begin < reached:
+        raise ArgumentError(f"row {row} must be held after the row before it")
 
 
 def write_touches(path: str | os.PathLike[str], table: TouchTable) -> None:
@@ -267,8 +275,7 @@ def read_touches(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
         raise RecordingError(f"{where}: must hold a header and at least one row")
     header = [name.strip() for name in lines[0]]
     chips = _check_header(where, header)
-    rows = len(lines) - 1
-    columns = {name: np.full(rows, np.nan) for name in header}
+    columns = {name: np.full(len(lines) - 1, np.nan) for name in header}
     for row, line in enumerate(lines[1:]):
         if len(line) != len(header):
             raise RecordingError(
@@ -276,6 +283,14 @@ def read_touches(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
             )
         for name, text in zip(header, line, strict=True):
             columns[name][row] = _read(f"{where}: line {row + 2}", name, text.strip())
+    try:
+        return _table(columns, chips, len(lines) - 1), hashlib.sha256(raw).hexdigest()
+    except ArgumentError as error:
+        raise RecordingError(f"{where}: {error}") from error
+
+
+def _table(columns: dict[str, Floats], chips: int, rows: int) -> TouchTable:
+    """The table of columns in SI; those that are not there hold nothing."""
     nothing = np.full(rows, np.nan)
     read = np.array([columns.get(name, nothing) for name in _chip_columns(chips)])
     read = read.reshape(chips, 4, rows).transpose(2, 0, 1)
@@ -283,18 +298,14 @@ def read_touches(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
     position = np.array([columns[name] for name in _PLACE]).T
     force = np.array([columns[name] for name in _FORCE]).T
     untouched = np.isnan(position).all(axis=1) & np.isnan(force).any(axis=1)
-    try:
-        table = TouchTable(
-            position=position,
-            force=np.where(untouched[:, None], np.nan_to_num(force), force),
-            depth=-columns.get(_DEPTH, nothing),
-            field=read[..., :3],
-            temperature=np.where(np.isfinite(read[..., 3]), read[..., 3], common),
-            held=np.array([columns.get(name, nothing) for name in _HELD]).T,
-        )
-    except ArgumentError as error:
-        raise RecordingError(f"{where}: {error}") from error
-    return table, hashlib.sha256(raw).hexdigest()
+    return TouchTable(
+        position=position,
+        force=np.where(untouched[:, None], np.nan_to_num(force), force),
+        depth=-columns.get(_DEPTH, nothing),
+        field=read[..., :3],
+        temperature=np.where(np.isfinite(read[..., 3]), read[..., 3], common),
+        held=np.array([columns.get(name, nothing) for name in _HELD]).T,
+    )
 
 
 def _check_header(where: str, header: list[str]) -> int:
@@ -306,11 +317,11 @@ def _check_header(where: str, header: list[str]) -> int:
         )
     chips = sum(name.startswith("chip") and "_B" in name for name in header) // 3
     needed = (*_PLACE, *_FORCE, *(n for n in _chip_columns(chips) if not n.endswith(_DEGREES)))
-    known = (*_PLACE, *_FORCE, _DEPTH, *_HELD, _DEGREES, *_chip_columns(chips))
+    valid = (*_PLACE, *_FORCE, _DEPTH, *_HELD, _DEGREES, *_chip_columns(chips))
     for name in header:
-        if name not in known or header.count(name) > 1:
+        if name not in valid or header.count(name) > 1:
             raise RecordingError(
-                f"{where}: column {name!r} is unknown or occurs twice; valid: {', '.join(known)}"
+                f"{where}: column {name!r} is unknown or occurs twice; valid: {', '.join(valid)}"
             )
     for name in needed:
         if name not in header:

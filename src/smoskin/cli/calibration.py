@@ -33,35 +33,42 @@ ForceMn = Annotated[
 ]
 
 
+Rig = Annotated[
+    str, typer.Option(help="Rig that touches the skin: virtual, virtual?seed=3&temperature=30.")
+]
+Sheet = Annotated[Path | None, typer.Option(help="CSV of touches made by hand, instead of a rig.")]
+Recording = Annotated[
+    Path | None,
+    typer.Option(help="MCAP with the readings, where the CSV says when touches were held."),
+]
+Touches = Annotated[
+    int | None, typer.Option(min=1, help="Touches that a rig makes; 15 by default.")
+]
+RigForce = Annotated[
+    float | None, typer.Option(help="Largest normal force of a rig, N; 0.8 by default.")
+]
+RigDrag = Annotated[
+    float | None, typer.Option(help="Largest sideways force of a rig, N; 0.3 by default.")
+]
+OwnTable = Annotated[
+    Path, typer.Option(help="File of the skin's own response table to write.", dir_okay=False)
+]
+
+
 @app.command()
 def calibrate(
     design: Design = "planar",
-    rig: Annotated[
-        str, typer.Option(help="Rig that touches the skin: virtual, virtual?seed=3&temperature=30.")
-    ] = "virtual",
-    sheet: Annotated[
-        Path | None, typer.Option(help="CSV of touches made by hand, instead of a rig.")
-    ] = None,
-    recording: Annotated[
-        Path | None,
-        typer.Option(help="MCAP with the readings, where the sheet says when touches were held."),
-    ] = None,
-    touches: Annotated[
-        int | None, typer.Option(min=1, help="Touches that a rig makes; 15 by default.")
-    ] = None,
+    rig: Rig = "virtual",
+    sheet: Sheet = None,
+    recording: Recording = None,
+    touches: Touches = None,
     until_mm: UntilMm = None,
-    force: Annotated[
-        float | None, typer.Option(help="Largest normal force of a rig, N; 0.8 by default.")
-    ] = None,
-    drag: Annotated[
-        float | None, typer.Option(help="Largest sideways force of a rig, N; 0.3 by default.")
-    ] = None,
+    force: RigForce = None,
+    drag: RigDrag = None,
     place_mm: PlaceMm = None,
     force_mn: ForceMn = None,
     table: Table = None,
-    out: Annotated[
-        Path, typer.Option(help="File of the skin's own response table to write.", dir_okay=False)
-    ] = Path("skin.table"),
+    out: OwnTable = Path("skin.table"),
     as_json: Json = False,
 ) -> None:
     """Calibrate a skin from a few touches and write its own response table.
@@ -69,49 +76,30 @@ def calibrate(
     A rig touches the skin where it tells most. Without one, `smoskin touches plan` writes a sheet
     of touches to make by hand, and --sheet reads it once it is filled in.
     """
-    from smoskin.commands.calibrate import calibrate as calibrated
+    from smoskin.commands import calibrate as work
     from smoskin.feasibility import load_design
     from smoskin.twin.rig import open_rig
 
-    orders = {
-        "count": touches,
-        "until": None if until_mm is None else 1e-3 * until_mm,
-        "force": force,
-        "drag": drag,
-    }
-    given: dict[str, Any] = {name: value for name, value in orders.items() if value is not None}
-    place = None if place_mm is None else 1e-3 * place_mm
-    press = None if force_mn is None else 1e-3 * force_mn
-    skin = load_design(design)
-    if sheet is not None:
-        if given or rig != "virtual":
-            raise ArgumentError(
-                "--sheet must come without --rig, --touches, --until-mm, --force and --drag: its "
-                "touches have been made"
-            )
-        start = _table(design, table)
-        done = calibrated(
-            start,
-            sheet,
-            design=skin,
-            recording=recording,
-            place_spread=place,
-            force_spread=press,
+    until = None if until_mm is None else 1e-3 * until_mm
+    orders = {"count": touches, "until": until, "force": force, "drag": drag}
+    options: dict[str, Any] = {key: value for key, value in orders.items() if value is not None}
+    if sheet is not None and (options or rig != "virtual"):
+        raise ArgumentError(
+            "--sheet must come without --rig, --touches, --until-mm, --force and --drag: its "
+            "touches have been made"
         )
+    if sheet is None and recording is not None:
+        raise ArgumentError("--recording must come with --sheet: a rig reads the chips itself")
+    options["design"] = skin = load_design(design)
+    options["place_spread"] = None if place_mm is None else 1e-3 * place_mm
+    options["force_spread"] = None if force_mn is None else 1e-3 * force_mn
+    start = _table(design, table)
+    if sheet is not None:
+        done = work.calibrate(start, sheet, recording=recording, **options)
     else:
-        if recording is not None:
-            raise ArgumentError("--recording must come with --sheet: a rig reads the chips itself")
-        start = _table(design, table)
         with progress_bar() as bar, open_rig(rig, skin) as presser:
-            done = calibrated(
-                start,
-                presser,
-                design=skin,
-                progress=lambda step: bar(step.sentence, step.number / step.asked),
-                place_spread=place,
-                force_spread=press,
-                **given,
-            )
+            options["progress"] = lambda step: bar(step.sentence, step.number / step.asked)
+            done = work.calibrate(start, presser, **options)
     done.save(out)
     if as_json:
         typer.echo(json.dumps(done.as_json() | {"file": str(out)}))
@@ -180,10 +168,7 @@ def fit_paper(
         "calibration.toml"
     ),
     design: Annotated[str, typer.Option(help="Design of the skin that was touched.")] = "planar",
-    recording: Annotated[
-        Path | None,
-        typer.Option(help="MCAP with the readings, where the table says when touches were held."),
-    ] = None,
+    recording: Recording = None,
     date: Annotated[
         str | None, typer.Option(help="ISO date of the measurement; today by default.")
     ] = None,

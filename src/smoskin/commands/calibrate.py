@@ -52,6 +52,33 @@ _MILESTONES: Final = (0, 1, 2, 5, 10, 15, 30, 60, 120, 240)
 """Numbers of touches after which people are told the expected error."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TouchOrder:
+    """What a rig is asked to do.
+
+    Raises
+    ------
+    ArgumentError
+        If the count or a force is not positive, or the drag or the error is negative.
+    """
+
+    count: int
+    """Usable touches to make."""
+    until: float
+    """m: fewer are made if a located touch is expected to be no further off than this."""
+    force: float
+    """N: largest normal force."""
+    drag: float
+    """N: largest sideways force."""
+
+    def __post_init__(self) -> None:
+        if self.count < 1 or not self.force > 0 or not min(self.drag, self.until) >= 0:
+            raise ArgumentError(
+                f"count and force must be positive, drag and until >= 0; got {self.count}, "
+                f"{self.force} N, {self.drag} N and {self.until} m"
+            )
+
+
 class TouchStep(NamedTuple):
     """One touch that a rig has made."""
 
@@ -163,23 +190,22 @@ def calibrate(
     table : ResponseTable
         Table of the skin's design; or of the skin, to calibrate it further.
     touches : Rig, path, TouchTable or sequence of HeldTouch
-        A rig with the skin on it, which is told where to touch and is left open; a CSV file of
-        touches made by hand (`smoskin.measurement.read_touches`), or what such a file holds; or
-        touches that have been held on rubber that creeps, in the order of time.
+        Rig with the skin on it, which is left open; CSV file of touches made by hand
+        (`smoskin.measurement.read_touches`), or what it holds; or touches that have been held on
+        rubber that creeps, in the order of time.
     design : SkinDesign or str, optional
-        Design of the skin, or what `smo.load_design` takes for it.
-    count : int
-        Usable touches that a rig makes; those of a file or a sequence are all used.
-    until : float
-        m: a rig stops earlier if a located touch is expected to be no further off than this.
+        Design of the skin, or what `smoskin.load_design` takes for it.
+    count, until : int and float
+        Usable touches that a rig makes, fewer if a located touch is expected to be no further off
+        than so many metres.
     force, drag : float
         N: largest normal and sideways force of a rig; no drag for one that presses straight.
     recording : path, optional
-        MCAP file with the chips' readings, where the CSV file or table says only when each touch
-        was held; creep is undone then. Without it each of its touches was held until it settled.
+        MCAP file with the chips' readings, where a CSV file says only when each touch was held;
+        creep is undone then. Without it each touch of the file was held until it settled.
     place_spread, force_spread : float, optional
-        m and N: standard deviations of the places and forces that are reported, along each axis;
-        the rig's own by default, else 0.5 mm and 10 mN.
+        m and N: standard deviations of reported places and forces, along each axis; the rig's own
+        by default, else 0.5 mm and 10 mN.
     progress : callable, optional
         Function that is told of each touch of a rig.
 
@@ -192,29 +218,16 @@ def calibrate(
     RecordingError
         If the file or the recording cannot be read, or they do not fit each other.
     ArgumentError
-        If a number is out of its range, a recording comes without a file, or no touch can be used:
-        every one ends a chip's range.
+        If a number is out of its range, a recording comes without a file, or no touch can be used.
     """
-    _check_order(count, until, force, drag)
+    order = TouchOrder(count=count, until=until, force=force, drag=drag)
     skin = load_design(design) if isinstance(design, str) else design
-    if recording is not None and not isinstance(touches, str | os.PathLike | TouchTable):
-        raise ArgumentError("recording must come with the path of a CSV file of touches")
-    spreads = _spreads(touches, place_spread, force_spread)
-    planner = _planner(skin, table, force=force, drag=drag, spreads=spreads)
-    rubber = elastomer_prony(skin.columns.material)
-    if isinstance(touches, Rig):
-        labels, errors = _by_rig(touches, planner, Labeller(skin, rubber), count, until, progress)
-    elif isinstance(touches, str | os.PathLike | TouchTable):
-        labeller = Labeller(skin, None if recording is None else rubber)
-        labels, errors = _by_hand(_of_table(touches, skin, recording), planner, labeller)
-    else:
-        labels, errors = _by_hand(touches, planner, Labeller(skin, rubber))
-    given = labelled_touches(labels, table.chips, place_spread=spreads[0], force_spread=spreads[1])
-    return TouchCalibration(
-        table=calibrate_touches(table, given, signal_noise(skin, table.chips)),
-        labels=tuple(labels),
-        errors=tuple(errors),
-    )
+    place, press = _spreads(touches, place_spread, force_spread)
+    planner = _planner(skin, table, order, place, press)
+    labels, errors = _labelled(skin, touches, planner, order, recording, progress)
+    given = labelled_touches(labels, table.chips, place_spread=place, force_spread=press)
+    own = calibrate_touches(table, given, signal_noise(skin, table.chips))
+    return TouchCalibration(table=own, labels=tuple(labels), errors=tuple(errors))
 
 
 def plan_by_hand(
@@ -254,8 +267,8 @@ def plan_by_hand(
     ArgumentError
         If a number is out of its range.
     """
-    _check_order(count, until, force, drag)
-    planner = _planner(design, table, force=force, drag=drag, spreads=(place_spread, force_spread))
+    order = TouchOrder(count=count, until=until, force=force, drag=drag)
+    planner = _planner(design, table, order, place_spread, force_spread)
     for contact in made:
         planner.made(contact.position, contact.force)
     targets: list[Target] = []
@@ -302,12 +315,31 @@ def _of_table(
     return touches.held_touches(readings)
 
 
+def _labelled(
+    skin: SkinDesign,
+    touches: Touches,
+    planner: TouchPlanner,
+    order: TouchOrder,
+    recording: str | os.PathLike[str] | None,
+    progress: Callable[[TouchStep], None],
+) -> tuple[list[Label], list[float]]:
+    """Labels of the touches, and the errors expected before the first and after each."""
+    rubber = elastomer_prony(skin.columns.material)
+    if isinstance(touches, str | os.PathLike | TouchTable):
+        labeller = Labeller(skin, None if recording is None else rubber)
+        return _by_hand(_of_table(touches, skin, recording), planner, labeller)
+    if recording is not None:
+        raise ArgumentError("recording must come with the path of a CSV file of touches")
+    if isinstance(touches, Rig):
+        return _by_rig(touches, planner, Labeller(skin, rubber), order, progress)
+    return _by_hand(touches, planner, Labeller(skin, rubber))
+
+
 def _by_rig(
     rig: Rig,
     planner: TouchPlanner,
     labeller: Labeller,
-    count: int,
-    until: float,
+    order: TouchOrder,
     progress: Callable[[TouchStep], None],
 ) -> tuple[list[Label], list[float]]:
     """Labels of the touches that a rig makes as planned, and the expected errors between them."""
@@ -323,13 +355,13 @@ def _by_rig(
             errors.append(planner.error)
         else:
             planner.bar(target)
-        enough = len(errors) > count or errors[-1] <= until
-        over = enough or len(labels) >= _TRIES * count or planner.exhausted
+        enough = len(errors) > order.count or errors[-1] <= order.until
+        over = enough or len(labels) >= _TRIES * order.count or planner.exhausted
         target = None if over else planner.next()
         progress(
             TouchStep(
                 number=len(errors) - 1,
-                asked=count,
+                asked=order.count,
                 contact=label.contact,
                 status=label.status,
                 error=errors[-1],
@@ -363,27 +395,17 @@ def _spreads(touches: Touches, place: float | None, force: float | None) -> tupl
 def _planner(
     design: SkinDesign,
     table: ResponseTable,
-    *,
-    force: float,
-    drag: float,
-    spreads: tuple[float, float],
+    order: TouchOrder,
+    place_spread: float,
+    force_spread: float,
 ) -> TouchPlanner:
     """The planner of touches on a skin of this design, whose table it must be."""
     design.check_own("table", table.design_hash)
     return TouchPlanner(
         table,
         signal_noise(design, table.chips),
-        force=force,
-        drag=drag,
-        place_spread=spreads[0],
-        force_spread=spreads[1],
+        force=order.force,
+        drag=order.drag,
+        place_spread=place_spread,
+        force_spread=force_spread,
     )
-
-
-def _check_order(count: int, until: float, force: float, drag: float) -> None:
-    """Raise unless touches can be planned so."""
-    if count < 1 or not force > 0 or not min(drag, until) >= 0:
-        raise ArgumentError(
-            f"count and force must be positive, drag and until >= 0; got {count}, "
-            f"{force} N, {drag} N and {until} m"
-        )

@@ -44,21 +44,7 @@ class Line:
     """NaN where it was not measured and the value is nominal; infinite for a v_f whose effect was
     not seen."""
     half_width: float
-    """Of the interval of 90 % confidence."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ResidualPlot:
-    """What a plot of the residuals shows."""
-
-    force: Floats
-    """(T,), N: press force of each touch."""
-    force_residual: Floats
-    """(T,), of that force, relative; NaN for the untouched skin."""
-    depth_residual: Floats
-    """(T,), of the depth, relative; NaN likewise."""
-    field_residual: Floats
-    """(T, S, 3), T; NaN where a chip was not read."""
+    """Half width of the interval of 90 % confidence."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,9 +104,9 @@ class CalibrationReport:
             residuals.add_column(name, justify="left" if name == "measured" else "right")
         evidence = self.fit.calibration.evidence
         assert evidence is not None, "a fit rests on something"
-        for one in evidence.residuals:
-            rms = _in_unit(one.rms, one.unit)
-            residuals.add_row(one.group, str(one.values), f"{rms:.3g}", one.unit)
+        for group in evidence.residuals:
+            rms = _in_unit(group.rms, group.unit)
+            residuals.add_row(group.group, str(group.values), f"{rms:.3g}", group.unit)
         return [numbers, residuals]
 
 
@@ -226,19 +212,6 @@ def report(design: SkinDesign, fit: Fit) -> CalibrationReport:
     return CalibrationReport(fit=fit, lines=tuple(lines))
 
 
-def residual_plot(fit: Fit) -> ResidualPlot:
-    """The residuals as a plot needs them."""
-    touches = fit.touches
-    press = np.where(touches.touched, -touches.force[:, 2], np.nan)
-    depth = np.where(touches.touched & (touches.depth > 0), touches.depth, np.nan)
-    return ResidualPlot(
-        force=-touches.force[:, 2],
-        force_residual=-fit.residual[:, 2] / np.where(press > 0, press, np.nan),
-        depth_residual=fit.residual[:, 3] / depth,
-        field_residual=fit.residual[:, 4:].reshape(touches.field.shape),
-    )
-
-
 def residual_figure(fit: Fit) -> "Figure":
     """Three panels: relative residuals of force and depth over force, fields over time.
 
@@ -251,25 +224,28 @@ def residual_figure(fit: Fit) -> "Figure":
         from matplotlib.figure import Figure
     except ImportError as error:
         raise MissingExtraError("plotting residuals", "plots") from error
-    shown = residual_plot(fit)
+    touches = fit.touches
+    press: Floats = np.where(touches.touched, -touches.force[:, 2], np.nan)
+    depth: Floats = np.where(touches.touched & (touches.depth > 0), touches.depth, np.nan)
     figure = Figure(figsize=(9, 8), layout="constrained")
-    force, depth, field = figure.subplots(3, 1)
+    force_axes, depth_axes, field_axes = figure.subplots(3, 1)
     for axes, values, name, level in (
-        (force, shown.force_residual, "force", fit.noise[0]),
-        (depth, shown.depth_residual, "depth", fit.noise[1]),
+        (force_axes, -fit.residual[:, 2] / press, "force", fit.noise[0]),
+        (depth_axes, fit.residual[:, 3] / depth, "depth", fit.noise[1]),
     ):
-        axes.plot(shown.force, 100 * values, ".", markersize=4)
+        axes.plot(press, 100 * values, ".", markersize=4)
         if math.isfinite(level):
             axes.axhspan(-100 * level, 100 * level, alpha=0.15)
         axes.set_xlabel("press force (N)")
         axes.set_ylabel(f"{name}: measured less model (%)")
-    for s in range(shown.field_residual.shape[1]):
-        size = np.sqrt(np.mean(shown.field_residual[:, s] ** 2, axis=-1))
-        field.plot(size / 1e-6, ".", markersize=4, label=f"chip {s + 1}")
-    field.set_xlabel("touch")
-    field.set_ylabel("field: rms residual (uT)")
-    if shown.field_residual.shape[1]:
-        field.legend()
+    fields: Floats = np.reshape(fit.residual[:, 4:], touches.field.shape)
+    for s in range(fields.shape[1]):
+        rms = np.sqrt(np.mean(fields[:, s] ** 2, axis=-1))
+        field_axes.plot(rms / 1e-6, ".", markersize=4, label=f"chip {s + 1}")
+    field_axes.set_xlabel("touch")
+    field_axes.set_ylabel("field: rms residual (uT)")
+    if fields.shape[1]:
+        field_axes.legend()
     return figure
 
 

@@ -26,11 +26,11 @@ from smoskin.twin.manufacture import as_designed
 from smoskin.twin.reduced import ReducedTwin
 
 GAUGE_NOISE: Final = 0.02
-"""Of force and of depth, relative: the project's assumption of a hand-held gauge and stage."""
+"""Noise of force and depth, relative: this project's assumption of a hand-held gauge and stage."""
 _FORCE_STEP: Final = 1e-3
-"""N, of the gauge's display."""
+"""N: smallest step of the gauge's display."""
 _DEPTH_STEP: Final = 1e-6
-"""m, of the stage's."""
+"""m: smallest step of the stage's display."""
 _STRAIGHT_FORCES: Final = (0.2, 0.4, 0.6, 0.8, 1.0)
 _STRAIGHT_REPEATS: Final = 4
 _SLANTED_FORCES: Final = (0.3, 0.5)
@@ -103,8 +103,8 @@ def made_skin(design: SkinDesign, rng: np.random.Generator) -> MadeSkin:
     # The sheet's stiffness is linear in the frame's; columns give the rest.
     columns = sheet_stiffness(replace(design, frame=replace(design.frame, stiffness=1e-9)))
     whole = sheet_stiffness(design)
-    held = (whole * rng.uniform(0.9, 1.1) - columns) / (whole - columns)
-    frame = replace(design.frame, stiffness=design.frame.stiffness * float(held))
+    stretched = (whole * rng.uniform(0.9, 1.1) - columns) / (whole - columns)
+    frame = replace(design.frame, stiffness=design.frame.stiffness * float(stretched))
     direction = rng.normal(size=(chips, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     return MadeSkin(

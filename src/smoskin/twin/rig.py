@@ -101,12 +101,12 @@ class VirtualRig(Rig):
 
     @property
     def place_spread(self) -> float:
-        """Of the stage, m."""
+        """Standard deviation of the stage's places, along each axis, m."""
         return self._stage
 
     @property
     def force_spread(self) -> float:
-        """Of the gauge, N."""
+        """Standard deviation of the gauge's forces, along each axis, N."""
         return self._gauge
 
     def press(self, contact: Contact, timeout: float = 30.0) -> HeldTouch:
@@ -163,9 +163,15 @@ class VirtualRig(Rig):
             state = motion if touched else still
             states.append(state if self._creep is None else self._creep.step(step, state))
         readings, self._walked = drifting_readings(
-            self._twin, Motion.stack(states), times, steps, self._rng,
-            temperature=self._temperature, drift=self._drift, walked=self._walked,
-        )  # fmt: skip
+            self._twin,
+            Motion.stack(states),
+            times,
+            steps,
+            self._rng,
+            temperature=self._temperature,
+            drift=self._drift,
+            walked=self._walked,
+        )
         return readings
 
 
@@ -186,13 +192,13 @@ def drifting_readings(
     ----------
     twin : VirtualSkin
     motion : Motion
-        (T,) states.
+        Batch of T states.
     times : Floats, shape (T,)
         s, of the readings.
     durations : Floats, shape (T,)
         s, from the reading before to each.
     rng : numpy.random.Generator
-        Of noise and drift.
+        Generator of noise and drift.
     temperature : float
         degC, of skin and chips.
     drift : float
