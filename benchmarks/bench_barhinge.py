@@ -64,8 +64,12 @@ class NewtonLoop:
         where = []
         for nodes in (lattice.bars, lattice.hinges):
             each = (3 * nodes[..., None] + np.arange(3)).reshape(len(nodes), -1)
-            where.append((np.repeat(each, each.shape[1], axis=1).ravel(),
-                          np.tile(each, (1, each.shape[1])).ravel()))  # fmt: skip
+            where.append(
+                (
+                    np.repeat(each, each.shape[1], axis=1).ravel(),
+                    np.tile(each, (1, each.shape[1])).ravel(),
+                )
+            )
         self.rows, self.columns = (np.concatenate(part) for part in zip(*where, strict=True))
 
     def step(self, motion: np.ndarray, outer: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -150,9 +154,11 @@ def main() -> None:
     print(f"growth with the number of cells from 6 x 6 on: exponent {growth:.2f}")
 
     x, y, f = np.meshgrid(
-        np.linspace(0, 0.120, 25), np.linspace(0, 0.160, 33), np.linspace(0.1, 1.0, 10),
+        np.linspace(0, 0.120, 25),
+        np.linspace(0, 0.160, 33),
+        np.linspace(0.1, 1.0, 10),
         indexing="ij",
-    )  # fmt: skip
+    )
     whole = np.multiply(planar.cells, [float(part) for part in size(planar.cell)[:2]])
     where = np.stack([x, y], axis=-1).reshape(-1, 1, 2) * whole / [0.120, 0.160]
     force = np.zeros((x.size, 1, 3))
@@ -161,8 +167,9 @@ def main() -> None:
     sweep = seconds(lambda: sticking.press(grid, tolerance=RESIDUAL))
     print(f"the 825-point grid at 10 forces: {sweep:.2f} s")
 
-    live = [Touches(position=[[(0.05, 0.06 + 1e-4 * k)]], force=[[(0.1, 0, -0.8)]])
-            for k in range(60)]  # fmt: skip
+    live = [
+        Touches(position=[[(0.05, 0.06 + 1e-4 * k)]], force=[[(0.1, 0, -0.8)]]) for k in range(60)
+    ]
     start = sticking.press(live[0]).displacements
     times = []
     for one in live:

@@ -22,8 +22,9 @@ def test_a_turned_chip_sees_the_field_turned_back(planar: SkinDesign) -> None:
     chips = len(planar.halls)
     pose = ChipPose(offset=rng.normal(size=(chips, 3)), turn=rng.normal(size=(chips, 3)))
     mounts = mounting(planar.halls, pose)
-    assert_allclose(mounts @ np.swapaxes(mounts, -1, -2), np.broadcast_to(np.eye(3), mounts.shape),
-                    atol=1e-14)  # fmt: skip
+    assert_allclose(
+        mounts @ np.swapaxes(mounts, -1, -2), np.broadcast_to(np.eye(3), mounts.shape), atol=1e-14
+    )
     field = rng.normal(size=3)
     for site, turn, mount in zip(planar.halls, pose.turn, mounts, strict=True):
         turned = Rotation.from_rotvec(turn.copy()).inv().apply(field) @ mlx90393.rotation(site)

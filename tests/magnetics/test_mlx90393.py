@@ -189,8 +189,10 @@ def test_the_temperature_reading_has_its_own_noise() -> None:
     # It comes after the field's, whose stream it does not touch.
     plain = measure(np.zeros((20_000, 3)), setting(), 30.0, np.random.default_rng(3))
     assert_array_equal(plain.counts, sample.counts)
-    assert_array_equal(measure(np.zeros((5, 3)), setting(), 30.0, None, law).temperature_counts,
-                       temperature_counts(30.0))  # fmt: skip
+    assert_array_equal(
+        measure(np.zeros((5, 3)), setting(), 30.0, None, law).temperature_counts,
+        temperature_counts(30.0),
+    )
     with pytest.raises(ArgumentError, match="temperature must be >= 0 degC"):
         HallNoise(temperature=-1.0)
 

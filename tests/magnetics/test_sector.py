@@ -241,11 +241,24 @@ def test_degenerate_places_are_finite_and_symmetric() -> None:
     r, c = MAGNET.radius, 0.5 * MAGNET.height
     points = np.array(
         [
-            [0, 0, 0], [0, 0, c], [0, 0, 2 * c], [r, 0, 0], [r, 0, c], [0, -r, c], [r, 0, 3 * c],
-            [r / 2, 0, c], [r / 2, 0, 0], [2 * r, 0, c], [2 * r, 0, 0], [0, 2 * r, -c],
-            [r * np.sqrt(0.5), r * np.sqrt(0.5), c], [r / 3, r / 3, c], [0, 0, 1.0], [1e6, 0, 0],
+            [0, 0, 0],
+            [0, 0, c],
+            [0, 0, 2 * c],
+            [r, 0, 0],
+            [r, 0, c],
+            [0, -r, c],
+            [r, 0, 3 * c],
+            [r / 2, 0, c],
+            [r / 2, 0, 0],
+            [2 * r, 0, c],
+            [2 * r, 0, 0],
+            [0, 2 * r, -c],
+            [r * np.sqrt(0.5), r * np.sqrt(0.5), c],
+            [r / 3, r / 3, c],
+            [0, 0, 1.0],
+            [1e6, 0, 0],
         ]
-    )  # fmt: skip
+    )
     density, gradient = field_and_gradient(MAGNET, points)
     assert np.isfinite(density).all()
     assert np.isfinite(gradient).all()

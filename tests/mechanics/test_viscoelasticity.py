@@ -177,8 +177,9 @@ def test_the_named_elastomers_are_solids_that_creep_a_little() -> None:
         assert 0.02 < 1 - solid.compliance(0.0) < 0.2
         assert elastomer.relaxation_source
     # An ideal rubber: in proportion to the absolute temperature.
-    assert_allclose(modulus_factor("Ecoflex 00-30", [25.0, -273.15, 75.0]), [1, 0, 348.15 / 298.15],
-                    atol=1e-12)  # fmt: skip
+    assert_allclose(
+        modulus_factor("Ecoflex 00-30", [25.0, -273.15, 75.0]), [1, 0, 348.15 / 298.15], atol=1e-12
+    )
 
 
 @pytest.mark.parametrize(

@@ -308,9 +308,7 @@ def _rectangles(point: Floats, half: float, slab: bool, rows: int) -> Floats:
     ew -= np.arctan2(u2 * v1, w * r21)
     ew += np.arctan2(u2 * v2, w * r22)
     sums = np.empty((rows, len(v)))
-    sums[0] = eu[0] + ew[1]
-    sums[1] = eu[1] + ew[0]
-    sums[2] = ev[0] + ev[1]
+    sums[:3] = eu[0] + ew[1], eu[1] + ew[0], ev[0] + ev[1]
     if rows == 8:
         # The slope of a sheet of charge is the field of line charges along its edges.
         u_edges = _chord(d1, v1, v2, r11, r12), _chord(d2, v1, v2, r21, r22)

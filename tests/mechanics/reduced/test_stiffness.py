@@ -112,8 +112,11 @@ def explicit_energy(cell, cells, attenuation, press, loaded, fold_from, exact):
     def zigzag(which: str, more: float) -> float:
         """Change of b cos(phi)."""
         if not exact:
-            turn = more / (2 * b * math.cos(phi)) if which == "length" else (
-                more / width / math.tan(phi))  # fmt: skip
+            turn = (
+                more / (2 * b * math.cos(phi))
+                if which == "length"
+                else (more / width / math.tan(phi))
+            )
             return -b * math.sin(phi) * turn
         if which == "length":
             return math.sqrt(b**2 - (length + more) ** 2 / 4) - b * math.cos(phi)

@@ -337,18 +337,8 @@ class Equilibrium:
             iterations=np.empty(rows, dtype=np.int64),
         )
         width = next((few for few in _FEW if rows <= few), self._lanes)
-        order = np.arange(rows)
-        if rows > width:
-            # Presses of like depth take as many steps; none waits for a harder one beside it.
-            depth = np.einsum("bkt,t,bk->b", shares, self._give, np.linalg.norm(force, axis=-1))
-            order = np.argsort(depth, kind="stable")
-        chunks = [order[first : first + width] for first in range(0, rows, width)]
-
-        def solve(chunk: Ints) -> None:
-            part = tuple(array[chunk] for array in given)
-            begin = None if start is None else start[chunk]
-            self._solve_chunk(relaxed, chunk, part, begin, tolerance, width)
-
+        chunks = self._chunks(shares, force, width)
+        solve = partial(self._solve_chunk, relaxed, given, start, tolerance, width)
         if len(chunks) == 1:
             solve(chunks[0])
         else:
@@ -360,6 +350,15 @@ class Equilibrium:
             if standing is not None:
                 _put(relaxed, int(row), held[row], standing)
         return relaxed
+
+    def _chunks(self, shares: Floats, force: Floats, width: int) -> list[Ints]:
+        """Rows that are solved side by side, at most `width` each."""
+        order = np.arange(len(force))
+        if len(force) > width:
+            # Presses of like depth take as many steps; none waits for a harder one beside it.
+            depth = np.einsum("bkt,t,bk->b", shares, self._give, np.linalg.norm(force, axis=-1))
+            order = np.argsort(depth, kind="stable")
+        return [order[first : first + width] for first in range(0, len(force), width)]
 
     def one_press(self, shares: Floats, force: Floats, held: Bools, link: Floats) -> Press:
         """A row of `relax` on all nodes."""
@@ -379,20 +378,20 @@ class Equilibrium:
     def _solve_chunk(
         self,
         relaxed: Relaxed,
-        chunk: Ints,
         given: tuple[Floats, ...],
         start: Floats | None,
         tolerance: float,
         width: int,
+        chunk: Ints,
     ) -> None:
         """Solve some rows side by side and put them where they belong."""
-        rows, touches = given[2].shape
+        rows, touches = len(chunk), given[2].shape[1]
         begin = np.zeros((len(self._order), 3, width))
         if start is not None:
-            begin[..., :rows] = np.moveaxis(np.nan_to_num(start), 0, -1)[self._order]
+            begin[..., :rows] = np.moveaxis(np.nan_to_num(start[chunk]), 0, -1)[self._order]
         with jax.enable_x64(True):
             # The compiled function takes NumPy's arrays over as they are.
-            loads = Loads(*cast("list[Array]", [_lanes(array, width) for array in given]))
+            loads = Loads(*cast("list[Array]", [_lanes(array[chunk], width) for array in given]))
             reaction = np.zeros((2 * touches, width))
             path = _relax(self._net, loads, begin, reaction, tolerance, _STEPS)
         motion = np.asarray(path.motion)[self._place, :, :rows]
