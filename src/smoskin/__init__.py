@@ -1,13 +1,20 @@
 """smoskin: the open software of the sandwich Miura-ori magnetic tactile skin.
 
+A few touches calibrate a skin, of which every reading then becomes an estimate:
+
 >>> import smoskin as smo
 >>> design = smo.load_design("planar")
->>> twin = smo.ReducedTwin(design, seed=0)
->>> reading = twin.read([smo.Contact(position=(0.050, 0.067), force=(0.0, 0.0, -0.5))])
->>> estimate = smo.ClosedFormEstimator(design).step(reading)
->>> estimate.status.name, round(estimate.contacts[0].normal_force, 2)
-('CONTACT', 0.5)
+>>> rig = smo.VirtualRig(smo.ReducedTwin(design, seed=0))
+>>> skin = smo.calibrate(smo.load_response_table("planar"), rig, count=5)
+>>> estimator = smo.BayesEstimator(design, skin.table)
+>>> twin = smo.ReducedTwin(design, seed=1)
+>>> estimator.zero([twin.read() for _ in range(20)])
+>>> estimator.step(twin.read(time=1.0)).status.name
+'NO_CONTACT'
 """
+
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 from smoskin.datasets.store import open_dataset
 from smoskin.design.skin import SkinDesign
@@ -27,7 +34,14 @@ from smoskin.service.loop import Loop, run
 from smoskin.service.recorder import Recorder, open_recording
 from smoskin.service.source import open_source
 from smoskin.twin.reduced import ReducedTwin
+from smoskin.twin.rig import VirtualRig
 from smoskin.twin.whole import Twin
+
+if TYPE_CHECKING:
+    from smoskin.commands.calibrate import calibrate
+    from smoskin.commands.score import score
+    from smoskin.commands.table import make_table
+    from smoskin.commands.train import train
 
 __version__ = "0.1.0"
 
@@ -51,14 +65,34 @@ __all__ = [
     "Source",
     "Status",
     "Twin",
+    "VirtualRig",
     "ZeroFirst",
+    "calibrate",
     "load_design",
     "load_estimator",
     "load_model",
     "load_network",
     "load_response_table",
+    "make_table",
     "open_dataset",
     "open_recording",
     "open_source",
     "run",
+    "score",
+    "train",
 ]
+
+_COMMANDS = {"calibrate": "calibrate", "make_table": "table", "score": "score", "train": "train"}
+"""Modules of the functions that are imported when they are first asked for: they take long."""
+
+
+def __getattr__(name: str) -> object:
+    """A function of a command, by its name."""
+    if name not in _COMMANDS:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"smoskin.commands.{_COMMANDS[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    """All public names, those not imported yet included."""
+    return sorted({*globals(), *__all__})

@@ -150,6 +150,19 @@ def test_the_description_says_what_was_recorded(recorded: Path) -> None:
     assert recording.duration == pytest.approx(0.05)
 
 
+@pytest.mark.parametrize(
+    ("times", "duration"),
+    [((5.0, 5.3, 5.1), 0.3), ((5.2, 5.0, 5.3), 0.3), ((5.3, 5.1, 5.0), 0.3), ((7.0,), 0.0)],
+)
+def test_the_duration_is_from_the_earliest_to_the_latest(
+    times: tuple[float, ...], duration: float, tmp_path: Path
+) -> None:
+    with recorder(tmp_path / "a.mcap") as sink:
+        for time in times:
+            sink.write(Reading(time=time, field=np.zeros((CHIPS, 3))))
+    assert open_recording(tmp_path / "a.mcap").duration == pytest.approx(duration)
+
+
 def test_a_recording_of_nothing_is_a_recording(tmp_path: Path) -> None:
     recorder(tmp_path / "none.mcap").close()
     recording = open_recording(tmp_path / "none.mcap")

@@ -275,7 +275,7 @@ def test_the_temperature_is_set_and_read() -> None:
 
 def test_the_whole_sheet_is_the_default() -> None:
     touch = [Contact(position=(0.05, 0.067), force=(0.0, 0.0, -0.5))]
-    with open_source("twin://planar?manufactured=yes&seed=3&speed=max") as source:
+    with open_source("twin://planar?manufactured=yes&seed=3&speed=max&creep=no") as source:
         assert isinstance(source, TwinSource)
         source.read()
         source.touch(touch)
@@ -285,6 +285,21 @@ def test_the_whole_sheet_is_the_default() -> None:
     assert reading is not None
     expected = made.read(touch)
     np.testing.assert_array_equal(reading.field, expected.field)
+
+
+def test_the_rubber_creeps_unless_it_is_told_not_to() -> None:
+    """Estimators undo creep, so a virtual skin has it too."""
+    touch = [Contact(position=(0.05, 0.067), force=(0.0, 0.0, -0.5))]
+    settled = {}
+    for option in ("", "&creep=yes", "&creep=no"):
+        url = f"twin://planar?mechanics=reduced&speed=max&rate=1{option}"
+        with open_source(url) as source:
+            assert isinstance(source, TwinSource)
+            source.read()
+            source.touch(touch)
+            fields = [source.read().field for _ in range(20)]  # type: ignore[union-attr]
+            settled[option] = np.abs(fields[0] - fields[-1]).max()
+    assert settled[""] == settled["&creep=yes"] > 5 * settled["&creep=no"]
 
 
 # ---------------------------------------------------------------- URLs

@@ -19,20 +19,20 @@ _RECORD: Final = struct.Struct("<BQ")  # opcode, length of what follows
 _FOOTER: Final = struct.Struct("<BQQQI")  # a whole record: starts of the summary, checksum
 _MESSAGE: Final = struct.Struct("<HIQQ")  # channel, sequence, log and publish time
 
-#: What unpacking damaged bytes raises, beside the libraries' own errors.
 _UNPACKING: Final = (ValueError, RuntimeError, OverflowError, MemoryError)
+"""Errors that damaged bytes raise in unpacking, beside the libraries' own."""
 
-#: What zstandard says of a frame that does not tell its unpacked size.
 _SIZE_UNTOLD: Final = -1
+"""Size that zstandard tells of a frame that does not hold it."""
 
 
 class Span(NamedTuple):
-    """Where a chunk stands in the file, its record's opcode and length included."""
+    """Place of a chunk in the file, its record's opcode and length included."""
 
     offset: int
-    """bytes"""
+    """Distance from the beginning of the file, bytes."""
     length: int
-    """bytes"""
+    """Length in the file, bytes."""
 
 
 class Message(NamedTuple):

@@ -26,12 +26,12 @@ READING_TOPIC: Final = "/skin/reading"
 ESTIMATE_TOPIC: Final = "/skin/estimate"
 WRENCH_TOPIC: Final = "/skin/wrench"
 
-#: A chunk is written at the latest when it has grown to this many bytes.
 _CHUNK_BYTES: Final = 1_000_000
-#: Wall clock times that both MCAP and ROS 2 can hold, ns.
+"""Size at which a chunk is written at the latest, bytes."""
 _LAST_STAMP: Final = 2**31 * 1_000_000_000 - 1
-#: Estimates of these statuses say what the wrench on the skin is.
+"""Latest wall clock time that both MCAP and ROS 2 can hold, ns."""
 _WRENCH_KNOWN: Final = (Status.CONTACT, Status.NO_CONTACT, Status.AMBIGUOUS)
+"""Statuses of estimates that tell the wrench on the skin."""
 
 
 @final
@@ -249,7 +249,7 @@ class Recording:
     truncated: bool
     """Whether the file was cut off, or its recorder was killed or is still writing."""
     spans: tuple[Span, ...]
-    """Where the sound chunks stand in the file."""
+    """Places of the sound chunks in the file."""
     topics: Mapping[int, str]
     """Topic of each channel number of the file."""
 

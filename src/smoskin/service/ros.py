@@ -29,7 +29,6 @@ FIELD: Final = "sensor_msgs/msg/MagneticField"
 POSITION: Final = "geometry_msgs/msg/PointStamped"
 WRENCH: Final = "geometry_msgs/msg/WrenchStamped"
 
-#: Our own message types, as their schemas stand in every recording.
 DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
     {
         READING: """\
@@ -70,11 +69,12 @@ float64 start                  # s since 1970-01-01 UTC, when the recorder was o
 """,
     }
 )
+"""Our own message types, as their schemas stand in every recording."""
 
-#: Flags of chips whose field is no field at all; viewers get NaN.
 _MEANINGLESS: Final = int(ChipFlag.MISSING | ChipFlag.WRAPPED | ChipFlag.INVALID)
-#: Little-endian CDR of `stamp`, `sequence` and `time`, after its four bytes of preamble.
+"""Flags of chips whose field is no field at all; viewers get NaN."""
 _HEAD: Final = struct.Struct("<4xiIQd")
+"""Little-endian CDR of `stamp`, `sequence` and `time`, after its four bytes of preamble."""
 _SECOND: Final = 1_000_000_000
 
 
@@ -91,7 +91,7 @@ class Description:
     setting: HallSetting
     """How every chip was set."""
     version: str
-    """Of the package that recorded."""
+    """Version of the package that recorded."""
     start: float
     """s since 1970-01-01 UTC, when the recorder was opened."""
 

@@ -4,33 +4,24 @@ Decides what a source's URL may say and when each reading comes; hides waiting a
 """
 
 import math
-import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Final, final
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, final
 from urllib.parse import parse_qsl
 
 from smoskin.errors import ArgumentError, RecordingError, SourceError
 from smoskin.magnetics.temperature import check_temperature
 from smoskin.records import Contact, Reading
 from smoskin.roles import Source, VirtualSkin
+from smoskin.service.pace import Pace
 
 if TYPE_CHECKING:
     from smoskin.design.skin import SkinDesign
     from smoskin.service.recorder import Recording
     from smoskin.twin.creep import Creep
 
-#: What a URL can be, for messages.
 _FORMS: Final = "replay:FILE[?speed=1&gap=0.5] or twin://DESIGN[?rate=100&seed=0&speed=1]"
-_TWIN_OPTIONS: Final = (
-    "rate",
-    "seed",
-    "speed",
-    "mechanics",
-    "manufactured",
-    "creep",
-    "temperature",
-)
+"""Forms of a URL, for messages."""
 
 
 def open_source(url: str) -> Source:
@@ -47,7 +38,7 @@ def open_source(url: str) -> Source:
         made skin (0); ``speed``, times real time (1) or ``max``; ``mechanics``, the ``whole``
         sheet (which needs the extra ``twin``) or the ``reduced`` model; ``manufactured``, whether
         the skin is drawn from the tolerances, ``yes`` or ``no`` (``no``); ``creep``, whether the
-        rubber creeps (``no``); ``temperature``, degC (25).
+        rubber creeps, as estimators take it to (``yes``); ``temperature``, degC (25).
 
     Returns
     -------
@@ -70,23 +61,8 @@ def open_source(url: str) -> Source:
     if not colon or scheme not in ("replay", "twin") or not place:
         raise ArgumentError(f"url must be {_FORMS}; got {url!r}")
     if scheme == "replay":
-        options = _options(url, query, ("speed", "gap"))
-        return _open_replay(
-            place,
-            speed=_speed(options.get("speed", "1")),
-            longest_gap=_number("gap", options.get("gap", "0.5")),
-        )
-    options = _options(url, query, _TWIN_OPTIONS)
-    return _open_twin(
-        place,
-        rate=_number("rate", options.get("rate", "100")),
-        seed=_seed(options.get("seed", "0")),
-        speed=_speed(options.get("speed", "1")),
-        mechanics=_choice("mechanics", options.get("mechanics", "whole"), ("whole", "reduced")),
-        manufactured=_yes("manufactured", options.get("manufactured", "no")),
-        creep=_yes("creep", options.get("creep", "no")),
-        temperature=_temperature(options.get("temperature", "25")),
-    )
+        return _open_replay(place, **_options(url, query, _REPLAY_OPTIONS))
+    return _open_twin(place, **_options(url, query, _TWIN_OPTIONS))
 
 
 @final
@@ -99,11 +75,11 @@ class ReplaySource(Source):
     Parameters
     ----------
     recording : Recording
-        What to play.
+        The recording to play.
     speed : float
-        Times the original; infinite is as fast as possible.
+        Pace over the original; infinite is as fast as possible.
     longest_gap : float
-        s, the longest wait for the next reading.
+        Longest wait for the next reading, s.
     clock : callable
         A monotonic clock in s.
     sleep : callable, optional
@@ -130,7 +106,7 @@ class ReplaySource(Source):
         self._readings: Iterator[Reading] = recording.readings()
         self._speed = speed
         self._longest_gap = longest_gap
-        self._pace = _Pace(clock, sleep)
+        self._pace = Pace(clock, sleep)
         self._waiting: Reading | None = None
         self._reached: float | None = None
 
@@ -196,13 +172,13 @@ class TwinSource(Source):
     twin : VirtualSkin
         The skin.
     rate : float
-        Hz, in the twin's time.
+        Readings a second of the twin's time, Hz.
     speed : float
-        Times real time; infinite is as fast as possible.
+        Pace over real time; infinite is as fast as possible.
     creep : Creep, optional
         How the skin creeps under a touch and recovers after it; by default it does not.
     temperature : float
-        Of skin and chips, degC.
+        Temperature of skin and chips, degC.
     clock : callable
         A monotonic clock in s.
     sleep : callable, optional
@@ -234,7 +210,7 @@ class TwinSource(Source):
         self._twin = twin
         self._rate = rate
         self._period = 1.0 / (rate * speed)
-        self._pace = _Pace(clock, sleep)
+        self._pace = Pace(clock, sleep)
         self._temperature = temperature
         self._contacts: tuple[Contact, ...] = ()
         self._creep = creep
@@ -302,54 +278,14 @@ class TwinSource(Source):
         self._pace.close()
 
 
-@final
-class _Pace:
-    """Waits until the next reading is due, until time is out, or until closed."""
-
-    def __init__(self, clock: Callable[[], float], sleep: Callable[[float], object] | None) -> None:
-        self._clock = clock
-        self._closed = threading.Event()
-        self._sleep = self._closed.wait if sleep is None else sleep
-        self._due: float | None = None
-
-    @property
-    def closed(self) -> bool:
-        return self._closed.is_set()
-
-    @property
-    def lateness(self) -> float:
-        """Seconds since the reading was due."""
-        return 0.0 if self._due is None else max(self._clock() - self._due, 0.0)
-
-    def advance(self, step: float) -> None:
-        """Make the next reading due so many seconds after the last; the first is at once."""
-        if self._due is not None:
-            self._due += step
-
-    def wait(self, timeout: float) -> bool:
-        """Whether the reading is due, after waiting for it; False when closed."""
-        start = self._clock()
-        due = self._due = start if self._due is None else self._due
-        while not self._closed.is_set() and (now := self._clock()) < due:
-            if now - start >= timeout:
-                raise SourceError(
-                    f"no reading within {timeout} s; the next is due in {due - now:.3f} s"
-                )
-            self._sleep(min(due - now, start + timeout - now))
-        return not self._closed.is_set()
-
-    def close(self) -> None:
-        self._closed.set()
-
-
-def _open_replay(path: str, *, speed: float, longest_gap: float) -> ReplaySource:
+def _open_replay(path: str, *, speed: float, gap: float) -> ReplaySource:
     from smoskin.service.recorder import open_recording
 
     try:
         recording = open_recording(path)
     except RecordingError as error:
         raise SourceError(str(error)) from error
-    return ReplaySource(recording, speed=speed, longest_gap=longest_gap)
+    return ReplaySource(recording, speed=speed, longest_gap=gap)
 
 
 def _open_twin(
@@ -386,8 +322,8 @@ def _open_twin(
     )
 
 
-def _options(url: str, query: str, known: tuple[str, ...]) -> dict[str, str]:
-    """The options in a URL's query, each known and given once."""
+def _options(url: str, query: str, known: Mapping[str, "_Option"]) -> dict[str, Any]:
+    """Values of all options, from a URL's query where it gives them."""
     try:
         pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=bool(query))
     except ValueError as error:
@@ -400,7 +336,10 @@ def _options(url: str, query: str, known: tuple[str, ...]) -> dict[str, str]:
             raise ArgumentError(f"options must be of {', '.join(known)}; got {name!r} in {url!r}")
         if names.count(name) > 1:
             raise ArgumentError(f"option {name!r} must be given once; got {url!r}")
-    return dict(pairs)
+    given = dict(pairs)
+    return {
+        name: option.read(name, given.get(name, option.usual)) for name, option in known.items()
+    }
 
 
 def _number(name: str, text: str) -> float:
@@ -411,12 +350,20 @@ def _number(name: str, text: str) -> float:
     return value
 
 
-def _speed(text: str) -> float:
+def _speed(name: str, text: str) -> float:
     """A positive number; infinity where the text says ``max`` or 0."""
     value = 0.0 if text == "max" else _finite(text)
     if value is None or value < 0.0:
-        raise ArgumentError(f"speed must be a number >= 0 or 'max'; got {text!r}")
+        raise ArgumentError(f"{name} must be a number >= 0 or 'max'; got {text!r}")
     return value or math.inf
+
+
+def _temperature(name: str, text: str) -> float:
+    """A number; whether a skin stands it is the twin's to say."""
+    value = _finite(text)
+    if value is None:
+        raise ArgumentError(f"{name} must be a number of degC; got {text!r}")
+    return value
 
 
 def _finite(text: str) -> float | None:
@@ -428,28 +375,46 @@ def _finite(text: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _temperature(text: str) -> float:
-    """A number; whether a skin stands it is the twin's to say."""
-    value = _finite(text)
-    if value is None:
-        raise ArgumentError(f"temperature must be a number of degC; got {text!r}")
-    return value
-
-
-def _choice(name: str, text: str, valid: tuple[str, ...]) -> str:
-    if text not in valid:
-        raise ArgumentError(f"{name} must be one of {', '.join(valid)}; got {text!r}")
+def _mechanics(name: str, text: str) -> str:
+    """One of the two models of a skin."""
+    if text not in ("whole", "reduced"):
+        raise ArgumentError(f"{name} must be one of whole, reduced; got {text!r}")
     return text
 
 
 def _yes(name: str, text: str) -> bool:
-    return _choice(name, text, ("yes", "no")) == "yes"
+    """Whether the text says yes."""
+    if text not in ("yes", "no"):
+        raise ArgumentError(f"{name} must be one of yes, no; got {text!r}")
+    return text == "yes"
 
 
-def _seed(text: str) -> int:
+def _seed(name: str, text: str) -> int:
+    """A whole number."""
     if not (text.isascii() and text.isdigit()):
-        raise ArgumentError(f"seed must be a whole number >= 0; got {text!r}")
+        raise ArgumentError(f"{name} must be a whole number >= 0; got {text!r}")
     return int(text)
+
+
+class _Option(NamedTuple):
+    """An option of a URL."""
+
+    read: Callable[[str, str], object]
+    """Function of the option's name and text that gives its value."""
+    usual: str
+    """Text where the URL says nothing."""
+
+
+_REPLAY_OPTIONS: Final = {"speed": _Option(_speed, "1"), "gap": _Option(_number, "0.5")}
+_TWIN_OPTIONS: Final = {
+    "rate": _Option(_number, "100"),
+    "seed": _Option(_seed, "0"),
+    "speed": _Option(_speed, "1"),
+    "mechanics": _Option(_mechanics, "whole"),
+    "manufactured": _Option(_yes, "no"),
+    "creep": _Option(_yes, "yes"),
+    "temperature": _Option(_temperature, "25"),
+}
 
 
 def _require_positive(name: str, value: float) -> None:

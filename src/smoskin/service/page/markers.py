@@ -148,5 +148,5 @@ def ellipse(covariance: Floats) -> Floats:
 
 
 def _tail(force: Floats) -> Floats:
-    """Where an arrow's blunt end lies, seen from the contact; a pull starts at the contact."""
+    """Place of an arrow's blunt end, seen from the contact; a pull starts at the contact."""
     return np.zeros(3) if force[2] > 0.0 else -force * _ARROW_PER_NEWTON

@@ -112,7 +112,7 @@ class SkinShape:
 
 
 def camera(shape: SkinShape) -> tuple[Floats, Floats, float]:
-    """Where the page looks from at first, and at what.
+    """The place from which the page looks at first, and what it looks at.
 
     Parameters
     ----------

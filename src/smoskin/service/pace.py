@@ -1,0 +1,67 @@
+"""The pace of a source: waits until its next reading is due.
+
+Decides that the pace is caught up with where a reading was late, and that closing ends a wait.
+"""
+
+import threading
+from collections.abc import Callable
+from typing import final
+
+from smoskin.errors import SourceError
+
+
+@final
+class Pace:
+    """Waits until the next reading is due, until time is out, or until closed.
+
+    Parameters
+    ----------
+    clock : callable
+        A monotonic clock in s.
+    sleep : callable, optional
+        Waits for so many seconds; by default until then or until closed.
+    """
+
+    def __init__(self, clock: Callable[[], float], sleep: Callable[[float], object] | None) -> None:
+        self._clock = clock
+        self._closed = threading.Event()
+        self._sleep = self._closed.wait if sleep is None else sleep
+        self._due: float | None = None
+
+    @property
+    def closed(self) -> bool:
+        """Whether `close` has been called."""
+        return self._closed.is_set()
+
+    @property
+    def lateness(self) -> float:
+        """Seconds since the reading was due."""
+        return 0.0 if self._due is None else max(self._clock() - self._due, 0.0)
+
+    def advance(self, step: float) -> None:
+        """Make the next reading due so many seconds after the last; the first is at once."""
+        if self._due is not None:
+            self._due += step
+
+    def wait(self, timeout: float) -> bool:
+        """Whether the reading is due, after waiting for it; False when closed.
+
+        Raises
+        ------
+        SourceError
+            If it is not due within `timeout` seconds.
+        """
+        start = self._clock()
+        end = start + timeout
+        due = self._due = start if self._due is None else self._due
+        while not self._closed.is_set() and (now := self._clock()) < due:
+            if now >= end:
+                raise SourceError(
+                    f"no reading within {timeout} s; the next is due in {due - now:.3f} s"
+                )
+            self._sleep(min(due, end) - now)
+        return not self._closed.is_set()
+
+    def close(self) -> None:
+        """End every wait, for good."""
+        self._closed.set()
