@@ -328,33 +328,43 @@ def test_a_place_is_not_touched_again_within_two_millimetres(away, again):
 
 
 def test_touches_that_may_end_a_range_as_one_did_are_barred_until_one_of_them_is_made():
-    """A skin on which every signal of a press is the same everywhere, and only it differs."""
+    """Against the rule, written out for every touch that may be proposed."""
     table = random_table(seed=3)
     planner = TouchPlanner(table, FLOOR, drag=0.0)
-    first = planner.next()
-    planner.bar(first)
-    proposed = []
-    while not planner.exhausted:
-        proposed.append(planner.next())
-        planner.bar(proposed[-1])
-    failed = table.signals(first.position[None], first.force[None])[0]
-    reach = np.abs(table.signals(places_to_the_rim(BASIS.extent, (13, 17)),
-                                 np.tile([0.0, 0.0, -0.8], (221, 1)))).max(axis=0)  # fmt: skip
-    large = np.abs(failed) > 0.6 * reach
-    for target in proposed:
-        moved = table.signals(target.position[None], target.force[None])[0]
-        assert not ((moved * np.sign(failed) >= np.abs(failed)) & large).any()
-        here = np.allclose(target.position, first.position)
-        assert not here or np.linalg.norm(target.force) < np.linalg.norm(first.force)
-    # A made touch that moves every signal further shows that those were not to blame.
-    free = TouchPlanner(table, FLOOR, drag=0.0)
-    free.bar(first)
-    free.made(first.position, 1.5 * first.force)
-    count = 0
-    while not free.exhausted:
-        free.bar(free.next())
-        count += 1
-    assert count >= len(proposed)
+    grid = places_to_the_rim(BASIS.extent, (13, 17))
+    places, presses = np.tile(grid, (2, 1)), np.repeat([0.8, 0.32], len(grid))
+
+    def signed(places, presses):
+        signals = table.signals(places, -np.outer(presses, [0.0, 0.0, 1.0]))
+        return np.concatenate([signals, -signals], axis=1)
+
+    values = signed(places, presses)
+    large, reached = 0.6 * values.max(axis=0), np.full(18, -np.inf)
+    harder, failures = np.zeros(len(places), dtype=bool), []
+    for step in range(len(places) + 3):
+        allowed = ~harder
+        for failed in failures:
+            suspect = (failed > large) & (failed > reached)
+            allowed &= ~(values[:, suspect] >= failed[suspect] - 1e-12).any(axis=1)
+        assert planner.exhausted == (not allowed.any())
+        if planner.exhausted:
+            break
+        target = planner.next()
+        here = np.hypot(*(places - target.position).T) < 1e-9
+        (index,) = np.flatnonzero(here & np.isclose(presses, -target.force[2]))
+        assert allowed[index]
+        # Some succeed: what those have reached is no longer suspect.
+        if step in (2, 5):
+            planner.made(target.position, target.force)
+            reached = np.maximum(reached, values[index])
+            continue
+        planner.bar(target)
+        harder |= here & (presses >= presses[index] - 1e-9)
+        failures.append(values[index])
+    assert planner.exhausted
+    assert step > 5
+    with pytest.raises(ArgumentError, match="no touch is left"):
+        planner.next()
 
 
 def test_labels_take_one_temperature_for_all_and_the_reference_by_default():

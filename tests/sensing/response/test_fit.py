@@ -21,6 +21,16 @@ from smoskin.sensing.response.fit import (
 from tables_of_response import BASIS, random_table, random_touches
 
 LATE = random_touches(40, seed=9)
+SIZES = {
+    "warmth": 0.00166469001787,
+    "mean": 0.000250633574846,
+    "modes": 0.00161049905279,
+    "misfit": 9.01268491807e-10,
+    "shown": 113.593333572,
+    "curvature": 212.087762977,
+    "pair_misfit": 1.32759230563e-07,
+}
+"""What fits of little data come to; it changes only with what is believed beforehand."""
 
 
 @pytest.fixture(scope="module")
@@ -203,3 +213,28 @@ def test_coupling_states_what_pairs_miss(true):
     again[late] += 1e-5
     other = add_coupling(bare, true.grip, place, force, again.reshape(-1, 3, 3))
     assert_allclose(other.curvature, table.curvature, rtol=1e-9)
+
+
+def test_what_little_data_leaves_open_is_settled_as_ever(true):
+    """Numbers of fits that hang on how large coefficients, noise and errors are taken to be."""
+    rng = np.random.default_rng(12)
+    place, force = random_touches(60, seed=5)
+    strength = np.linalg.norm(force, axis=1)[:, None]
+    warm = add_warmth(true, place, force, 1e-6 * rng.normal(size=(60, 3, 3)))
+    deviations = np.einsum("lk,bkc->lbc", rng.normal(size=(15, 3)), true.mode_signals(place, force))
+    deviations += 3e-6 * rng.normal(size=(15, 60, 9)) * strength
+    modes = add_modes(true, place, force, deviations.reshape(15, -1, 3, 3))
+    place, force = rng.uniform(0, BASIS.extent, (60, 2, 2)), np.zeros((60, 2, 3))
+    force[..., 2] = -rng.uniform(0.1, 1.0, (60, 2))
+    both = true.together(place, force) + 1e-5 * rng.normal(size=(60, 9))
+    pairs = add_coupling(true, true.grip, place, force, both.reshape(-1, 3, 3))
+    size = {
+        "warmth": np.linalg.norm(warm.signals(*LATE, 35.0) - true.signals(*LATE)),
+        "mean": np.linalg.norm(modes.signals(*LATE) - true.signals(*LATE)),
+        "modes": np.linalg.norm(modes.mode_signals(*LATE)),
+        "misfit": np.trace(modes.misfit),
+        "shown": np.linalg.norm(table_curvature(true)),
+        "curvature": np.linalg.norm(pairs.curvature),
+        "pair_misfit": np.trace(pairs.pair_misfit),
+    }
+    assert size == pytest.approx(SIZES, rel=1e-6, abs=0)

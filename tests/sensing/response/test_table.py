@@ -299,6 +299,11 @@ def test_a_whole_table_comes_back_from_its_file(tmp_path):
         np.testing.assert_array_equal(getattr(back.basis, name), getattr(table.basis, name))
     largest = np.abs(table.grip_modes).max()
     assert_allclose(back.grip_modes, table.grip_modes, rtol=2**-11, atol=1e-11 * largest)
+    # The largest number may be negative.
+    below = replace(table, modes=-np.abs(table.modes) - 1e-4)
+    below.save(tmp_path / "below")
+    back = load_response_table(tmp_path / "below")
+    assert_allclose(back.modes, below.modes, rtol=2**-11)
     bare = replace(table, modes=table.modes[:0], grip_modes=table.grip_modes[:0])
     bare.save(tmp_path / "b")
     assert len(load_response_table(tmp_path / "b").modes) == 0
