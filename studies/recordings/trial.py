@@ -101,7 +101,8 @@ def _ridge(x: Floats, y: Floats, group: Ints, asked: Floats, seed: int) -> Float
 
     def fit(rows: Bools, strength: float, at: Floats) -> Floats:
         model = Ridge(alpha=strength * rows.sum(), solver="cholesky").fit(x[rows], y[rows])
-        return np.asarray(model.predict(at))
+        # One target comes back without its axis.
+        return np.reshape(model.predict(at), (len(at), -1))
 
     strengths = 10.0 ** np.arange(-8.0, 1.0)
     errors = [((fit(~inner, strength, x[inner]) - y[inner]) ** 2).mean() for strength in strengths]

@@ -14,6 +14,7 @@ from rich.console import Console
 from smoskin.errors import ArgumentError, RecordingError
 from smoskin.sensing.learned.training import FittingEffort
 from studies.recordings import bench_recordings
+from studies.recordings import trial as trial_module
 from studies.recordings.touches import moments, places
 
 LITTLE = FittingEffort(rows=300, evidence_rows=100, iterations=8)
@@ -318,3 +319,25 @@ def test_a_folder_that_is_not_there_is_refused_in_one_line():
     assert done.returncode == 1
     assert "nowhere" in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("targets", [1, 2])
+def test_ridge_is_least_squares_with_its_penalty_over_the_mean(targets):
+    rng = np.random.default_rng(0)
+    x, asked = rng.normal(size=(200, 3)), rng.normal(size=(7, 3))
+    slope, level = rng.normal(size=(3, targets)), rng.normal(size=targets)
+    exact = x @ slope + level
+    answer = trial_module._ridge(x, exact, np.arange(200) // 20, asked, seed=0)
+    assert answer.shape == (7, targets)
+    np.testing.assert_allclose(answer, asked @ slope + level, rtol=1e-5, atol=1e-6)
+    # Of noise alone the strongest penalty wins, which leaves little but the mean.
+    noise = rng.normal(size=(200, targets)) + 5.0
+    answer = trial_module._ridge(x, noise, np.arange(200) // 20, asked, seed=0)
+    assert np.abs(answer - noise.mean(axis=0)).max() < 0.5
+    strength = 1.0 * len(x)
+    moved = x - x.mean(axis=0)
+    best = np.linalg.solve(
+        moved.T @ moved + strength * np.eye(3), moved.T @ (noise - noise.mean(0))
+    )
+    expected = (asked - x.mean(axis=0)) @ best + noise.mean(axis=0)
+    np.testing.assert_allclose(answer, expected, rtol=1e-9)
