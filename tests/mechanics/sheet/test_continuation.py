@@ -56,8 +56,8 @@ def test_a_load_too_large_for_one_step_is_taken_in_parts(sheet, cases, monkeypat
 
     monkeypatch.setattr(continuation, "_newton", noted)
     parts = follow(tangent, press, 1e-10)
-    assert shares[0] == shares[-1] == 1.0
-    assert min(shares) < 1.0
+    # A share that fails is halved; one that succeeds is followed by a step twice as large.
+    assert shares == [1.0, 0.5, 0.25, 0.75, 0.5, 1.0, 0.75, 1.0]
     assert parts.steps > whole.steps
     assert parts.residual <= 1e-10
     scale = np.abs(whole.motion).max()
@@ -65,6 +65,11 @@ def test_a_load_too_large_for_one_step_is_taken_in_parts(sheet, cases, monkeypat
     np.testing.assert_allclose(parts.reaction, whole.reaction, atol=1e-8)
     monkeypatch.setattr(continuation, "_ALL_STEPS", 5)
     assert follow(tangent, press, 1e-10) is None
+    monkeypatch.setattr(continuation, "_ALL_STEPS", 200)
+    monkeypatch.setattr(continuation, "_NEWTON_STEPS", 2)
+    shares.clear()
+    assert follow(tangent, press, 1e-10) is None
+    assert shares == [2.0**-k for k in range(7)]
 
 
 def test_a_load_that_would_crush_the_columns_is_not_followed(sheet):
