@@ -170,6 +170,19 @@ def test_the_evidence_is_the_integral_of_the_likelihood(table, noise, touches, d
     assert found.evidence == pytest.approx(integral + chance, abs=0.25)
 
 
+@pytest.mark.parametrize("drag", [0.3, 0.02])
+def test_what_is_found_is_the_likeliest(table, noise, drag):
+    """Half a standard deviation away on any axis the posterior is lower by an eighth or more."""
+    signals = table.signals([WHERE[0]], [SLANTED])[0]
+    found = solver_of(table, noise, drag).one(signals)
+    best = log_joint(table, noise, signals, found.values[None], drag)[0]
+    for row, spread in enumerate(np.sqrt(np.diag(found.covariance[0]))):
+        for sign in (-0.5, 0.5):
+            moved = found.values.copy()
+            moved[0, row] += sign * spread
+            assert log_joint(table, noise, signals, moved[None], drag)[0] < best - 0.09
+
+
 @pytest.mark.parametrize("drag", [0.25, 0.0])
 def test_errors_are_as_large_as_stated_for_each_number(table, noise, drag):
     """Chi-square of many touches drawn as the priors say, from both sides."""

@@ -12,7 +12,7 @@ from smoskin.sensing.bayes.priors import Standing, TouchPriors
 from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.response.fit import table_curvature
 from smoskin.sensing.signals.signals import signal_noise
-from tables_of_response import plain, reduced_table
+from tables_of_response import plain, reduced_table, table_with_modes
 
 WHERE = np.array([[0.033, 0.05], [0.085, 0.11]])
 FORCE = np.array([[0.0, 0.0, -0.5], [0.0, 0.0, -0.7]])
@@ -193,3 +193,37 @@ def test_forces_end_at_a_fifth_and_three_times_those_of_the_table(skin):
     exact = table.signals([[0.05, 0.06]], [[0.0, 0.0, -0.5]])[0]
     assert solver.one(1e-4 * exact).values[0, 4] == pytest.approx(-least / 5)
     assert solver.one(20 * exact).values[0, 4] == pytest.approx(-3 * most)
+
+
+def test_warm_rubber_needs_more_force_of_one_and_of_two(table, skin):
+    stiff = replace(table, softening=0.01, warmth=np.zeros_like(table.warmth))
+    solver = TouchSolver(stiff, signal_noise(skin), STRAIGHT)
+    single = stiff.signals(WHERE[:1], FORCE[:1])[0]
+    pair = stiff.together(WHERE[None], FORCE[None])[0]
+    guess = np.concatenate([WHERE, FORCE], axis=1)
+    for temperature, factor in ((25.0, 1.0), (35.0, 1.1), (25.0, 1.0)):
+        solver.warm_to(temperature)
+        assert solver.one(single).values[0, 4] == pytest.approx(factor * FORCE[0, 2], rel=1e-2)
+        led = solver.two(pair, guess * [1, 1, 1, 1, factor])
+        assert led.values[:, 4] == pytest.approx(factor * FORCE[:, 2], rel=3e-2)
+
+
+def test_modes_that_are_left_are_misfit_of_a_newton(skin):
+    table = table_with_modes(skin)
+    added = TouchSolver(table, signal_noise(skin)).misfit - table.misfit
+    where = np.random.default_rng(0).uniform([0, 0], table.basis.extent, (400, 2))
+    modes = table.mode_signals(where, np.tile([0.0, 0.0, -1.0], (400, 1)))
+    expected = np.einsum("bkc,bkd->cd", modes, modes) / 400
+    # The base chip hardly reads a press.
+    np.testing.assert_allclose(np.diag(added)[3:], np.diag(expected)[3:], rtol=0.2)
+
+
+@pytest.mark.parametrize("drag", [(0.2, 0.1), (-0.2, 0.1), (0.1, -0.2), (-0.1, -0.2)])
+def test_a_single_touch_starts_near_itself_whichever_way_it_drags(skin, drag):
+    table = reduced_table(skin)
+    solver = TouchSolver(table, signal_noise(skin))
+    exact = table.signals(WHERE[:1], [[*drag, -0.5]])[0]
+    (start,) = solver._single_starts.best(exact, 1, None)
+    assert math.dist(start[0, :2], WHERE[0]) < 8e-3
+    assert start[0, 4] == pytest.approx(-0.5, rel=0.25)
+    assert np.sign(start[0, 2:4]).tolist() == np.sign(drag).tolist()

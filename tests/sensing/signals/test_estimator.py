@@ -1,7 +1,5 @@
 """What estimators on signals share, by one that only counts: touched or not, and its zero."""
 
-import math
-
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -103,7 +101,9 @@ def test_by_default_creep_of_the_columns_is_undone_and_drift_followed(planar, re
     for k in range(400):
         estimator.step(raised(planar, rest, 0.1 * k, np.full((3, 3), 2e-9 * k)))
     assert estimator.drift.min() > 0.7e-6
-    assert FOLLOWING.time_constant < math.inf
+    known = (FOLLOWING.hold, FOLLOWING.time_constant, FOLLOWING.drift_bound)
+    assert known == (0.2, 2.0, 500e-6)
+    assert (FOLLOWING.widening_rate, FOLLOWING.widening_limit) == (0.1e-6, 10e-6)
 
 
 def test_after_a_touch_idleness_holds_anew(planar, rest):

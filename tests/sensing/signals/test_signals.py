@@ -255,6 +255,19 @@ def test_creeping_touches_read_as_settled(planar):
     assert undone < 0.03 * left
 
 
+@pytest.mark.parametrize("begin", ["zero", "reset"])
+def test_from_its_zero_on_the_skin_has_rested(planar, twin, begin):
+    prony = Prony(moduli=[0.2], times=[1.0])
+    used, fresh = Signals(planar, creep=prony), Signals(planar, creep=prony)
+    for k in range(9):
+        used.step(twin.read(TOUCH, time=0.1 * k))
+    used.zero([twin.read()]) if begin == "zero" else used.reset()
+    fresh.zero([twin.read()]) if begin == "zero" else fresh.reset()
+    for time in (2.0, 2.1):
+        found, expected = (one.step(twin.read(TOUCH, time=time)) for one in (used, fresh))
+        np.testing.assert_allclose(found.values, expected.values, atol=1e-12)
+
+
 def test_the_stated_noise_is_that_of_readings(planar):
     """Covariance of each chip's signals, whose temperatures round like everybody's."""
     twin, seen = ReducedTwin(planar, seed=4), Signals(planar)
