@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smoskin.errors import ArgumentError
-from smoskin.records import ChipFlag, Contact, Estimate, HeldTouch, Reading, Status
+from smoskin.records import ChipFlag, Contact, Estimate, HeldTouch, Motion, Reading, Status
 
 FIELD = [[1e-3, 2e-3, 3e-3], [4e-3, np.nan, 6e-3]]
 
@@ -133,3 +133,50 @@ def test_a_touch_without_readings_or_times_is_refused():
         given = {"readings": (reading(),), "rest": (0.0, 1.0), "held": (2.0, 3.0), **changes}
         with pytest.raises(ArgumentError, match="readings must be there and times finite"):
             HeldTouch(contact=contact(), **given)
+
+
+def motion(batch=()):
+    rng = np.random.default_rng(1)
+    return Motion(magnets=rng.normal(size=(*batch, 3, 6)), board=rng.normal(size=(*batch, 3)))
+
+
+@pytest.mark.parametrize("part", ["magnets", "board"])
+def test_a_motion_with_any_number_missing_is_invalid(part):
+    for place in np.ndindex(getattr(motion(), part).shape):
+        for value in (np.nan, np.inf):
+            states = motion((2,))
+            getattr(states, part)[(1, *place)] = value
+            assert states.valid.tolist() == [True, False]
+
+
+def test_motions_go_into_batches_and_out_again():
+    states = motion((2, 4))
+    assert states.valid.shape == (2, 4)
+    assert np.array_equal(states[1, 2].magnets, states.magnets[1, 2])
+    assert np.array_equal(states[1, 2].board, states.board[1, 2])
+    back = Motion.stack([states[0], states[1]])
+    assert np.array_equal(back.magnets, states.magnets)
+    assert np.array_equal(back.board, states.board)
+    joined = Motion.concatenate([states[1], Motion.rest(3, (1,))])
+    assert joined.board.shape == (5, 3)
+    assert np.array_equal(joined.magnets[:4], states.magnets[1])
+    assert not joined.magnets[4].any()
+    assert not joined.board[4].any()
+
+
+def test_motions_are_scaled_state_by_state():
+    states = motion((2,))
+    alike, apart = states.scaled([2.0, 3.0]), states.scaled([2.0, 3.0], board=0.5)
+    assert np.array_equal(alike.magnets[1], 3.0 * states.magnets[1])
+    assert np.array_equal(alike.board[1], 3.0 * states.board[1])
+    assert np.array_equal(apart.magnets, alike.magnets)
+    assert np.array_equal(apart.board, 0.5 * states.board)
+
+
+def test_states_that_are_not_valid_hold_no_number():
+    states = motion((3,))
+    some = states.where(np.array([True, False, True]))
+    assert some.valid.tolist() == [True, False, True]
+    assert np.isnan(some.magnets[1]).all()
+    assert np.isnan(some.board[1]).all()
+    assert np.array_equal(some.board[2], states.board[2])

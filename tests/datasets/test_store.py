@@ -361,6 +361,24 @@ def test_progress_has_rate_and_time_left(planar, tmp_path):
     assert heard[-1].seconds_left == 0
 
 
+def test_the_rate_counts_what_is_computed_now(planar, tmp_path, unbroken):
+    folder, heard = tmp_path / "set", []
+    shutil.copytree(unbroken.path, folder)
+    (folder / "chunk-000001.h5").unlink()
+    ticks = iter(range(1000))
+    write_dataset(
+        folder,
+        planar,
+        SMALL,
+        simulation=made_up(planar, tmp_path),
+        engine=LocalEngine(1),
+        progress=heard.append,
+        clock=lambda: float(next(ticks)),
+    )
+    assert [(state.chunks, state.rows) for state in heard] == [(11, 320), (12, 360)]
+    assert [state.rate for state in heard] == [0.0, 20.0]
+
+
 def test_failing_work_leaves_what_is_done(planar, tmp_path):
     folder = tmp_path / "set"
     failing = work.FailsAt(made_up(planar, tmp_path), 5)

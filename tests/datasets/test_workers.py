@@ -87,6 +87,8 @@ def test_an_item_that_ends_every_worker_is_given_up(kind, tmp_path):
     engine = kind(workers=2)
     with pytest.raises(EngineError, match=r"item 2 ended|item \d saw several workers end"):
         list(engine.run(work.Deadly(str(tmp_path), 99), ITEMS))
+    if kind is LocalEngine:
+        assert sum(item == 2 for item, _ in work.begun(tmp_path)) == 3
 
 
 def test_what_the_work_raises_is_told_with_its_item(engine):

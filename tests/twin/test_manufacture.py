@@ -120,3 +120,43 @@ def test_warm_rubber_is_stiffer_and_film_and_frame_are_not(planar):
 def test_absurd_tolerances_are_refused(name, value, message):
     with pytest.raises(ArgumentError, match=message):
         replace(Tolerances(), **{name: value})
+
+
+RELATIVE = {
+    "stiffness_variation",
+    "column_stiffness",
+    "crease_stiffness",
+    "frame_stiffness",
+    "remanence",
+    "chip_sensitivity",
+    "chip_cross_axis",
+}
+
+
+@pytest.mark.parametrize("name", [field.name for field in fields(Tolerances)])
+def test_no_stiffness_can_come_out_negative(name):
+    """Three standard deviations below one is above zero for what is relative, and only for that."""
+    assert getattr(replace(Tolerances(), **{name: 0.333}), name) == 0.333
+    if name in RELATIVE:
+        with pytest.raises(ArgumentError, match="must be below"):
+            replace(Tolerances(), **{name: 0.334})
+    else:
+        replace(Tolerances(), **{name: 0.334})
+
+
+def test_a_higher_column_is_softer(planar):
+    none = Tolerances(**dict.fromkeys((field.name for field in fields(Tolerances)), 0.0))
+    columns = draw(planar, np.random.default_rng(8), replace(none, column_height=1e-3)).columns
+    rng = np.random.default_rng(8)
+    rng.normal()  # the rubber's own
+    higher = 1e-3 * np.clip(rng.normal(size=columns.shape), -3.0, 3.0)
+    height = planar.columns.height
+    assert_allclose(columns, height / (height + higher), rtol=1e-12)
+
+
+def test_axes_read_of_each_other_not_of_themselves(planar):
+    rng = np.random.default_rng(0)
+    cross = np.stack([draw(planar, rng).chip_errors.cross_axis for _ in range(400)])
+    own = np.eye(3, dtype=bool)
+    assert not cross[..., own].any()
+    assert cross[..., ~own].std() == pytest.approx(Tolerances().chip_cross_axis, rel=0.1)

@@ -202,6 +202,22 @@ def test_what_is_no_equilibrium_is_a_bad_measurement(planar):
     assert skin.read([press(0.05, 0.07)]).flags.tolist() == [int(ChipFlag.GOOD)] * 3
 
 
+@pytest.mark.parametrize("lost", ["not converged", "pulled"])
+def test_neither_a_lost_solution_nor_a_pulled_column_is_a_state(planar, monkeypatch, lost):
+    solve = BarHinge.press
+
+    def spoilt(solver, touches, **options):
+        pressed = solve(solver, touches, **options)
+        bad = {"converged": pressed.converged & False} if lost == "not converged" else {}
+        return replace(pressed, **bad or {"pulled": pressed.pulled | True})
+
+    monkeypatch.setattr(BarHinge, "press", spoilt)
+    skin = Twin(planar, seed=None)
+    assert not skin.motion([press(0.05, 0.07)]).valid
+    touches = Touches(position=[[(0.05, 0.07)]], force=[[(0.0, 0.0, -0.5)]])
+    assert not skin.motions(touches).valid.any()
+
+
 @pytest.mark.parametrize(
     ("contact", "message"),
     [
