@@ -166,6 +166,8 @@ class Bench:
 def _environment(copy: Path) -> Mapping[str, str]:
     """Variables under which tests import the copy, and compute on one thread."""
     one_thread = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+    # Faults are judged in parallel, not their tests: the first failure ends a run at once.
+    one_thread["PYTEST_XDIST_AUTO_NUM_WORKERS"] = "0"
     return os.environ | one_thread | {"PYTHONPATH": f"{copy / 'src'}{os.pathsep}{copy}"}
 
 
