@@ -8,6 +8,7 @@ from scipy.stats import multivariate_normal
 
 from learned_examples import cycles, presses
 from smoskin.errors import ArgumentError
+from smoskin.sensing.learned.gaussian_process import Output
 from smoskin.sensing.learned.inputs import Encoding, Form, Past
 from smoskin.sensing.learned.training import (
     FittingEffort,
@@ -108,6 +109,21 @@ def test_the_same_seed_gives_the_same_model_and_another_seed_another():
     assert not np.array_equal(first.scale, other.scale)
     changed = replace(examples, field=examples.field * 1.0000001)
     assert changed.sha256() != examples.sha256()
+
+
+@pytest.mark.parametrize("outputs", [(Output.X,), (Output.X, Output.Y, Output.FZ)])
+def test_a_distance_is_told_where_both_of_x_and_y_are(outputs):
+    examples = presses(passes=1)
+    columns = np.column_stack([examples.targets, examples.field[:, 0, 2]])
+    model = train(
+        replace(examples, targets=columns[:, : len(outputs)], outputs=outputs),
+        Encoding(chips=(0,)),
+        effort=LITTLE,
+    )
+    names = [metric.name for metric in model.metrics]
+    assert names == [f"rmse_{one.name.lower()}" for one in outputs] + ["mean_error"] * (
+        len(outputs) == 3
+    )
 
 
 def test_rows_beyond_the_limit_are_left_out():

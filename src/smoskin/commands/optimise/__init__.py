@@ -206,14 +206,7 @@ def optimise(
     new = find_design(design, aim, within, effort or SearchEffort(), progress, clock).design
     progress("made skins", 1.0)
     sheet = PressedSheet(new, force=aim.force, places=(2, 2), rated_places=coarser(places))
-    sheets, margin = made_sheets(new, within), within
-    made = check_made(new, sheets, within)
-    for _ in range(_TRIES):
-        if all(limit.kept for limit in made):
-            break
-        margin = replace(margin, deviations=margin.deviations + _WIDER)
-        new = fit_gaps(new, sheet, margin, step=GAP_STEP)
-        made = check_made(new, sheets, within)
+    new, made = _widened(new, sheet, within)
     progress("comparison", 1.0)
     changes = changes_of(design, new)
     return Optimised(
@@ -226,6 +219,21 @@ def optimise(
         limits=(*own_limits(new, within), *stood_limits(new, sheet, within)),
         made=made,
     )
+
+
+def _widened(
+    design: SkinDesign, sheet: PressedSheet, limits: Limits
+) -> tuple[SkinDesign, tuple[Reached, ...]]:
+    """The design with gaps so wide that made skins of it keep the limits, and the worst of them."""
+    sheets, margin = made_sheets(design, limits), limits
+    made = check_made(design, sheets, limits)
+    for _ in range(_TRIES):
+        if all(limit.kept for limit in made):
+            break
+        margin = replace(margin, deviations=margin.deviations + _WIDER)
+        design = fit_gaps(design, sheet, margin, step=GAP_STEP)
+        made = check_made(design, sheets, limits)
+    return design, made
 
 
 def changes_of(before: SkinDesign, after: SkinDesign) -> tuple[Change, ...]:

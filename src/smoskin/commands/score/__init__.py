@@ -279,8 +279,7 @@ def examine(
     progress : Progress, optional
         Listener.
     """
-    sat: list[_Sitting] = []
-    whole = len(exam.skins) * exam.sessions
+    sat, whole = list[_Sitting](), len(exam.skins) * exam.sessions
     noise = signal_noise(design, subject.chips)
     for seed in exam.skins:
         progress(f"skin {seed}: calibration", len(sat) / whole)
@@ -290,7 +289,6 @@ def examine(
             progress(f"skin {seed}: {case}", len(sat) / whole)
             free = case in ("undragged", "dragged")
             estimator = entrant.dragged if free else entrant.straight
-            # Sessions are counted over all skins.
             judged = judge(estimator, twin, session, np.random.default_rng([seed, 4, len(sat)]))
             bound = None
             if entrant.table is not None and case != "pairs":

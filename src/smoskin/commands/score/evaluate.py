@@ -270,19 +270,14 @@ def label(
         stage=stage,
         gauge=gauge,
     )
-    labeller = Labeller(
-        twin.design, elastomer_prony(twin.design.columns.material) if spoilt.creep else None
-    )
-    labels = []
-    for row, (place, push) in enumerate(zip(position, force, strict=True)):
-        touch = rig.hold(Contact(position=place, force=push), motion[row])
-        labels.append(labeller.label(touch))
-    return labelled_touches(
-        labels,
-        tuple(range(len(twin.design.halls))) if chips is None else tuple(chips),
-        place_spread=stage,
-        force_spread=gauge,
-    )
+    rubber = elastomer_prony(twin.design.columns.material) if spoilt.creep else None
+    labeller = Labeller(twin.design, rubber)
+    labels = [
+        labeller.label(rig.hold(Contact(position=place, force=push), motion[row]))
+        for row, (place, push) in enumerate(zip(position, force, strict=True))
+    ]
+    used = range(len(twin.design.halls)) if chips is None else chips
+    return labelled_touches(labels, tuple(used), place_spread=stage, force_spread=gauge)
 
 
 def _matched(values: Floats, truth: Floats) -> Ints:

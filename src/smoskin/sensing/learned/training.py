@@ -160,22 +160,12 @@ def train(
     logarithms of its parameters, with a wide normal prior on the lengths.
     """
     effort = effort or FittingEffort()
-    known = examples.known
-    inputs = examples.encode(encoding)[known]
-    targets, group = examples.targets[known], examples.group[known]
-    groups = np.unique(group)
-    if len(groups) < 2:
-        raise ArgumentError(
-            f"examples must hold at least two groups with known answers; got {len(groups)}"
-        )
-    if not (np.ptp(targets, axis=0) > 0).all():
-        raise ArgumentError("examples: every output must take more than one value")
+    inputs, targets = examples.encode(encoding)[examples.known], examples.targets[examples.known]
     rng = np.random.default_rng(seed)
-    count = max(1, round(_HELD_OUT * len(groups)))
-    held = np.isin(group, rng.permutation(groups)[:count])
+    judges, split = _held_out(examples, rng)
 
     progress("lengths and noise", 0.0)
-    fit_inputs, fit_targets = inputs[~held], targets[~held]
+    fit_inputs, fit_targets = inputs[~judges], targets[~judges]
     problem = _Problem.of(encoding, fit_inputs, fit_targets)
     few = rng.permutation(len(fit_inputs))[: effort.evidence_rows]
     parameters = _most_probable(
@@ -194,17 +184,32 @@ def train(
         residual=np.eye(len(examples.outputs)),
         reach=1.0,
         data_sha256=examples.sha256(),
-        split=f"{count} of {len(groups)} groups held out whole, drawn with seed {seed}",
+        split=f"{split} held out whole, drawn with seed {seed}",
         metrics=(),
         **_solve(problem, parameters, fit_inputs[some], fit_targets[some]),
     )
-    judged = _judge(blank, inputs[held], targets[held])
+    judged = _judge(blank, inputs[judges], targets[judges])
 
     progress("final fit", 0.0)
     rows = np.sort(rng.permutation(len(inputs))[: effort.rows])
     model = replace(judged, **_solve(problem, parameters, inputs[rows], targets[rows]))
     progress("final fit", 1.0)
     return model
+
+
+def _held_out(examples: Examples, rng: np.random.Generator) -> tuple[Bools, str]:
+    """Which rows with a known answer are held out, and how many groups these are, in words."""
+    targets, group = examples.targets[examples.known], examples.group[examples.known]
+    groups = np.unique(group)
+    if len(groups) < 2:
+        raise ArgumentError(
+            f"examples must hold at least two groups with known answers; got {len(groups)}"
+        )
+    if not (np.ptp(targets, axis=0) > 0).all():
+        raise ArgumentError("examples: every output must take more than one value")
+    count = max(1, round(_HELD_OUT * len(groups)))
+    rows = np.isin(group, rng.permutation(groups)[:count])
+    return rows, f"{count} of {len(groups)} groups"
 
 
 class _Problem(NamedTuple):

@@ -49,20 +49,12 @@ def export_onnx(model: NetworkModel, path: Path | str) -> None:
     ensemble = Ensemble(model)
     length = _write_members(graph, ensemble)
     _write_moments(graph, ensemble, length)
-    whole = onnx.helper.make_graph(
-        graph.nodes,
-        "smoskin_network",
-        [
-            graph.declared("signals", ["B", len(model.centre) - 1]),
-            graph.declared("temperature", [1]),
-        ],
-        [
-            graph.declared("values", ["B", 5]),
-            graph.declared("covariance", ["B", 5, 5]),
-            graph.declared("novelty", ["B"]),
-        ],
-        graph.constants,
-    )
+    signals = graph.declared("signals", "B", len(model.centre) - 1)
+    given = [signals, graph.declared("temperature", 1)]
+    values, spread = graph.declared("values", "B", 5), graph.declared("covariance", "B", 5, 5)
+    answers = [values, spread, graph.declared("novelty", "B")]
+    name = "smoskin_network"
+    whole = onnx.helper.make_graph(graph.nodes, name, given, answers, graph.constants)
     file = onnx.helper.make_model(
         whole,
         opset_imports=[onnx.helper.make_opsetid("", _OPSET)],
@@ -114,10 +106,10 @@ class _Graph:
         """The same in another shape."""
         return self.add("Reshape", value, self.constant(shape, np.int64))
 
-    def declared(self, name: str, shape: list[str | int]) -> Any:
+    def declared(self, name: str, *shape: str | int) -> Any:
         """An input or output of the graph."""
         helper = self._onnx.helper
-        return helper.make_tensor_value_info(name, self._onnx.TensorProto.FLOAT, shape)
+        return helper.make_tensor_value_info(name, self._onnx.TensorProto.FLOAT, list(shape))
 
 
 def _write_members(graph: _Graph, ensemble: Ensemble) -> str:

@@ -144,11 +144,17 @@ def train_network(
     design.check_own("table", table.design_hash)
     source = TouchSource(table, signal_noise(design, table.chips), spread, creep)
     lessons = Lessons(design, source, effort, start)
+
+    def keep(course: _Course) -> None:
+        if checkpoint is not None and course.curve:
+            course.save(checkpoint)
+        if curve is not None:
+            _write_curve(curve, course.curve)
+
     with jax.enable_x64(False), ThreadPoolExecutor(max_workers=1) as ahead:
         course = _Course.resume(lessons, checkpoint)
         began = clock() - course.seconds
-        if curve is not None:
-            _write_curve(curve, course.curve)
+        keep(course)
         coming = ahead.submit(lessons.epoch, course.epochs)
         while not (ended := course.ended()):
             share = max(course.epochs / effort.epochs, course.seconds / effort.seconds)
@@ -156,10 +162,7 @@ def train_network(
             lesson = coming.result()
             coming = ahead.submit(lessons.epoch, course.epochs + 1)
             course = course.after(lesson, share, lambda: clock() - began)
-            if checkpoint is not None:
-                course.save(checkpoint)
-            if curve is not None:
-                _write_curve(curve, course.curve)
+            keep(course)
         coming.cancel()
         progress(f"stopped: {ended}", 1.0)
         return Trained(_finished(lessons, course.best), course.curve, ended)
