@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from smoskin.errors import ArgumentError, SourceError
+from smoskin.magnetics.temperature import temperature_factor
 from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.records import Contact, HeldTouch, Motion, Reading, Status
 from smoskin.sensing.response.labels import Labeller, labelled_touches
-from smoskin.twin.rig import VirtualRig
+from smoskin.twin.rig import VirtualRig, drifting_readings, open_rig
+from smoskin.twin.whole import Twin
 from tables_of_response import motions, plain, signals
 from virtual_skins import MadeTwin, Saturating
 
@@ -35,14 +37,89 @@ def test_a_rig_gives_rest_and_hold_of_each_touch(skin):
 
 
 def test_reported_touches_are_off_by_stage_and_gauge(skin):
-    rig = VirtualRig(MadeTwin(skin), np.random.default_rng(0), stage=1e-3, gauge=0.05)
-    said = [rig.press(PRESS).contact for _ in range(60)]
-    place = np.stack([one.position for one in said]) - PRESS.position
-    force = np.stack([one.force for one in said]) - PRESS.force
+    twin = MadeTwin(skin)
+    rig = VirtualRig(twin, np.random.default_rng(0), creep=False, stage=1e-3, gauge=0.05)
+    still = twin.motion((PRESS,))
+    reported = [rig.hold(PRESS, still).contact for _ in range(600)]
+    place = np.stack([contact.position for contact in reported]) - PRESS.position
+    force = np.stack([contact.force for contact in reported]) - PRESS.force
     assert rig.place_spread == 1e-3
     assert rig.force_spread == 0.05
-    assert np.std(place) == pytest.approx(1e-3, rel=0.25)
-    assert np.std(force) == pytest.approx(0.05, rel=0.25)
+    np.testing.assert_allclose(place.std(axis=0), 1e-3, rtol=0.1)
+    np.testing.assert_allclose(force.std(axis=0), 0.05, rtol=0.1)
+    assert np.abs(place.mean(axis=0)).max() < 4 * 1e-3 / np.sqrt(600)
+    assert np.abs(force.mean(axis=0)).max() < 4 * 0.05 / np.sqrt(600)
+
+
+def test_a_rig_keeps_its_promised_times(skin):
+    rig = VirtualRig(MadeTwin(skin), np.random.default_rng(0))
+    first, second = rig.press(PRESS), rig.press(PRESS)
+    assert first.rest == pytest.approx((-0.2, 0.0))
+    assert first.held == pytest.approx((0.02, 0.3))
+    assert second.rest == pytest.approx((0.8, 1.0))
+    assert second.held == pytest.approx((1.02, 1.3))
+    assert second.readings[0].time == pytest.approx(0.32)
+    np.testing.assert_allclose(np.diff([r.time for r in first.readings]), 0.02)
+    assert len(first.readings) == 26
+
+
+def test_chips_walk_as_far_as_stated(skin):
+    twin = MadeTwin(skin)
+    rest = Motion.rest(3, (400,))
+    times = 4.0 * np.arange(1, 401)
+    walks = []
+    for seed in range(8):
+        read, walked = drifting_readings(
+            twin, rest, times, np.full(400, 4.0), np.random.default_rng(seed),
+            temperature=25.0, drift=5e-6, walked=np.full((3, 3), 1e-3),
+        )  # fmt: skip
+        walks.append(walked - 1e-3)
+        still = twin.readout.seen(Motion.rest(3))
+        np.testing.assert_allclose(read[-1].field - walked, still, atol=40e-6)
+    # 400 steps of 5 uT in a second, each twice as far in four seconds.
+    assert np.std(walks) == pytest.approx(5e-6 * np.sqrt(1600), rel=0.25)
+
+
+def test_a_rig_s_temperature_is_the_skin_s_and_the_chips(skin):
+    cold = VirtualRig(MadeTwin(skin), np.random.default_rng(0), temperature=10.0).press(PRESS)
+    warm = VirtualRig(MadeTwin(skin), np.random.default_rng(0), temperature=40.0).press(PRESS)
+    degrees = [np.mean([r.temperature for r in touch.readings], axis=0) for touch in (cold, warm)]
+    np.testing.assert_allclose(degrees[1] - degrees[0], 30.0, atol=0.1)
+    size = [np.abs(touch.readings[0].field[:, 2]) for touch in (cold, warm)]
+    np.testing.assert_allclose(
+        size[1] / size[0], temperature_factor(40.0) / temperature_factor(10.0), rtol=2e-3
+    )
+
+
+def test_a_rig_of_a_design_presses_the_made_skin_of_its_seed(planar):
+    pytest.importorskip("jax")
+    rig = open_rig("virtual?seed=5&temperature=31", planar)
+    touch = rig.press(Contact(position=(0.05, 0.067), force=(0.0, 0.0, -0.5)))
+    twin = Twin(planar, seed=5, manufactured=True)
+    rest = twin.read(temperature=31.0)
+    np.testing.assert_allclose(touch.readings[0].field, rest.field, atol=60e-6)
+    np.testing.assert_allclose(touch.readings[0].temperature, rest.temperature, atol=0.1)
+    assert rig.place_spread == 20e-6
+    assert rig.force_spread == 2e-3
+    other = VirtualRig(planar, seed=6).press(touch.contact)
+    assert np.abs(other.readings[0].field - rest.field).max() > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("robot", "rig must be virtual, with the options seed and temperature; got 'robot'"),
+        ("virtual?speed=1", "with the options seed and temperature"),
+        ("virtual?seed=", "seed and temperature of a rig must be numbers"),
+        ("virtual?seed=1.5", "seed and temperature of a rig must be numbers"),
+        ("virtual?temperature=warm", "seed and temperature of a rig must be numbers"),
+        ("virtual?seed=-1", "seed of a rig must not be negative; got -1"),
+        ("virtual?temperature=200", "temperature must"),
+    ],
+)
+def test_rigs_that_there_are_not_are_named(planar, name, message):
+    with pytest.raises(ArgumentError, match=message):
+        open_rig(name, planar)
 
 
 def test_the_same_generator_gives_the_same_touches(skin):
@@ -54,13 +131,17 @@ def test_the_same_generator_gives_the_same_touches(skin):
 
 def test_a_rig_that_is_given_no_time_says_so(skin):
     rig = VirtualRig(MadeTwin(skin), np.random.default_rng(0))
-    with pytest.raises(SourceError, match=r"within 0\.5 s"):
-        rig.press(PRESS, 0.5)
+    with pytest.raises(SourceError, match=r"within 0\.99 s; one takes 1 s"):
+        rig.press(PRESS, 0.99)
+    assert rig.press(PRESS, 1.0).held == pytest.approx((0.02, 0.3))
 
 
-def test_absurd_rigs_are_refused(skin):
-    with pytest.raises(ArgumentError, match="gauge must be finite"):
-        VirtualRig(MadeTwin(skin), np.random.default_rng(0), gauge=-1.0)
+@pytest.mark.parametrize("name", ["drift", "stage", "gauge"])
+@pytest.mark.parametrize("value", [-1e-12, np.inf, np.nan])
+def test_absurd_rigs_are_refused(skin, name, value):
+    with pytest.raises(ArgumentError, match=f"{name} must be finite and >= 0"):
+        VirtualRig(MadeTwin(skin), np.random.default_rng(0), **{name: value})
+    VirtualRig(MadeTwin(skin), np.random.default_rng(0), **{name: 0.0})
 
 
 def test_times_of_a_held_touch_follow_each_other():

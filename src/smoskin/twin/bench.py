@@ -40,7 +40,10 @@ _OTHER_REPEATS: Final = 2
 _TABLE_PRESS: Final = 0.3
 _TABLE_DRAG: Final = 0.2
 """N: so light that no chip of a made skin stands at the end of its range."""
+_CELLS_A_REST: Final = 3
+"""Cells after which the untouched skin is read again."""
 _UNTOUCHED: Final = 20
+"""Readings of the untouched skin before the touches of the paper's calibration."""
 _WARMING: Final = (24.0, 27.0)
 """degC, from the first to the last touch."""
 
@@ -163,12 +166,15 @@ def calibration_loads(design: SkinDesign) -> tuple[Contact | None, ...]:
 def table_loads(design: SkinDesign) -> tuple[Contact | None, ...]:
     """Touches that a person makes in half an hour to have the answers of all cells measured.
 
-    First come 20 readings of the untouched skin. Then follow on every cell a straight press of
-    0.3 N, the same press with a drag of 0.2 N along X and with one along Y; the drag's sign changes
-    from cell to cell. The reference design takes 108 touches.
+    On every cell come a straight press of 0.3 N, the same press with a drag of 0.2 N along X and
+    with one along Y; the drag's sign changes from cell to cell. Before every three cells the
+    untouched skin is read, as its rest field drifts with the warmth of its magnets. The reference
+    design takes 108 touches.
     """
-    loads: list[Contact | None] = [None] * _UNTOUCHED
-    for n, m in np.ndindex(*design.cells):
+    loads: list[Contact | None] = []
+    for number, (n, m) in enumerate(np.ndindex(*design.cells)):
+        if number % _CELLS_A_REST == 0:
+            loads.append(None)
         drag = _TABLE_DRAG if (n + m) % 2 else -_TABLE_DRAG
         for sideways in ((0.0, 0.0), (drag, 0.0), (0.0, drag)):
             loads.append(_load(design, (n, m), _TABLE_PRESS, sideways))
