@@ -164,3 +164,13 @@ def test_surroundings_must_be_finite():
         Surroundings(earth=(0.0, float("nan"), 0.0))
     with pytest.raises(ArgumentError, match=r"place must have shape \(\.\.\., 3\)"):
         Neighbour(place=(0.0, 1.0))
+
+
+def test_each_chip_tells_a_warmth_of_its_own(planar):
+    made = draw(planar, np.random.default_rng(1), Tolerances(chip_warmth=2.0))
+    readout, own = Readout(planar, made), made.chip_errors.warmth
+    assert np.abs(own).min() > 0.2
+    ideal = readout.read(still(planar), None, temperature=30.0)
+    assert_allclose(ideal.temperature, 30.0 + own, rtol=1e-12)
+    noisy = readout.read(still(planar), np.random.default_rng(0), temperature=30.0)
+    assert_allclose(noisy.temperature, 30.0 + own, atol=0.1)

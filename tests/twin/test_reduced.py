@@ -110,6 +110,21 @@ def test_the_shown_sheet_sinks_under_the_finger(planar):
     assert sunk[deepest] == pytest.approx(twin.depths([press(*place)])[0])
 
 
+def test_the_shown_sheet_fades_along_each_axis_by_its_own_attenuation(planar):
+    coefficients = replace(planar.coefficients, attenuation=(0.2, 0.5))
+    twin = ReducedTwin(replace(planar, coefficients=coefficients), seed=None)
+    place = geometry(planar).tops[2, 3]
+    moved = twin.sheet_vertices([press(*place)]) - twin.sheet_vertices()
+    moved = moved.reshape(13, 13, 3)
+    sunk = -moved[1::2, 1::2, 2] / -moved[5, 7, 2]
+    assert sunk[[2, 3, 2, 1, 3], [3, 3, 4, 3, 4]] == pytest.approx([1.0, 0.2, 0.5, 0.2, 0.1])
+    assert not moved[:, ::2, 2].any()
+    # In the plane a top vertex goes with the middle of the two bottom ones beside it.
+    assert np.abs(moved[..., :2]).max() > 1e-5
+    between = (moved[:, :-1:2, :2] + moved[:, 2::2, :2]) / 2
+    np.testing.assert_allclose(moved[:, 1::2, :2], between, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("contact", "message"),
     [
