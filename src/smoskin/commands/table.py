@@ -6,7 +6,6 @@ differ. Each made sheet is read by chips and magnets of several draws, which cos
 The equations are those of "Fit" and "Modes" in `docs/derivations.md`.
 """
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING
@@ -21,6 +20,7 @@ from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.mechanics.sheet.compliance import grip_compliance
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.geometry import geometry
+from smoskin.roles import Progress, unheard
 from smoskin.sensing.response.fit import add_coupling, add_modes, add_warmth, fit_response_table
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.twin.manufacture import Tolerances, draw, made_mechanics
@@ -29,9 +29,6 @@ from smoskin.twin.whole import Twin
 
 if TYPE_CHECKING:
     from rich.table import Table
-
-Progress = Callable[[str, float], None]
-"""A function that is told what is being pressed, and the share of the whole work that is done."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,7 +71,7 @@ def make_table(
     effort: Effort | None = None,
     *,
     tolerances: Tolerances | None = None,
-    progress: Progress = lambda task, share: None,
+    progress: Progress = unheard,
 ) -> ResponseTable:
     """The response table of a design, from presses of its twin; a minute or two.
 
