@@ -163,9 +163,9 @@ class Ambiguity:
         what = {"x": f"columns {n + 1} and {other_n + 1}", "y": f"rows {m + 1} and {other_m + 1}"}
         named = what.get(self.axis, f"cells ({n + 1},{m + 1}) and ({other_n + 1},{other_m + 1})")
         signs = "the same signs" if self.same_signs else "different signs"
-        ratios = "" if math.isnan(self.ratio_gap) else (
-            f" and ratios {self.ratios[0]:.4g} and {self.ratios[1]:.4g}"
-        )  # fmt: skip
+        ratios = f" and ratios {self.ratios[0]:.4g} and {self.ratios[1]:.4g}"
+        if math.isnan(self.ratio_gap):
+            ratios = ""
         when = "never" if math.isinf(self.force) else f"from {self.force:.3g} N"
         return f"{named}: {signs}{ratios}, told apart {when}"
 
@@ -215,8 +215,8 @@ def ambiguities(
     calibration.check_fits(design)
     least = -NormalDist().inv_cdf(error_rate)
     listed = _pairs(design, calibration, least)
-    needing = [one for one in listed if one.force > force]
-    return tuple(sorted(needing, key=lambda one: (-one.force, one.axis, one.pair)))
+    confused = [pair for pair in listed if pair.force > force]
+    return tuple(sorted(confused, key=lambda pair: (-pair.force, pair.axis, pair.pair)))
 
 
 def _pairs(design: SkinDesign, calibration: Calibration, least: float) -> list[Ambiguity]:
@@ -234,9 +234,9 @@ def _pairs(design: SkinDesign, calibration: Calibration, least: float) -> list[A
             pairs.append((wall.own, wall.other, float(forces.max()), int(forces.argmax())))
         for a, b, most, k in pairs:
             key = part.axis, min(a, b), max(a, b)
-            one = most, int(part.members[key[1], k]), int(part.members[key[2], k])
-            needed[key] = max(needed.get(key, one), one)
-    return [_ambiguity(unit, axis, one) for (axis, _, _), one in needed.items()]
+            hardest = most, int(part.members[key[1], k]), int(part.members[key[2], k])
+            needed[key] = max(needed.get(key, hardest), hardest)
+    return [_ambiguity(unit, axis, hardest) for (axis, _, _), hardest in needed.items()]
 
 
 class _Wall(NamedTuple):
@@ -273,12 +273,17 @@ def _partings(rule: Rule, unit: Floats, noise: Floats) -> list[_Parting]:
             bare = _line_walls(rule, axis)
         else:
             first = np.flatnonzero(~np.tril(alike, -1).any(axis=1)).tolist()
-            bare = [_Wall(own, other, units[own] - units[other])
-                    for own in range(len(units)) for other in first
-                    if not alike[own, other]]  # fmt: skip
+            bare = [
+                _Wall(own, other, units[own] - units[other])
+                for own in range(len(units))
+                for other in first
+                if not alike[own, other]
+            ]
         normals = np.reshape([wall.normal for wall in bare], (-1, len(noise)))
         normals /= np.sqrt(np.einsum("wk,kl,wl->w", normals, noise, normals))[:, None]
-        walls = [_Wall(wall.own, wall.other, one) for wall, one in zip(bare, normals, strict=True)]
+        walls = [
+            _Wall(wall.own, wall.other, normal) for wall, normal in zip(bare, normals, strict=True)
+        ]
         partings.append(_Parting(axis, members, alike, walls))
     return partings
 

@@ -140,8 +140,8 @@ class ClosedFormEstimator(Estimator):
         if signal.status is not None:
             return Estimate(time=reading.time, status=signal.status)
         field = self._signals.rest_field + signal.values
-        moved, found = self._inverse.displacements(field[None])
-        if not found[0]:
+        moved, within = self._inverse.displacements(field[None])
+        if not within[0]:
             return Estimate(time=reading.time, status=Status.OUT_OF_RANGE)
         cell, force, confidence = self._sheet.solve(moved.reshape(1, -1))
         n, m = cell[0].tolist()

@@ -4,7 +4,7 @@ Decides by the SI's own rule where two magnets ride on an ideal sheet: their sig
 (Table S1), the ratio of their displacements a column and a row in it (S12, Figure S5). For any
 other number of magnets it takes the column and the row whose displacements point most nearly the
 same way. Every rule ignores a common factor, so that the force need not be known. All of it is
-theory's; a skin whose answers were measured is told by `smoskin.sensing.closed_form.subspaces`.
+theory's; a skin whose answers were measured is told by `smoskin.sensing.closed_form.measured`.
 """
 
 from dataclasses import dataclass
@@ -257,18 +257,26 @@ def zones(unit: Floats) -> tuple[Zone, ...]:
     ((0, 1), (-1, -1, -1, -1), [1.3248])
     """
     across, along = (_groups(one) for one in _along_axes(unit))
-    found: list[Zone] = []
+    parts: list[Zone] = []
     for rows in along:
         for columns in across:
             n, m = columns[0], rows[0]
             a, b, c, d = signal_matrix(unit[n, m]).ravel().tolist()
             ratios_x, lines_x = _ratios(unit[list(columns), 0, :, 0])
             ratios_y, lines_y = _ratios(unit[0, list(rows), :, 1])
-            found.append(
-                Zone(number=len(found) + 1, columns=columns, rows=rows, signs=(a, b, c, d),
-                     ratios_x=ratios_x, ratios_y=ratios_y, lines_x=lines_x, lines_y=lines_y)
-            )  # fmt: skip
-    return tuple(found)
+            parts.append(
+                Zone(
+                    number=len(parts) + 1,
+                    columns=columns,
+                    rows=rows,
+                    signs=(a, b, c, d),
+                    ratios_x=ratios_x,
+                    ratios_y=ratios_y,
+                    lines_x=lines_x,
+                    lines_y=lines_y,
+                )
+            )
+    return tuple(parts)
 
 
 def _along_axes(unit: Floats) -> tuple[Floats, Floats]:

@@ -6,9 +6,10 @@ cell move the chips in proportion: their motions lie in the cell's own three-dim
 of all motions. The likeliest cell is the one whose subspace, measured in the chips' noise, comes
 nearest; press and drag are then its coordinates. Hides how a table becomes answers of cells.
 
-A table that 15 touches of a rig have calibrated names the right one of 36 cells on every made
-skin, with forces good to 3 mN; a press and two drags on every cell of a bench, without the twin's
-modes, reached as many cells and 9 mN (`benchmarks/bench_table.py`).
+A table that 15 touches of a rig have calibrated names the right one of 36 cells on made skins, with
+normal forces of 0.5 N good to 2 mN. Answers fitted to a press and two drags on every cell alone,
+without the modes in which skins differ, named as many cells, with 10 mN, 23 mN under a drag of
+0.3 N; with the modes the same touches come to 2.4 mN and 2.5 mN (`benchmarks/bench_table.py`).
 """
 
 from typing import Final, NamedTuple
@@ -78,11 +79,11 @@ def cell_answers(design: SkinDesign, table: ResponseTable) -> CellAnswers:
     forces = np.repeat(press + drags, len(places), axis=0)
     signals = table.signals(np.tile(places, (len(drags), 1)), forces)
     inverse = FieldInverse(design)
-    moved, found = inverse.displacements(inverse.rest_field + signals.reshape(len(forces), -1, 3))
+    moved, within = inverse.displacements(inverse.rest_field + signals.reshape(len(forces), -1, 3))
     straight, *dragged = moved.reshape(len(drags), len(places), -1)
     ahead, back = np.stack(dragged[::2], axis=-1), np.stack(dragged[1::2], axis=-1)
     motions = np.concatenate([straight[..., None] / _PRESS, (ahead - back) / (2 * _DRAG)], axis=-1)
-    if not found.all() or (np.linalg.matrix_rank(motions) < 3).any():
+    if not within.all() or (np.linalg.matrix_rank(motions) < 3).any():
         raise ModelError(
             "table must answer a press, a drag in x and a drag in y on every cell, each in its own "
             "way and within the stroke"
@@ -117,10 +118,10 @@ class MeasuredSheet(Sheet):
             answers.motions.reshape(count, -1, 3), np.diag(motion_noise(design))
         )
         # Loads come as press, drag in x, drag in y; forces as x, y, z with a press below zero.
-        turn = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
-        noise = turn @ self._subspaces.spread @ turn.T
+        to_force = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
+        noise = to_force @ self._subspaces.spread @ to_force.T
         self.noise = noise.reshape(*design.cells, 3, 3)
-        loads = (turn @ self._subspaces.loads).reshape(*design.cells, 3, -1)
+        loads = (to_force @ self._subspaces.loads).reshape(*design.cells, 3, -1)
         self.place = place_scatter(design, answers.motions[..., 0], loads)
 
     def solve(self, motions: Floats) -> Solution:
