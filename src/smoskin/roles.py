@@ -181,7 +181,7 @@ class VirtualSkin(ABC):
     def motion(
         self, contacts: Sequence[Contact] = (), *, temperature: float = REFERENCE_TEMPERATURE
     ) -> Motion:
-        """Where these contacts hold magnets and board for good: one state, without a batch axis.
+        """Motion of magnets and board under these contacts, at rest: one state, without a batch axis.
 
         Raises
         ------
@@ -191,7 +191,7 @@ class VirtualSkin(ABC):
 
     @abstractmethod
     def motions(self, touches: Touches, *, temperature: float = REFERENCE_TEMPERATURE) -> Motion:
-        """Where each of B states of touch holds magnets and board: a batch (B,).
+        """Motion of magnets and board in each of B states of touch: a batch (B,).
 
         Raises
         ------

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 Touches = Rig | str | os.PathLike[str] | TouchTable | Sequence[HeldTouch]
-"""Where touches come from: a rig that makes them, the CSV file of a person who has made them or its
+"""Origin of touches: a rig that makes them, the CSV file of a person who has made them or its
 table, or touches that have been made and held already."""
 
 DEFAULT_COUNT: Final = 15

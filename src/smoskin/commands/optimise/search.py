@@ -290,7 +290,7 @@ def exchange(
 def _settle(
     start: Sequence[int], informed: Floats, sheet: PressedSheet, objective: Objective
 ) -> tuple[float, list[int]]:
-    """Where single moves lead from a placement, and its objective."""
+    """The placement that single moves lead to from another, and its objective."""
     at, chips = list(start), len(start)
 
     def value(places: Sequence[int]) -> float:
@@ -345,7 +345,7 @@ def _varied(design: SkinDesign, point: Floats, limits: Limits) -> SkinDesign:
 
 
 def _point(design: SkinDesign, limits: Limits) -> Floats:
-    """Where a design lies in that cube, or next to it."""
+    """Place of a design in that cube, or next to it."""
     magnet = design.magnets[-1]
     values = (
         design.columns.radius,

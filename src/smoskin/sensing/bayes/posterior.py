@@ -13,7 +13,8 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.errors import ArgumentError
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
-from smoskin.sensing.response.table import ResponseTable
+from smoskin.sensing.response.pair_point import PairPoint
+from smoskin.sensing.response.table import PointTable, ResponseTable
 
 _STEPS: Final = 40
 _SETTLED: Final = 1e-3
@@ -225,3 +226,29 @@ class TouchProblem:
             return misfit, 0.5 * misfit
         away = at[:2] - standing.place
         return misfit, 0.5 * misfit + 0.5 * float(away @ standing.precision @ away)
+
+
+def single_answer(point: PointTable, *, straight: bool) -> Answer:
+    """Signals of one touch by x, y, its drags and the logarithm of its press."""
+
+    def answer(at: Floats) -> tuple[Floats, Floats]:
+        press = -math.exp(at[-1])
+        drags = (0.0, 0.0) if straight else (at[2], at[3])
+        values, slopes = point.at(at[0], at[1], np.array([*drags, press]))
+        slopes[4] *= press
+        return values, slopes[[0, 1, 4]] if straight else slopes
+
+    return answer
+
+
+def pair_answer(pair: PairPoint) -> Answer:
+    """Signals of two straight touches by x, y and the logarithm of the press of each."""
+
+    def answer(at: Floats) -> tuple[Floats, Floats]:
+        each = at.reshape(2, 3)
+        press = np.exp(each[:, 2])
+        both = pair.at(each[:, :2], press)
+        both.slopes[[2, 5]] *= press[:, None]
+        return both.values, both.slopes
+
+    return answer

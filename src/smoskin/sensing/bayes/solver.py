@@ -5,7 +5,6 @@ still fit; else from coarse places, the likeliest first, of which many take a fe
 nearest are followed to the end.
 """
 
-import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,11 +12,16 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.origami.geometry import places_to_the_rim
-from smoskin.sensing.bayes.posterior import Answer, Descent, TouchProblem
+from smoskin.sensing.bayes.posterior import (
+    Descent,
+    TouchProblem,
+    pair_answer,
+    single_answer,
+)
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
 from smoskin.sensing.bayes.starts import TYPICAL, Starts, pair_starts, single_starts
 from smoskin.sensing.response.pair_point import PairPoint
-from smoskin.sensing.response.table import PointTable, ResponseTable
+from smoskin.sensing.response.table import ResponseTable
 
 _FITS: Final = 4.0
 """Squared residual a signal up to which what follows from the last reading is believed."""
@@ -109,9 +113,9 @@ class TouchSolver:
         """What is solved for so many touches."""
         table, priors = self.table, self.priors
         if touches == 1:
-            answer = _single_answer(self._point, straight=priors.drag_spread == 0)
+            answer = single_answer(self._point, straight=priors.drag_spread == 0)
             return TouchProblem(answer, 1, table, self._noise, self.misfit, priors)
-        answer = _pair_answer(PairPoint(table, self._point))
+        answer = pair_answer(PairPoint(table, self._point))
         misfit = self.misfit + table.pair_misfit
         return TouchProblem(answer, 2, table, self._noise, misfit, priors)
 
@@ -152,32 +156,6 @@ class TouchSolver:
         middle[:, :2] = spread[:, None] * self.table.basis.extent
         middle[:, 4] = -0.1
         return problem.posterior(problem.descend(signals, problem.unknowns(middle)))
-
-
-def _single_answer(point: PointTable, *, straight: bool) -> Answer:
-    """Signals of one touch by x, y, its drags and the logarithm of its press."""
-
-    def answer(at: Floats) -> tuple[Floats, Floats]:
-        press = -math.exp(at[-1])
-        drags = (0.0, 0.0) if straight else (at[2], at[3])
-        values, slopes = point.at(at[0], at[1], np.array([*drags, press]))
-        slopes[4] *= press
-        return values, slopes[[0, 1, 4]] if straight else slopes
-
-    return answer
-
-
-def _pair_answer(pair: PairPoint) -> Answer:
-    """Signals of two straight touches by x, y and the logarithm of the press of each."""
-
-    def answer(at: Floats) -> tuple[Floats, Floats]:
-        each = at.reshape(2, 3)
-        press = np.exp(each[:, 2])
-        both = pair.at(each[:, :2], press)
-        both.slopes[[2, 5]] *= press[:, None]
-        return both.values, both.slopes
-
-    return answer
 
 
 def _mode_energy(table: ResponseTable) -> Floats:

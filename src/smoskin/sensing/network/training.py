@@ -254,7 +254,7 @@ class _Course:
         return ""
 
     def told(self) -> str:
-        """Where it stands, for people."""
+        """State of the training, for people."""
         if not self.curve:
             return "learning"
         last = self.curve[-1]
