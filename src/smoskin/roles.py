@@ -181,7 +181,7 @@ class VirtualSkin(ABC):
     def motion(
         self, contacts: Sequence[Contact] = (), *, temperature: float = REFERENCE_TEMPERATURE
     ) -> Motion:
-        """Motion of magnets and board under these contacts, at rest: one state, without a batch axis.
+        """Motion of magnets and board at rest under these contacts: one state, no batch axis.
 
         Raises
         ------
