@@ -103,10 +103,10 @@ def calibrate(
     done.save(out)
     if as_json:
         typer.echo(json.dumps(done.as_json() | {"file": str(out)}))
-        return
-    for rows in done.tables():
-        show(rows)
-    typer.echo(f"Now: smoskin run SOURCE --calibration {out}", err=True)
+    else:
+        for rows in done.tables():
+            show(rows)
+        typer.echo(f"Now: smoskin run SOURCE --calibration {out}", err=True)
 
 
 @touches.command("plan")

@@ -36,10 +36,15 @@ _ALIKE: Final = 1e-6
 """rad: directions closer than this are one; their cosines differ by less than rounding."""
 
 
+def chip_noise(design: SkinDesign) -> Floats:
+    """Noise of one reading along each axis of a chip, its rounding included, (3,), T."""
+    setting = design.hall_setting
+    return np.asarray(np.hypot(mlx90393.noise(setting), mlx90393.sensitivity(setting) / 12**0.5))
+
+
 def motion_noise(design: SkinDesign) -> Floats:
     """Variance that one reading's noise makes in the chips' motions, shape (3S,), m^2."""
-    setting = design.hall_setting
-    of_chip = mlx90393.noise(setting) ** 2 + mlx90393.sensitivity(setting) ** 2 / 12
+    of_chip = chip_noise(design) ** 2
     turned = np.stack([np.abs(mlx90393.rotation(site)) @ of_chip for site in design.halls])
     magnets = [design.magnet(site.magnet) for site in design.halls]
     rest = geometry(design).rest

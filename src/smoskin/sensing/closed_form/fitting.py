@@ -14,8 +14,7 @@ import numpy as np
 
 from smoskin.arrays import Bools, Floats, Ints
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import ArgumentError, ModelError
-from smoskin.magnetics import mlx90393
+from smoskin.errors import ModelError
 from smoskin.measurement import TouchTable
 from smoskin.sensing.closed_form.calibration import (
     Calibration,
@@ -23,6 +22,7 @@ from smoskin.sensing.closed_form.calibration import (
     ResidualSummary,
     Uncertainty,
 )
+from smoskin.sensing.closed_form.confidence import chip_noise
 from smoskin.sensing.closed_form.press_model import PressModel, triples
 
 Attenuation = Literal["equal", "separate"]
@@ -113,7 +113,6 @@ def fit_calibration(
     Parameters
     ----------
     design : SkinDesign
-        Of the skin.
     touches : TouchTable
         Straight presses on cells of every layer, 45-degree loads in X and in Y on every layer
         and, best, readings of all chips, some of them untouched. Without any reading K_sf, the
@@ -121,7 +120,7 @@ def fit_calibration(
     date : str
         ISO date of the measurement.
     data_sha256 : str
-        Of the measured file.
+        SHA-256 of the measured file.
     attenuation : {"equal", "separate"}
         Whether v_a is one number, as the SI takes it, or one each in X and Y.
 
@@ -138,14 +137,12 @@ def fit_calibration(
     Source: SI Text S5, "Calibration Process", with Eqs. (S6), (S26), (S27).
     Valid for touches on top vertices with depths in the linear range of S7.
     """
-    _check_touches(design, touches)
     model = PressModel(design, touches, 1 if attenuation == "equal" else 2)
     _check_loads(model)
     nominal = Calibration.nominal(design)
     values, levels, sigma = _fitted(model, nominal)
     # The uncertainty is that of the noise found last.
     solved = _Problem(model, sigma).solve(values)
-    deviation = np.sqrt(np.diag(np.linalg.inv(solved.reduced.T @ solved.reduced)))
     measured = np.isfinite(sigma)
     freedom = int(measured.sum() - 3 * len(touches.force) - model.size + (_prior(model) > 0).sum())
     residual = np.where(measured, solved.residual, np.nan)
@@ -154,10 +151,10 @@ def fit_calibration(
         data_sha256=data_sha256,
         touches=len(touches.force),
         freedom=max(freedom, 1),
-        uncertainty=_uncertainty(model, values, deviation),
+        uncertainty=_uncertainty(model, solved),
         residuals=tuple(_summaries(design, residual)),
     )
-    field = float(levels[2] * _chip_noise(design)[0]) if model.read.any() else np.nan
+    field = float(levels[2] * chip_noise(design)[0]) if model.read.any() else np.nan
     return Fit(
         calibration=replace(model.calibration(values, nominal), evidence=evidence),
         touches=touches,
@@ -247,21 +244,6 @@ class _Problem:
         return np.where(self._prior > 0, values, 0.0)
 
 
-def _check_touches(design: SkinDesign, touches: TouchTable) -> None:
-    """Raise unless every touch has a depth and readings come from all chips or none."""
-    unknown = touches.touched & ~np.isfinite(touches.depth)
-    if unknown.any():
-        raise ArgumentError(
-            "touches must say how far the stage pushed (displacement_z_mm) for the paper's model; "
-            f"row {int(np.argmax(unknown)) + 1} does not"
-        )
-    chips = touches.field.shape[1]
-    if chips not in (0, len(design.halls)):
-        raise ArgumentError(
-            f"touches must hold readings of all {len(design.halls)} chips or of none; got {chips}"
-        )
-
-
 def _check_loads(model: PressModel) -> None:
     """Enough loads of each kind, counted."""
     press = -model.touches.force[:, 2]
@@ -302,15 +284,9 @@ def _sigmas(model: PressModel, levels: Floats, residual: Floats | float) -> Floa
     depth = np.hypot(levels[1] * size[:, 3], _DEPTH_FLOOR)
     untouched = ~model.touched
     force[untouched], depth[untouched] = _UNTOUCHED
-    field = np.broadcast_to(levels[2] * _chip_noise(model.design), touches.field.shape)
+    field = np.broadcast_to(levels[2] * chip_noise(model.design), touches.field.shape)
     field = np.where(model.read[..., None], field, np.inf)
     return np.concatenate([force, depth[:, None], field.reshape(len(depth), -1)], axis=1)
-
-
-def _chip_noise(design: SkinDesign) -> Floats:
-    """Noise of one reading along each axis of a chip, its rounding included, (3,), T."""
-    setting = design.hall_setting
-    return np.asarray(np.hypot(mlx90393.noise(setting), mlx90393.sensitivity(setting) / 12**0.5))
 
 
 def _groups(model: PressModel) -> Ints:
@@ -424,12 +400,12 @@ def _check_inside(model: PressModel, values: Floats, bounds: Floats) -> None:
             )
 
 
-def _uncertainty(model: PressModel, values: Floats, deviation: Floats) -> Uncertainty:
+def _uncertainty(model: PressModel, solved: _Solved) -> Uncertainty:
     """Standard uncertainties in the numbers' own units."""
     at = model.layout
-    own = deviation.copy()
+    own = np.sqrt(np.diag(np.linalg.inv(solved.reduced.T @ solved.reduced)))
     for part in (at.stiffness_variation, at.folding_x, at.folding_y, at.board, at.sheet):
-        own[part] *= np.exp(values[part])
+        own[part] *= np.exp(solved.values[part])
     v_a = own[at.attenuation].tolist()
     nothing = float("nan")
     chips = len(model.design.halls)

@@ -99,6 +99,7 @@ class PressModel:
     """
 
     def __init__(self, design: SkinDesign, touches: TouchTable, attenuations: int) -> None:
+        _check_touches(design, touches)
         self.design = design
         self.touches = touches
         chips = touches.field.shape[1]
@@ -243,9 +244,8 @@ class PressModel:
         """Fill in the rows of the fields."""
         at = self.layout
         count, chips = self.read.shape
-        rotation = values[at.rotation].reshape(chips, 3)
         factor = values[at.factor]
-        offset = values[at.offset].reshape(chips, 3)
+        rotation, offset = (values[part].reshape(chips, 3) for part in (at.rotation, at.offset))
         soft = np.exp(-np.array([values[at.board][0], values[at.sheet][0]]))  # 1/K
 
         # Chip s against magnet g, (T, S, G, 2): the board carries chips and the sheet; a magnet
@@ -329,6 +329,21 @@ class PressModel:
             for magnet in design.magnets
         ]
         return _Sheet(stiffness=stiffness[self._n, self._m], motion=np.stack(motion, axis=1))
+
+
+def _check_touches(design: SkinDesign, touches: TouchTable) -> None:
+    """Raise unless every touch has a depth and readings come from all chips or none."""
+    unknown = touches.touched & ~np.isfinite(touches.depth)
+    if unknown.any():
+        raise ArgumentError(
+            "touches must say how far the stage pushed (displacement_z_mm) for the paper's model; "
+            f"row {int(np.argmax(unknown)) + 1} does not"
+        )
+    chips = touches.field.shape[1]
+    if chips not in (0, len(design.halls)):
+        raise ArgumentError(
+            f"touches must hold readings of all {len(design.halls)} chips or of none; got {chips}"
+        )
 
 
 def touched_cells(design: SkinDesign, touches: TouchTable) -> Ints:
