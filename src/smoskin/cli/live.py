@@ -44,8 +44,7 @@ def demo(
     from smoskin.feasibility import load_design
     from smoskin.sensing.response.table import load_response_table
 
-    if headless and seconds is None:
-        seconds = 15.0
+    seconds = 15.0 if headless and seconds is None else seconds
 
     def announce(url: str | None) -> None:
         where = f"The skin is live at {url}" if url else "A hand touches the skin"

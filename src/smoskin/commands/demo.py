@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 
 from smoskin.arrays import Floats
-from smoskin.commands.calibrate import TouchStep, calibrate
+from smoskin.commands.calibrate import TouchCalibration, TouchStep, calibrate
 from smoskin.commands.hand import Hand, JudgedTouch, scripted_hand
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
@@ -31,7 +31,7 @@ from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst, load_estimator
 from smoskin.sensing.response.table import ResponseTable, load_response_table
-from smoskin.service.loop import Loop
+from smoskin.service.loop import Counters, Loop
 from smoskin.service.page.scene import SkinShape
 from smoskin.service.page.view import View
 from smoskin.service.recorder import Recorder
@@ -171,22 +171,7 @@ def run_demo(
         tell("Making a skin", "A workshop makes a virtual skin of the whole folded sheet.")
         twin = Twin(design, seed=seed, manufactured=True)
         twin.prepare()
-        if shown is not None:
-            shown.begin(twin)
-
-        def follow(step: TouchStep) -> None:
-            tell("Calibrating", f"A rig touches the skin: {step.sentence}.")
-            if shown is not None:
-                shown.show_touch(step.contact)
-
-        done = calibrate(
-            table,
-            VirtualRig(twin, seed=seed),
-            design=design,
-            count=calibration_touches,
-            progress=follow,
-        )
-
+        done = _calibrated(table, twin, seed, calibration_touches, tell, shown)
         readers = Readers(
             {
                 BAYES: lambda: BayesEstimator(design, done.table),
@@ -201,41 +186,61 @@ def run_demo(
             sinks.append(shown)
         loop = stack.enter_context(Loop(source, readers, sinks=sinks))
         first: float | None = None
-        zero_at = math.inf
         try:
-            for number, estimate in enumerate(loop):
-                if estimate.status is not Status.NOT_CALIBRATED:
-                    hand.begin(estimate.time)
-                hand.note(estimate)
+            for estimate in loop:
                 if first is None and estimate.status is Status.CONTACT:
                     first = time.monotonic() - begun
-                if readers.name != BAYES:
-                    hand.spoil(estimate.time)
+                _follow(hand, estimate, readers)
                 if shown is not None:
-                    if number % 25 == 0:
-                        shown.latency = loop.counters.latency_median
-                    if (chosen := shown.take_choice()) is not None:
-                        readers.choose(chosen)
-                        shown.announce()
-                    if shown.take_zero():
-                        zero_at = estimate.time + _LIFT
-                        hand.lift(zero_at)
-                    if estimate.time >= zero_at:
-                        readers.zero(shown.latest(_LIFT / 2))
-                        zero_at = math.inf
+                    shown.serve(estimate.time, loop, readers)
                 if (seconds is not None and estimate.time >= seconds) or (stop and stop.is_set()):
                     break
                 source.touch(hand.contacts(estimate.time + 1 / rate))
         except KeyboardInterrupt:
             if seconds is not None:
                 raise
-        counters = loop.counters
-    touches = hand.judge()
+        return _result(hand.judge(), done.used, loop.counters, first)
+
+
+def _calibrated(
+    table: ResponseTable,
+    twin: Twin,
+    seed: int,
+    count: int,
+    tell: Callable[[str, str], None],
+    shown: "_Page | None",
+) -> TouchCalibration:
+    """The table of this skin, by a rig's touches in sight of who watches the page."""
+    if shown is not None:
+        shown.begin(twin)
+
+    def follow(step: TouchStep) -> None:
+        tell("Calibrating", f"A rig touches the skin: {step.sentence}.")
+        if shown is not None:
+            shown.show_touch(step.contact)
+
+    rig = VirtualRig(twin, seed=seed)
+    return calibrate(table, rig, design=twin.design, count=count, progress=follow)
+
+
+def _follow(hand: Hand, estimate: Estimate, readers: "Readers") -> None:
+    """Let the hand begin once there is a zero, and keep what is said of its touches."""
+    if estimate.status is not Status.NOT_CALIBRATED:
+        hand.begin(estimate.time)
+    hand.note(estimate)
+    if readers.name != BAYES:
+        hand.spoil(estimate.time)
+
+
+def _result(
+    touches: tuple[JudgedTouch, ...], used: int, counters: Counters, first: float | None
+) -> DemoResult:
+    """The judged touches with their summary."""
     return DemoResult(
         touches=touches,
         summary=Summary(
             estimator=BayesEstimator.__name__,
-            calibration_touches=done.used,
+            calibration_touches=used,
             touches=len(touches),
             found=sum(touch.found for touch in touches),
             mean_position_error_mm=_mean([touch.position_error_mm for touch in touches]),
@@ -314,8 +319,10 @@ class _Page(Sink):
     """
 
     def __init__(self, design: SkinDesign, hand: Hand, port: int, names: Sequence[str]) -> None:
-        self.latency = math.nan
         self._hand = hand
+        self._latency = math.nan
+        self._served = 0
+        self._zero_at = math.inf
         self._twin: Twin | None = None
         self._zero_asked = threading.Event()
         self._choices: deque[str] = deque(maxlen=1)
@@ -378,23 +385,24 @@ class _Page(Sink):
             estimate,
             truth=truth,
             vertices=self._twin.sheet_vertices(truth),
-            latency=self.latency,
+            latency=self._latency,
         )
 
-    def take_zero(self) -> bool:
-        """Whether a new zero has been asked for since the last call."""
-        asked = self._zero_asked.is_set()
-        self._zero_asked.clear()
-        return asked
-
-    def take_choice(self) -> str | None:
-        """Name of the estimator that has been chosen since the last call."""
-        return self._choices.popleft() if self._choices else None
-
-    def latest(self, seconds: float) -> list[Reading]:
-        """Readings of the last so many seconds."""
-        end = self._latest[-1].time
-        return [reading for reading in self._latest if reading.time >= end - seconds]
+    def serve(self, now: float, loop: Loop, readers: Readers) -> None:
+        """Do what people have asked for on the page; a new zero waits until the hand lets go."""
+        self._served += 1
+        if self._served % 25 == 0:
+            self._latency = loop.counters.latency_median
+        if self._choices:
+            readers.choose(self._choices.popleft())
+            self.announce()
+        if self._zero_asked.is_set():
+            self._zero_asked.clear()
+            self._zero_at = now + _LIFT
+            self._hand.lift(self._zero_at)
+        if now >= self._zero_at:
+            readers.zero([one for one in self._latest if one.time >= now - _LIFT / 2])
+            self._zero_at = math.inf
 
     def close(self) -> None:
         """End the page."""
