@@ -93,21 +93,24 @@ def describe(design: SkinDesign) -> DataSheet:
         name=design.name,
         content_hash=design.content_hash,
         given=tuple(given),
-        derived=tuple(_derived(design)),
+        derived=(*_of_skin(design), *_of_chips(design)),
     )
 
 
-def _derived(design: SkinDesign) -> list[Row]:
-    """Every derived row, by part."""
+def _row(part: str, name: str, value: float | str, why: str) -> Row:
+    """A row with six digits of its value."""
+    if isinstance(value, str):
+        return Row(part=part, name=name, value=value, why=why)
+    return Row(part=part, name=name, value=float(f"{value:.6g}"), why=why)
 
-    def row(part: str, name: str, value: float | str, why: str) -> Row:
-        if isinstance(value, str):
-            return Row(part=part, name=name, value=value, why=why)
-        return Row(part=part, name=name, value=float(f"{value:.6g}"), why=why)
 
-    def written(part: str, name: str, suffix: str, value: SupportsFloat, why: str) -> Row:
-        return row(part, f"{name}_{suffix}", float(from_si(float(value), suffix)), why)
+def _written(part: str, name: str, suffix: str, value: SupportsFloat, why: str) -> Row:
+    """A row in the unit that its name ends with, of a value in SI."""
+    return _row(part, f"{name}_{suffix}", float(from_si(float(value), suffix)), why)
 
+
+def _of_skin(design: SkinDesign) -> list[Row]:
+    """Derived rows of cell and skin."""
     extent, nu, dihedral = (
         geometry(design).cell,
         poisson_ratios(design.cell),
@@ -115,35 +118,40 @@ def _derived(design: SkinDesign) -> list[Row]:
     )
     n, m = design.cells
     stiffness = stiffness_map(design, design.coefficients)
-    setting = design.hall_setting
     rows = [
-        written("cell", "length", "mm", extent.length, "S1"),
-        written("cell", "width", "mm", extent.width, "S1"),
-        written("cell", "height", "mm", extent.height, "S1"),
-        written("cell", "dihedral_a", "deg", dihedral.at_a, "S13"),
-        written("cell", "dihedral_b", "deg", dihedral.at_b, "S14"),
-        row("cell", "nu_12, nu_13, nu_23", ", ".join(f"{float(x):.4f}" for x in nu), "S2"),
-        written("skin", "length", "mm", n * extent.length, "N l"),
-        written("skin", "width", "mm", m * extent.width, "M w"),
-        row("skin", "columns", (2 * n + 1) * (m + 1), "one under each bottom vertex"),
-        written("skin", "column_stiffness", "N_per_mm", column_stiffness(design), "S21"),
-        written("skin", "press_stiffness_least", "N_per_mm", stiffness.min(), "S22-S25"),
-        written("skin", "press_stiffness_most", "N_per_mm", stiffness.max(), "S22-S25"),
-        written("skin", "press_at_rated_force", "mm", RATED_PRESS / stiffness.min(), "S27"),
-        written(
+        _written("cell", "length", "mm", extent.length, "S1"),
+        _written("cell", "width", "mm", extent.width, "S1"),
+        _written("cell", "height", "mm", extent.height, "S1"),
+        _written("cell", "dihedral_a", "deg", dihedral.at_a, "S13"),
+        _written("cell", "dihedral_b", "deg", dihedral.at_b, "S14"),
+        _row("cell", "nu_12, nu_13, nu_23", ", ".join(f"{float(x):.4f}" for x in nu), "S2"),
+        _written("skin", "length", "mm", n * extent.length, "N l"),
+        _written("skin", "width", "mm", m * extent.width, "M w"),
+        _row("skin", "columns", (2 * n + 1) * (m + 1), "one under each bottom vertex"),
+        _written("skin", "column_stiffness", "N_per_mm", column_stiffness(design), "S21"),
+        _written("skin", "press_stiffness_least", "N_per_mm", stiffness.min(), "S22-S25"),
+        _written("skin", "press_stiffness_most", "N_per_mm", stiffness.max(), "S22-S25"),
+        _written("skin", "press_at_rated_force", "mm", RATED_PRESS / stiffness.min(), "S27"),
+        _written(
             "skin", "sheet_stiffness", "N_per_mm", sheet_stiffness(design), "columns and frame"
         ),
-        written("skin", "board_stiffness", "N_per_mm", board_stiffness(design), "S26"),
+        _written("skin", "board_stiffness", "N_per_mm", board_stiffness(design), "S26"),
     ]
-    for number, one in enumerate(ambiguities(design), 1):
-        rows.append(row("skin", f"ambiguity {number}", str(one), "S12, at 0.5 N and 1 % error"))
+    for number, pair in enumerate(ambiguities(design), 1):
+        rows.append(_row("skin", f"ambiguity {number}", str(pair), "S12, at 0.5 N and 1 % error"))
+    return rows
+
+
+def _of_chips(design: SkinDesign) -> list[Row]:
+    """Derived rows of all chips, then of each."""
+    setting = design.hall_setting
     full_scale = mlx90393.full_scale(setting)
     rate = 1 / mlx90393.conversion_time(setting)
-    rows += [
-        row("chips", "conversion_rate_Hz", rate, "of x, y, z at this filter and oversampling"),
-        written("chips", "range_xy", "mT", full_scale[0], "gain and resolution"),
-        written("chips", "range_z", "mT", full_scale[2], "gain and resolution"),
-        written(
+    rows = [
+        _row("chips", "conversion_rate_Hz", rate, "of x, y, z at this filter and oversampling"),
+        _written("chips", "range_xy", "mT", full_scale[0], "gain and resolution"),
+        _written("chips", "range_z", "mT", full_scale[2], "gain and resolution"),
+        _written(
             "chips", "noise_xy", "uT", mlx90393.noise(setting)[0], "gain, filter, oversampling"
         ),
     ]
@@ -152,11 +160,16 @@ def _derived(design: SkinDesign) -> list[Row]:
         part = f"chip {site.name} ({site.address:#04x})"
         used = float((seen.largest / full_scale).max())
         rows += [
-            written(part, "rest_field", "mT", float(np.linalg.norm(seen.rest)), "exact field"),
-            written(part, "rated_stroke", "mm", seen.stroke,
-                    f"{RATED_PRESS:g} N press and {RATED_SHEAR:g} N drag"),
-            row(part, "range_used_percent", 100 * used, f"must stay below {100 * MARGIN:g}"),
-        ]  # fmt: skip
+            _written(part, "rest_field", "mT", float(np.linalg.norm(seen.rest)), "exact field"),
+            _written(
+                part,
+                "rated_stroke",
+                "mm",
+                seen.stroke,
+                f"{RATED_PRESS:g} N press and {RATED_SHEAR:g} N drag",
+            ),
+            _row(part, "range_used_percent", 100 * used, f"must stay below {100 * MARGIN:g}"),
+        ]
     return rows
 
 
