@@ -340,12 +340,8 @@ def write_dataset(
             rows, left = rows + len(sweep.rows_of(chunk)), left - 1
             report()
         if missing:
-            run = Run(
-                engine=workers.name,
-                chunks=len(missing),
-                damaged=damaged,
-                seconds=clock() - begun,
-            )
+            seconds = clock() - begun
+            run = Run(engine=workers.name, chunks=len(missing), damaged=damaged, seconds=seconds)
             manifests.save_manifest(folder, replace(manifest, runs=(*manifest.runs, run)))
         return open_dataset(folder)
 

@@ -239,12 +239,23 @@ def _nearest(
             polar[6] -= np.sum(across * sine, axis=0)
             polar[7] += np.sum(charge * line.along, axis=0)
     if rows == 8:
-        for end in (-1.0, 1.0):  # where the two sectors are cut from the others, charge steps
-            line = _line(radius * radius + 1.0 - 2.0 * end * y, up, half, slab)
-            polar[5] += end * root * line.across * (radius - end * sin)
-            polar[6] -= root * line.across * cos
-            polar[7] += end * root * line.along
+        polar[5:] += _steps_of_charge(point, half, slab)
     return _from_polar(polar, cos, sin, radius)
+
+
+def _steps_of_charge(point: Floats, half: float, slab: bool) -> Floats:
+    """Slope along the circle by the two sectors' ends, where charge steps; polar, (3, P)."""
+    x, y, up = point
+    radius = np.hypot(x, y)
+    cos, sin = x / radius, y / radius
+    root = math.sqrt(0.5)
+    polar = np.zeros((3, len(x)))
+    for end in (-1.0, 1.0):
+        line = _line(radius * radius + 1.0 - 2.0 * end * y, up, half, slab)
+        polar[0] += end * root * line.across * (radius - end * sin)
+        polar[1] -= root * line.across * cos
+        polar[2] += end * root * line.along
+    return polar
 
 
 def _from_polar(polar: Floats, cos: Floats, sin: Floats, radius: Floats) -> Floats:

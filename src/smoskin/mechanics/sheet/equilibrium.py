@@ -204,6 +204,34 @@ def _patch_motion(shares: Array, at_top: Array) -> Array:
     return mean.reshape(2 * mean.shape[0], *mean.shape[2:])
 
 
+def _held_patches(net: Net, loads: Loads) -> tuple[Array, Array]:
+    """Motions of unit reactions (V, 3, 2T, B), and stiffness of held patches (2T, 2T, B)."""
+    touches, lanes = loads.held.shape
+    pulls = jnp.einsum("ktb,de->tdkeb", loads.shares, jnp.eye(2))
+    right = jnp.zeros((len(net.ground), 3, 2 * touches, lanes))
+    right = right.at[net.top, :2].set(pulls.reshape(len(net.top), 2, 2 * touches, lanes))
+    yielding = _solve(net, right) if touches else right
+    mask = jnp.repeat(loads.held, 2, axis=0)
+    sag = _patch_motion(loads.shares, yielding[net.top]) + loads.link
+    give = mask[:, None] * mask[None] * sag + jnp.eye(2 * touches)[..., None] * (1 - mask)[None]
+    return yielding, jnp.moveaxis(jnp.linalg.inv(jnp.moveaxis(give, -1, 0)), 0, -1)
+
+
+def _start(net: Net, loads: Loads, motion: Array, reaction: Array) -> Path:
+    """Path that has taken no step; presses without a load rest."""
+    loaded = jnp.abs(loads.force).max(axis=(0, 1)) > 0
+    return Path(
+        motion=jnp.where(loaded, motion, 0.0),
+        curved=jnp.zeros((len(net.stiffness), len(loaded))),
+        reaction=reaction,
+        residual=jnp.where(loaded, 1.0, 0.0),
+        steps=jnp.zeros(len(loaded), dtype=jnp.int64),
+        still=jnp.ones(len(loaded), dtype=bool),
+        going=loaded,
+        tick=jnp.zeros((), dtype=jnp.int64),
+    )
+
+
 # Products on one thread each give the same digits on any number of cores; chunks of presses
 # keep the cores busy.
 @partial(
@@ -215,18 +243,11 @@ def _relax(
     net: Net, loads: Loads, motion: Array, reaction: Array, tolerance: Array, limit: int
 ) -> Path:
     """Iterate with the tangent at rest until every press converges or is lost."""
-    touches, lanes = loads.held.shape
+    touches = len(loads.held)
     bars, panels = len(net.length), net.rest_gradient.shape[1]
     shares = loads.shares
-    # Motions of unit reactions, and how they move the patches themselves.
-    pulls = jnp.einsum("ktb,de->tdkeb", shares, jnp.eye(2))
-    right = jnp.zeros((len(net.ground), 3, 2 * touches, lanes))
-    right = right.at[net.top, :2].set(pulls.reshape(len(net.top), 2, 2 * touches, lanes))
-    yielding = _solve(net, right) if touches else right
     mask = jnp.repeat(loads.held, 2, axis=0)
-    give = mask[:, None] * mask[None] * (_patch_motion(shares, yielding[net.top]) + loads.link)
-    give = give + jnp.eye(2 * touches)[..., None] * (1 - mask)[None]
-    stiff = jnp.moveaxis(jnp.linalg.inv(jnp.moveaxis(give, -1, 0)), 0, -1)
+    yielding, stiff = _held_patches(net, loads)
 
     def advance(path: Path) -> Path:
         strain = _strain(net, path.motion)
@@ -260,17 +281,7 @@ def _relax(
             tick=path.tick + 1,
         )
 
-    loaded = jnp.abs(loads.force).max(axis=(0, 1)) > 0
-    start = Path(
-        motion=jnp.where(loaded, motion, 0.0),
-        curved=jnp.zeros((len(net.stiffness), lanes)),
-        reaction=reaction,
-        residual=jnp.where(loaded, 1.0, 0.0),
-        steps=jnp.zeros(lanes, dtype=jnp.int64),
-        still=jnp.ones(lanes, dtype=bool),
-        going=loaded,
-        tick=jnp.zeros((), dtype=jnp.int64),
-    )
+    start = _start(net, loads, motion, reaction)
     return jax.lax.while_loop(lambda p: (p.tick <= limit) & p.going.any(), advance, start)
 
 
