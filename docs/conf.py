@@ -44,10 +44,10 @@ napoleon_google_docstring = False
 napoleon_use_rtype = False
 
 sphinx_gallery_conf = {
-    "examples_dirs": ["../examples"],
-    "gallery_dirs": ["recipes"],
-    "filename_pattern": r"/\d\d_",
-    "ignore_pattern": r"__init__\.py",
+    "examples_dirs": ["../examples", "../paper"],
+    "gallery_dirs": ["recipes", "figures"],
+    "filename_pattern": r"\.py",
+    "ignore_pattern": r"(__init__|__main__|errata)\.py",
     "within_subsection_order": "FileNameSortKey",
     "download_all_examples": False,
     "show_memory": False,

@@ -32,7 +32,7 @@ from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.learned.gaussian_process import LearnedModel, Output
 from smoskin.sensing.learned.inputs import Encoding, Form
-from smoskin.sensing.learned.training import Examples, FittingEffort, train
+from smoskin.sensing.learned.training import Examples, FittingEffort, train_model
 from smoskin.twin.readout import Readout
 from smoskin.twin.reduced import ReducedTwin
 from smoskin.twin.whole import Twin
@@ -283,7 +283,9 @@ def _learn(bench: _Bench) -> LearnedModel:
         group=np.tile(np.arange(len(grid)), 2),
         run=np.zeros(len(where), dtype=np.int64),
     )
-    return train(examples, Encoding(chips=tuple(bench.upper), form=Form.DIRECTION), effort=_EFFORT)
+    return train_model(
+        examples, Encoding(chips=tuple(bench.upper), form=Form.DIRECTION), effort=_EFFORT
+    )
 
 
 def _inputs(model: LearnedModel, signals: Floats) -> Floats:

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from smoskin.commands.score import score
     from smoskin.commands.table import make_table
     from smoskin.commands.train import train
+    from smoskin.sensing.learned.training import Examples, train_model
 
 __version__ = "0.1.0"
 
@@ -53,6 +54,7 @@ __all__ = [
     "Contact",
     "Estimate",
     "Estimator",
+    "Examples",
     "LearnedEstimator",
     "Loop",
     "NetworkEstimator",
@@ -80,17 +82,25 @@ __all__ = [
     "run",
     "score",
     "train",
+    "train_model",
 ]
 
-_COMMANDS = {"calibrate": "calibrate", "make_table": "table", "score": "score", "train": "train"}
-"""Modules of the functions that are imported when they are first asked for: they take long."""
+_LATER = {
+    "Examples": "smoskin.sensing.learned.training",
+    "calibrate": "smoskin.commands.calibrate",
+    "make_table": "smoskin.commands.table",
+    "score": "smoskin.commands.score",
+    "train": "smoskin.commands.train",
+    "train_model": "smoskin.sensing.learned.training",
+}
+"""Modules of names that are imported when they are first asked for: they take long."""
 
 
 def __getattr__(name: str) -> object:
-    """A function of a command, by its name."""
-    if name not in _COMMANDS:
+    """A public name that is imported when it is first asked for."""
+    if name not in _LATER:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"smoskin.commands.{_COMMANDS[name]}"), name)
+    return getattr(import_module(_LATER[name]), name)
 
 
 def __dir__() -> list[str]:

@@ -11,7 +11,7 @@ import numpy as np
 from smoskin.arrays import Ints
 from smoskin.errors import ArgumentError
 from smoskin.sensing.learned.inputs import Encoding
-from smoskin.sensing.learned.training import Examples, FittingEffort, train
+from smoskin.sensing.learned.training import Examples, FittingEffort, train_model
 
 _STRETCHES: Final = 3
 """Parts of a run that are held out in turn."""
@@ -60,7 +60,7 @@ def choose_encoding(
         inputs = examples.encode(encoding)
         errors = []
         for rows in held:
-            model = train(examples.where(~rows), encoding, seed=seed, effort=effort)
+            model = train_model(examples.where(~rows), encoding, seed=seed, effort=effort)
             miss = model.predict(inputs[rows]).values - examples.targets[rows]
             errors.append(np.sqrt((miss**2).mean(axis=0)))
         return float((np.mean(errors, axis=0) / np.nanstd(examples.targets, axis=0)).mean())

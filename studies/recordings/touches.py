@@ -18,7 +18,7 @@ from smoskin.arrays import Bools, Floats, Ints
 from smoskin.errors import RecordingError
 from smoskin.sensing.learned.gaussian_process import Output
 from smoskin.sensing.learned.inputs import Encoding, Form
-from smoskin.sensing.learned.training import Examples, train
+from smoskin.sensing.learned.training import Examples, train_model
 from studies.recordings.eflesh import TouchRun
 from studies.recordings.scores import Score
 from studies.recordings.trial import Trial, joined
@@ -233,7 +233,9 @@ def _sums_help(trial: Trial, rows: _Rows, trained: Bools, rng: np.random.Generat
         seen = np.ones(len(given.field), dtype=bool)
         seen[: len(trained)] = trained & ~held
         examples, usual, varies = _varying(given.examples, seen)
-        model = train(examples.where(seen), _encoding(rows), seed=trial.seed, effort=trial.quick)
+        model = train_model(
+            examples.where(seen), _encoding(rows), seed=trial.seed, effort=trial.quick
+        )
         predicted = np.tile(usual, (int(held.sum()), 1))
         predicted[:, varies] = model.predict(rows.examples.encode(_encoding(rows))[held]).values
         return float(_miss(places(predicted), rows.cells[held]).mean())

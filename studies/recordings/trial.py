@@ -13,7 +13,7 @@ from smoskin.arrays import Bools, Floats, Ints
 from smoskin.errors import RecordingError
 from smoskin.roles import Progress
 from smoskin.sensing.learned.inputs import Encoding
-from smoskin.sensing.learned.training import Examples, FittingEffort, train
+from smoskin.sensing.learned.training import Examples, FittingEffort, train_model
 from studies.recordings.encodings import choose_encoding
 
 _QUICK: Final = FittingEffort(rows=2400, evidence_rows=250, iterations=15)
@@ -50,7 +50,7 @@ class Trial:
     def answers(self, examples: Examples, judged: Bools, encoding: Encoding) -> dict[str, Floats]:
         """Predictions of each model, trained on the rows with a target that are not judged."""
         training = examples.where(~judged)
-        model = train(training, encoding, seed=self.seed, effort=self.effort)
+        model = train_model(training, encoding, seed=self.seed, effort=self.effort)
         ours = model.predict(examples.encode(encoding)[judged]).values
         plain = examples.field[:, list(encoding.chips)].reshape(len(judged), -1)
         rows = training.known
@@ -79,7 +79,7 @@ class Trial:
         errors = []
         for used in subsets:
             given = replace(encoding, chips=used)
-            model = train(training, given, seed=self.seed, effort=self.quick)
+            model = train_model(training, given, seed=self.seed, effort=self.quick)
             errors.append(next(m.value for m in model.metrics if m.name == "mean_error"))
         return subsets[int(np.argmin(errors))]
 

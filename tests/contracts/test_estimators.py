@@ -17,7 +17,7 @@ from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.learned.gaussian_process import LearnedEstimator, LearnedModel, Output
 from smoskin.sensing.learned.inputs import Encoding, Form
-from smoskin.sensing.learned.training import Examples, FittingEffort, train
+from smoskin.sensing.learned.training import Examples, FittingEffort, train_model
 from smoskin.sensing.network.estimator import NetworkEstimator
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.reduced import ReducedTwin
@@ -50,7 +50,7 @@ def learned_model(design) -> LearnedModel:
         run=np.zeros(40, dtype=int),
     )
     encoding = Encoding(chips=(0, 1, 2), form=Form.DIRECTION)
-    return train(examples, encoding, effort=FittingEffort(iterations=3))
+    return train_model(examples, encoding, effort=FittingEffort(iterations=3))
 
 
 def learned_estimator(design) -> Estimator:

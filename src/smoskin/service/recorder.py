@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, final
+from typing import Any, BinaryIO, Final, final
 
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, MissingExtraError, RecordingError
@@ -100,16 +100,7 @@ class Recorder(Sink):
             version=version("smoskin"),
             start=opened * 1e-9,
         )
-        try:
-            self._file = open(path, "xb")  # noqa: SIM115 - held until `close`
-        except FileExistsError as error:
-            raise RecordingError(
-                f"{os.fspath(path)} exists; choose another name or remove it"
-            ) from error
-        except OSError as error:
-            raise RecordingError(
-                f"{os.fspath(path)} cannot be written: {error.strerror}"
-            ) from error
+        self._file = _new_file(path)
         self._closed = False
         self._sequence = 0
         self._bytes = 0
@@ -303,6 +294,18 @@ class Recording:
             raise RecordingError(f"{self.path} cannot be read: {error.strerror}") from error
         except RecordingError as error:
             raise RecordingError(f"{self.path}: {error}") from error
+
+
+def _new_file(path: str | os.PathLike[str]) -> BinaryIO:
+    """A file that did not exist, opened for writing."""
+    try:
+        return open(path, "xb")
+    except FileExistsError as error:
+        raise RecordingError(
+            f"{os.fspath(path)} exists; choose another name or remove it"
+        ) from error
+    except OSError as error:
+        raise RecordingError(f"{os.fspath(path)} cannot be written: {error.strerror}") from error
 
 
 def open_recording(path: str | os.PathLike[str]) -> Recording:

@@ -14,7 +14,7 @@ from smoskin.sensing.learned.training import (
     FittingEffort,
     _judge,
     negative_log_posterior,
-    train,
+    train_model,
 )
 
 LITTLE = FittingEffort(rows=600, evidence_rows=150, iterations=15)
@@ -63,7 +63,7 @@ def test_location_is_found_at_places_never_seen():
     examples = presses()
     apart = examples.group % 7 == 3
     encoding = Encoding(chips=(0, 1, 2), form=Form.DIRECTION)
-    model = train(examples.where(~apart), encoding, effort=LITTLE)
+    model = train_model(examples.where(~apart), encoding, effort=LITTLE)
     said = model.predict(examples.encode(encoding)[apart])
     miss = np.linalg.norm(said.values - examples.targets[apart], axis=1)
     assert miss.mean() < 0.3e-3  # on places 2.5 mm apart
@@ -76,7 +76,7 @@ def test_location_is_found_at_places_never_seen():
 def test_faint_fields_are_said_to_be_less_certain():
     examples = presses(noise=5e-6)
     encoding = Encoding(chips=(0, 1, 2), form=Form.DIRECTION)
-    model = train(examples, encoding, effort=LITTLE)
+    model = train_model(examples, encoding, effort=LITTLE)
     inputs = model.encoding.encode(
         np.zeros(2), examples.field[:1] * np.array([1, 0.3])[:, None, None]
     )
@@ -90,7 +90,7 @@ def test_the_past_shows_what_the_present_field_does_not():
     errors = []
     for memory in ((), (1.0,)):
         encoding = Encoding(chips=(0, 2), time_constants=memory)
-        model = train(examples.where(first), encoding, effort=LITTLE, place=(0.01, 0.01))
+        model = train_model(examples.where(first), encoding, effort=LITTLE, place=(0.01, 0.01))
         other = ~first & examples.known
         said = model.predict(examples.encode(encoding)[other]).values
         errors.append(np.sqrt(np.mean((said - examples.targets[other]) ** 2)))
@@ -101,7 +101,7 @@ def test_the_past_shows_what_the_present_field_does_not():
 def test_the_same_seed_gives_the_same_model_and_another_seed_another():
     examples, encoding = presses(passes=2), Encoding(chips=(0, 1), form=Form.DIRECTION)
     first, again, other = (
-        train(examples, encoding, effort=LITTLE, seed=seed) for seed in (4, 4, 5)
+        train_model(examples, encoding, effort=LITTLE, seed=seed) for seed in (4, 4, 5)
     )
     assert np.array_equal(first.weights, again.weights)
     assert first.metrics == again.metrics
@@ -115,7 +115,7 @@ def test_the_same_seed_gives_the_same_model_and_another_seed_another():
 def test_a_distance_is_told_where_both_of_x_and_y_are(outputs):
     examples = presses(passes=1)
     columns = np.column_stack([examples.targets, examples.field[:, 0, 2]])
-    model = train(
+    model = train_model(
         replace(examples, targets=columns[:, : len(outputs)], outputs=outputs),
         Encoding(chips=(0,)),
         effort=LITTLE,
@@ -127,13 +127,13 @@ def test_a_distance_is_told_where_both_of_x_and_y_are(outputs):
 
 
 def test_rows_beyond_the_limit_are_left_out():
-    model = train(presses(), Encoding(chips=(0,)), effort=replace(LITTLE, rows=50))
+    model = train_model(presses(), Encoding(chips=(0,)), effort=replace(LITTLE, rows=50))
     assert model.support.shape == (50, 3)
 
 
 def test_progress_ends_complete():
     heard = []
-    train(
+    train_model(
         presses(passes=1),
         Encoding(chips=(0,)),
         effort=LITTLE,
@@ -146,7 +146,7 @@ def test_progress_ends_complete():
 
 def test_stated_covariance_reach_and_figures_are_those_of_what_was_held_out():
     examples, encoding = presses(passes=2, noise=5e-6), Encoding(chips=(0, 2), form=Form.DIRECTION)
-    blank = replace(train(examples, encoding, effort=LITTLE), residual=np.eye(2), reach=1.0)
+    blank = replace(train_model(examples, encoding, effort=LITTLE), residual=np.eye(2), reach=1.0)
     fresh = presses(passes=2, seed=8, noise=5e-6)
     inputs = fresh.encode(encoding)
     judged = _judge(blank, inputs, fresh.targets)
@@ -169,7 +169,9 @@ def test_a_training_comes_to_the_same_numbers_as_ever():
         chips=(0, 2), form=Form.DIRECTION, time_constants=(1.0,), past=Past.STRENGTH
     )
     effort = FittingEffort(rows=300, evidence_rows=80, iterations=10)
-    model = train(cycles(), encoding, effort=effort, seed=2, place=(0.01, 0.02), touch_field=1e-5)
+    model = train_model(
+        cycles(), encoding, effort=effort, seed=2, place=(0.01, 0.02), touch_field=1e-5
+    )
     assert [metric.name for metric in model.metrics] == ["rmse_fz"]
     assert model.metrics[0].value == pytest.approx(0.175045, rel=1e-3)
     assert model.scale == pytest.approx(
@@ -188,7 +190,7 @@ def test_a_training_comes_to_the_same_numbers_as_ever():
 
 def test_held_out_are_whole_groups_and_the_final_model_sees_all():
     examples = presses(passes=2, side=6)
-    model = train(examples, Encoding(chips=(0, 1, 2)), effort=replace(LITTLE, rows=10_000))
+    model = train_model(examples, Encoding(chips=(0, 1, 2)), effort=replace(LITTLE, rows=10_000))
     assert model.split == "5 of 36 groups held out whole, drawn with seed 0"
     assert len(model.support) == 72
     assert model.place.tolist() == [0.0, 0.0]
@@ -202,9 +204,9 @@ def test_wrong_examples_are_refused():
     examples = presses(passes=1)
     encoding = Encoding(chips=(0,))
     with pytest.raises(ArgumentError, match="at least two groups with known answers; got 1"):
-        train(replace(examples, group=np.zeros(81, dtype=int)), encoding)
+        train_model(replace(examples, group=np.zeros(81, dtype=int)), encoding)
     with pytest.raises(ArgumentError, match="every output must take more than one value"):
-        train(replace(examples, targets=np.ones((81, 2))), encoding)
+        train_model(replace(examples, targets=np.ones((81, 2))), encoding)
     with pytest.raises(ArgumentError, match=r"targets must have shape \(..., 81, 2\)"):
         replace(examples, targets=np.ones((81, 3)))
     with pytest.raises(ArgumentError, match="group must be 81 whole numbers; got float64"):
@@ -212,6 +214,6 @@ def test_wrong_examples_are_refused():
     with pytest.raises(ArgumentError, match="field and time must be finite"):
         replace(examples, field=np.full((81, 3, 3), np.nan))
     with pytest.raises(ArgumentError, match=r"field must have the chips \(7,\); got 3 chips"):
-        train(examples, Encoding(chips=(7,)))
+        train_model(examples, Encoding(chips=(7,)))
     with pytest.raises(ArgumentError, match="rows must be at least 1; got 0"):
         FittingEffort(rows=0)

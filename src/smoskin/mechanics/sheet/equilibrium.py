@@ -234,18 +234,13 @@ def _start(net: Net, loads: Loads, motion: Array, reaction: Array) -> Path:
 
 # Products on one thread each give the same digits on any number of cores; chunks of presses
 # keep the cores busy.
-@partial(
-    jax.jit,
-    static_argnames="limit",
-    compiler_options={"xla_cpu_multi_thread_eigen": False},
-)
+@partial(jax.jit, static_argnames="limit", compiler_options={"xla_cpu_multi_thread_eigen": False})
 def _relax(
     net: Net, loads: Loads, motion: Array, reaction: Array, tolerance: Array, limit: int
 ) -> Path:
     """Iterate with the tangent at rest until every press converges or is lost."""
     touches = len(loads.held)
     bars, panels = len(net.length), net.rest_gradient.shape[1]
-    shares = loads.shares
     mask = jnp.repeat(loads.held, 2, axis=0)
     yielding, stiff = _held_patches(net, loads)
 
@@ -263,7 +258,7 @@ def _relax(
         residual = jnp.sqrt((right**2).sum(axis=(0, 1))) / scale
         step, reaction = _solve(net, right), path.reaction
         if touches:
-            sag = _patch_motion(shares, (path.motion + step)[net.top])
+            sag = _patch_motion(loads.shares, (path.motion + step)[net.top])
             sag = mask * (sag + (loads.link * reaction[None]).sum(axis=1))
             change = -(stiff * sag[None]).sum(axis=1)
             step = step + (yielding * change).sum(axis=2)

@@ -259,7 +259,7 @@ class LearnedEstimator(Estimator):
     Parameters
     ----------
     model : LearnedModel
-        Model from `load_model` or `smoskin.sensing.learned.training.train`.
+        Model from `load_model` or `smoskin.sensing.learned.training.train_model`.
     zero : Floats, shape (S, 3), optional
         Field of the untouched skin, T, where it is known; zeros for a source that takes its own
         zero off. Without it every estimate says `NOT_CALIBRATED` until `zero` is called.

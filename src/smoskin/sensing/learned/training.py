@@ -114,7 +114,7 @@ class FittingEffort:
                 raise ArgumentError(f"{name} must be at least 1; got {getattr(self, name)}")
 
 
-def train(
+def train_model(
     examples: Examples,
     encoding: Encoding,
     *,

@@ -106,16 +106,7 @@ class Panel:
         self.zero_button = gui.add_button(
             "Zero", hint="Take the skin as untouched now; let go of it first.", color="gray"
         )
-        with gui.add_folder("Press with the mouse", visible=pressable):
-            gui.add_html(
-                _note("Click the sheet to press it; shift-drag to slide a finger over it.")
-            )
-            self._push = gui.add_slider("Press, N", 0.05, 2.0, 0.05, 0.5)
-            self._shear_x = gui.add_slider("Shear x, N", -1.0, 1.0, 0.05, 0.0)
-            self._shear_y = gui.add_slider("Shear y, N", -1.0, 1.0, 0.05, 0.0)
-            self._hold = gui.add_slider("Hold, s", 0.2, 5.0, 0.1, 1.5)
-            self._keep = gui.add_checkbox("Keep pressing until released", False)
-            self.release_button = gui.add_button("Release", color="gray")
+        self._offer_press(gui, pressable)
         with gui.add_folder("Picture"):
             self._exaggeration = gui.add_slider("Deformation ×", 1.0, 30.0, 1.0, 10.0)
             self._opacity = gui.add_slider("Sheet opacity", 0.1, 1.0, 0.1, 1.0)
@@ -126,6 +117,19 @@ class Panel:
         with fields.add_tab("Field change, µT"):
             gui.add_html(_curves())
             self._plots = [_plot(server, name) for name in self._chips]
+
+    def _offer_press(self, gui: "viser.GuiApi", pressable: bool) -> None:
+        """Sliders and buttons of a press by the mouse."""
+        with gui.add_folder("Press with the mouse", visible=pressable):
+            gui.add_html(
+                _note("Click the sheet to press it; shift-drag to slide a finger over it.")
+            )
+            self._push = gui.add_slider("Press, N", 0.05, 2.0, 0.05, 0.5)
+            self._shear_x = gui.add_slider("Shear x, N", -1.0, 1.0, 0.05, 0.0)
+            self._shear_y = gui.add_slider("Shear y, N", -1.0, 1.0, 0.05, 0.0)
+            self._hold = gui.add_slider("Hold, s", 0.2, 5.0, 0.1, 1.5)
+            self._keep = gui.add_checkbox("Keep pressing until released", False)
+            self.release_button = gui.add_button("Release", color="gray")
 
     @property
     def force(self) -> tuple[float, float, float]:

@@ -318,19 +318,7 @@ class SkinScene:
             fade_distance=60.0,
             position=(middle[0], middle[1], top - 1.2),
         )
-        for index, magnet in enumerate(shape.magnets * UNITS):
-            node = scene.add_cylinder(
-                f"/magnets/{index}",
-                radius=shape.magnet_radius * UNITS,
-                height=shape.magnet_height * UNITS,
-                color=_MAGNET,
-                position=tuple(magnet),
-            )
-            # Above the board a magnet hangs from the sheet; below it, it stays.
-            if magnet[2] > top:
-                offsets = magnet - np.array((0.0, 0.0, LIFT)) - self._drawn * UNITS
-                vertex = int(np.argmin(np.linalg.norm(offsets, axis=1)))
-                self._hung.append((node, vertex, offsets[vertex]))
+        self._stage_magnets()
         for name, chip in zip(shape.chip_names, shape.chips * UNITS, strict=True):
             scene.add_box(
                 f"/chips/{name}", color=_CHIP, dimensions=(0.4, 0.4, 0.14), position=tuple(chip)
@@ -342,3 +330,19 @@ class SkinScene:
                 anchor="center-center",
                 depth_test=False,
             )
+
+    def _stage_magnets(self) -> None:
+        """Magnets; those above the board hang from the nearest vertex of the sheet."""
+        shape, scene = self._shape, self._server.scene
+        for index, magnet in enumerate(shape.magnets * UNITS):
+            node = scene.add_cylinder(
+                f"/magnets/{index}",
+                radius=shape.magnet_radius * UNITS,
+                height=shape.magnet_height * UNITS,
+                color=_MAGNET,
+                position=tuple(magnet),
+            )
+            if magnet[2] > shape.board * UNITS:
+                offsets = magnet - np.array((0.0, 0.0, LIFT)) - self._drawn * UNITS
+                vertex = int(np.argmin(np.linalg.norm(offsets, axis=1)))
+                self._hung.append((node, vertex, offsets[vertex]))
