@@ -4,14 +4,12 @@ One plain style, colours that differ for every kind of colour vision.
 """
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from matplotlib import pyplot as plt
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.collections import QuadMesh
@@ -23,32 +21,39 @@ from numpy.typing import ArrayLike
 
 from paper.shared.rows import Row, table
 from smoskin.arrays import Floats
+from smoskin.plots import BLUE, GREEN, GREY, INK, ORANGE, RED, lay_out, styled
+
+__all__ = [
+    "BLUE",
+    "COLOURS",
+    "GREEN",
+    "GREY",
+    "INK",
+    "ORANGE",
+    "PLAIN",
+    "RED",
+    "SMALL",
+    "Look",
+    "Plate",
+    "canvas",
+    "colour_bar",
+    "draw_map",
+    "draw_shares",
+    "lay_out",
+    "logarithmic",
+    "note",
+    "open_axes",
+    "percent",
+    "show_rows",
+    "styled",
+]
 
 Look = dict[str, Any]
 """How something is drawn: arguments for Matplotlib."""
-BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
-GREY, INK = "#8c8c8c", "#222222"
 COLOURS: Final = "cividis"
 SMALL: Final = 6.5
 """pt: letters of legends and notes."""
 PLAIN: Final = FuncFormatter(lambda value, _: f"{value:g}")
-_STYLE: Final[Any] = {
-    "font.family": "DejaVu Sans",
-    "font.size": 8,
-    "axes.titlesize": 8.5,
-    "axes.titlelocation": "left",
-    "axes.edgecolor": GREY,
-    "axes.labelcolor": INK,
-    "axes.linewidth": 0.6,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "legend.frameon": False,
-    "legend.fontsize": SMALL,
-    "svg.hashsalt": "smoskin",  # the same data give the same bytes
-    "svg.fonttype": "path",
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,21 +90,9 @@ def show_rows(rows: Sequence[Row]) -> None:
     assert not failed, f"not as printed: {', '.join(failed)}"
 
 
-def styled() -> AbstractContextManager[None]:
-    """Return the report's style, which lasts as long as this context."""
-    return rc_context(_STYLE)
-
-
 def canvas(width: float, height: float) -> Figure:
     """Return an empty figure of so many inches."""
     return plt.figure(figsize=(width, height), layout="constrained")
-
-
-def lay_out(figure: Figure) -> None:
-    """Find the layout once and keep it, instead of finding it again at each drawing."""
-    figure.draw_without_rendering()
-    # A placeholder engine, "none", would have each file drawn twice.
-    figure.set_layout_engine(None)
 
 
 def open_axes(*axes: Axes) -> None:

@@ -47,6 +47,7 @@ _STYLE: Final[Any] = {
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
     "legend.frameon": False,
+    "legend.fontsize": 6.5,
     "svg.hashsalt": "smoskin",  # the same data give the same bytes
     "svg.fonttype": "path",
     "pdf.fonttype": 42,
