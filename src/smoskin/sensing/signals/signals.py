@@ -180,8 +180,8 @@ class Signals:
         for reading in readings:
             if self._fault(reading) is None:
                 self._thermometer.step(reading.temperature)
-                untouched = self._factors() * (self.rest_field + self._other)
-                offsets.append(self._turned(reading.field) - untouched)
+                untouched = self.rest_field + self._other
+                offsets.append(self._turned(reading.field) / self._factors() - untouched)
         if not offsets:
             raise ArgumentError(
                 f"readings must hold at least one with all chips good; got {len(readings)} readings"
@@ -206,8 +206,9 @@ class Signals:
             return self._refused(fault)
         self._last_raw = reading.field
         self._thermometer.step(reading.temperature)
-        field = (self._turned(reading.field) - self._offset) / self._factors() - self._other
-        raised = self._settled(reading.time, field - self.rest_field)
+        untouched = self.rest_field + self._other + self._offset
+        field = self._turned(reading.field) / self._factors()
+        raised = self._settled(reading.time, field - untouched)
         values = raised - self._zero.offset
         status = Status.NO_CONTACT if self._zero.step(reading.time, raised) else None
         if not self._zero.believed:
@@ -215,7 +216,11 @@ class Signals:
         return Signal(values, self._thermometer.rubber, status)
 
     def _begin(self, offset: Floats) -> None:
-        """Start from an offset, (S, 3), T, of the chips turned as designed; the skin has rested."""
+        """Start from an offset, (S, 3), T, of the chips turned as designed; the skin has rested.
+
+        It is one at reference temperature: nearly all of it is what a made skin's magnets differ
+        from the designed ones, which weakens as they do.
+        """
         self._offset = offset
         self._zero = Zero(self._tracking, self._idle, np.zeros_like(self.rest_field))
         self._settled_time = math.inf
