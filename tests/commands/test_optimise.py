@@ -519,7 +519,7 @@ def test_the_shipped_optimum_halves_the_bound(planar, sheet):
 @pytest.mark.slow
 def test_a_fuller_search_halves_the_bound_on_finer_grids_and_made_skins(planar):
     better = optimise(
-        planar, limits=Limits(rubbers=("Ecoflex 00-30",)), effort=SearchEffort(steps=40, rounds=1)
+        planar, limits=Limits(rubbers=("Ecoflex 00-30",)), effort=SearchEffort(steps=80, rounds=1)
     )
     assert better.kept
     gains = {(one.case, one.quantity): one.gain for one in better.bounds}
