@@ -10,7 +10,6 @@ from smoskin.errors import ArgumentError
 from smoskin.feasibility import load_design
 from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Sink
-from smoskin.service.page.scene import SkinShape
 from smoskin.service.page.view import View
 from smoskin.service.recorder import Recorder
 
@@ -24,7 +23,7 @@ def make(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[[], Sink]:
         pytest.importorskip("mcap")
         return lambda: Recorder(tmp_path / "touch.mcap", PLANAR)
     pytest.importorskip("viser")
-    return lambda: View(SkinShape.of_design(PLANAR))
+    return lambda: View(PLANAR)
 
 
 def reading(time: float, chips: int = 3) -> Reading:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
+from typer import Argument, Option
 
 from smoskin.cli.frame import Design, Json, app, progress_bar, show
 from smoskin.errors import ArgumentError
@@ -17,41 +18,37 @@ app.add_typer(touches, name="touches")
 
 Table = Annotated[
     str | None,
-    typer.Option("--table", help="Response table to start from; by default the design's shipped."),
+    Option("--table", help="Response table to start from; by default the design's shipped."),
 ]
 UntilMm = Annotated[
     float | None,
-    typer.Option(min=0.0, help="Stop where a touch is expected to be located this well, mm."),
+    Option(min=0.0, help="Stop where a touch is expected to be located this well, mm."),
 ]
 PlaceMm = Annotated[
     float | None,
-    typer.Option(min=0.0, help="Standard deviation of the places that are reported, mm."),
+    Option(min=0.0, help="Standard deviation of the places that are reported, mm."),
 ]
 ForceMn = Annotated[
     float | None,
-    typer.Option("--force-mN", min=0.0, help="Standard deviation of the forces, mN."),
+    Option("--force-mN", min=0.0, help="Standard deviation of the forces, mN."),
 ]
 
 
 Rig = Annotated[
-    str, typer.Option(help="Rig that touches the skin: virtual, virtual?seed=3&temperature=30.")
+    str, Option(help="Rig that touches the skin: virtual, virtual?seed=3&temperature=30.")
 ]
-Sheet = Annotated[Path | None, typer.Option(help="CSV of touches made by hand, instead of a rig.")]
+Sheet = Annotated[Path | None, Option(help="CSV of touches made by hand, instead of a rig.")]
 Recording = Annotated[
     Path | None,
-    typer.Option(help="MCAP with the readings, where the CSV says when touches were held."),
+    Option(help="MCAP with the readings, where the CSV says when touches were held."),
 ]
-Touches = Annotated[
-    int | None, typer.Option(min=1, help="Touches that a rig makes; 15 by default.")
-]
-RigForce = Annotated[
-    float | None, typer.Option(help="Largest normal force of a rig, N; 0.8 by default.")
-]
+Touches = Annotated[int | None, Option(min=1, help="Touches that a rig makes; 15 by default.")]
+RigForce = Annotated[float | None, Option(help="Largest normal force of a rig, N; 0.8 by default.")]
 RigDrag = Annotated[
-    float | None, typer.Option(help="Largest sideways force of a rig, N; 0.3 by default.")
+    float | None, Option(help="Largest sideways force of a rig, N; 0.3 by default.")
 ]
 OwnTable = Annotated[
-    Path, typer.Option(help="File of the skin's own response table to write.", dir_okay=False)
+    Path, Option(help="File of the skin's own response table to write.", dir_okay=False)
 ]
 
 
@@ -112,17 +109,17 @@ def calibrate(
 @touches.command("plan")
 def plan_touches(
     design: Design = "planar",
-    out: Annotated[Path, typer.Option(help="Sheet (CSV) to write.", dir_okay=False)] = Path(
+    out: Annotated[Path, Option(help="Sheet (CSV) to write.", dir_okay=False)] = Path(
         "touches.csv"
     ),
-    count: Annotated[int, typer.Option(min=1, help="Touches to make.")] = 15,
+    count: Annotated[int, Option(min=1, help="Touches to make.")] = 15,
     until_mm: UntilMm = None,
-    force: Annotated[float, typer.Option(help="Largest normal force, N.")] = 0.8,
-    drag: Annotated[float, typer.Option(help="Largest sideways force, N.")] = 0.0,
+    force: Annotated[float, Option(help="Largest normal force, N.")] = 0.8,
+    drag: Annotated[float, Option(help="Largest sideways force, N.")] = 0.0,
     place_mm: PlaceMm = 0.5,
     force_mn: ForceMn = 10.0,
     after: Annotated[
-        Path | None, typer.Option(help="A filled sheet of touches that have been made.")
+        Path | None, Option(help="A filled sheet of touches that have been made.")
     ] = None,
     table: Table = None,
     as_json: Json = False,
@@ -163,17 +160,17 @@ def plan_touches(
 
 @app.command("fit-paper")
 def fit_paper(
-    table: Annotated[Path, typer.Argument(help="CSV of touches on the cells' top vertices.")],
-    out: Annotated[Path, typer.Option(help="Calibration (TOML) to write.", dir_okay=False)] = Path(
+    table: Annotated[Path, Argument(help="CSV of touches on the cells' top vertices.")],
+    out: Annotated[Path, Option(help="Calibration (TOML) to write.", dir_okay=False)] = Path(
         "calibration.toml"
     ),
-    design: Annotated[str, typer.Option(help="Design of the skin that was touched.")] = "planar",
+    design: Annotated[str, Option(help="Design of the skin that was touched.")] = "planar",
     recording: Recording = None,
     date: Annotated[
-        str | None, typer.Option(help="ISO date of the measurement; today by default.")
+        str | None, Option(help="ISO date of the measurement; today by default.")
     ] = None,
-    separate: Annotated[bool, typer.Option("--separate", help="Fit v_a in X and Y apart.")] = False,
-    plot: Annotated[Path | None, typer.Option(help="Draw the residuals to this file.")] = None,
+    separate: Annotated[bool, Option("--separate", help="Fit v_a in X and Y apart.")] = False,
+    plot: Annotated[Path | None, Option(help="Draw the residuals to this file.")] = None,
     as_json: Json = False,
 ) -> None:
     """Fit the paper's own model to touches of a bench, with uncertainties.
@@ -205,16 +202,14 @@ def fit_paper(
 
 @app.command()
 def virtual_bench(
-    out: Annotated[Path, typer.Argument(help="CSV of touches to write.")] = Path("touches.csv"),
-    design: Annotated[str, typer.Option(help="Design that the virtual skin scatters about.")] = (
+    out: Annotated[Path, Argument(help="CSV of touches to write.")] = Path("touches.csv"),
+    design: Annotated[str, Option(help="Design that the virtual skin scatters about.")] = (
         "planar"
     ),
-    seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the skin and of the bench's noise.")
-    ] = 0,
+    seed: Annotated[int, Option(min=0, help="Seed of the skin and of the bench's noise.")] = 0,
     sheet: Annotated[
         Literal["whole", "reduced"],
-        typer.Option(help="whole: the folded sheet's twin; reduced: the paper's model."),
+        Option(help="whole: the folded sheet's twin; reduced: the paper's model."),
     ] = "whole",
 ) -> None:
     """Measure a virtual skin as a person would measure a real one for calibration."""

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
+from typer import Argument, Option
 from typer.core import TyperGroup
 
 from smoskin import __version__
@@ -67,11 +68,11 @@ app = typer.Typer(
     help="Design, simulate, calibrate, train, run and see a sandwich Miura-ori tactile skin.",
 )
 
-Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
-Design = Annotated[str, typer.Argument(help="A shipped design or the path of a TOML document.")]
-Seconds = Annotated[float | None, typer.Option(min=0.0, help="Stop after so many seconds.")]
+Json = Annotated[bool, Option("--json", help="Print JSON for machines.")]
+Design = Annotated[str, Argument(help="A shipped design or the path of a TOML document.")]
+Seconds = Annotated[float | None, Option(min=0.0, help="Stop after so many seconds.")]
 Record = Annotated[
-    Path | None, typer.Option(help="Write everything to this new MCAP file.", dir_okay=False)
+    Path | None, Option(help="Write everything to this new MCAP file.", dir_okay=False)
 ]
 
 
@@ -115,7 +116,7 @@ def _version(asked: bool) -> None:
 @app.callback()
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+        bool, Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     """Options before any command."""

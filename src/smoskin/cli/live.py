@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
 from smoskin.cli.frame import Design, Json, Record, Seconds, app, show
 
@@ -17,20 +18,20 @@ if TYPE_CHECKING:
 def demo(
     design: Design = "planar",
     seconds: Seconds = None,
-    headless: Annotated[bool, typer.Option("--headless", help="Without the live page.")] = False,
+    headless: Annotated[bool, Option("--headless", help="Without the live page.")] = False,
     as_json: Json = False,
     port: Annotated[
-        int, typer.Option(min=0, max=65535, help="TCP port of the page; 0 takes a free one.")
+        int, Option(min=0, max=65535, help="TCP port of the page; 0 takes a free one.")
     ] = 0,
-    rate: Annotated[float, typer.Option(help="Readings a second, Hz.")] = 100.0,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the skin, the noise and the hand.")] = 0,
-    touches: Annotated[int, typer.Option(min=1, help="Touches of the rig that calibrates.")] = 15,
+    rate: Annotated[float, Option(help="Readings a second, Hz.")] = 100.0,
+    seed: Annotated[int, Option(min=0, help="Seed of the skin, the noise and the hand.")] = 0,
+    touches: Annotated[int, Option(min=1, help="Touches of the rig that calibrates.")] = 15,
     table: Annotated[
-        Path | None, typer.Option(help="Response table of the design; by default the shipped one.")
+        Path | None, Option(help="Response table of the design; by default the shipped one.")
     ] = None,
     estimator: Annotated[
         list[Path] | None,
-        typer.Option(help="File of another estimator to choose on the page, such as a network."),
+        Option(help="File of another estimator to choose on the page, such as a network."),
     ] = None,
     record: Record = None,
 ) -> None:
@@ -76,22 +77,22 @@ def demo(
 @app.command()
 def run(
     source: Annotated[
-        str, typer.Argument(help="twin://DESIGN or replay:FILE, each with ?options.")
+        str, Argument(help="twin://DESIGN or replay:FILE, each with ?options.")
     ] = "twin://planar",
     design: Annotated[
-        str | None, typer.Option(help="Design of the skin; by default the source's own.")
+        str | None, Option(help="Design of the skin; by default the source's own.")
     ] = None,
     calibration: Annotated[
         Path | None,
-        typer.Option(help="File of this skin: a calibration, a response table or a network."),
+        Option(help="File of this skin: a calibration, a response table or a network."),
     ] = None,
     zero: Annotated[
-        bool, typer.Option(help="Take the first 20 readings as those of the untouched skin.")
+        bool, Option(help="Take the first 20 readings as those of the untouched skin.")
     ] = True,
     seconds: Seconds = None,
     record: Record = None,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print each estimate as a line of JSON.")
+        bool, Option("--json", help="Print each estimate as a line of JSON.")
     ] = False,
 ) -> None:
     """Estimate touches from a source of readings and print them as they come."""

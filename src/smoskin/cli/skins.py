@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
+from typer import Option
 
 from smoskin.cli.frame import Design, Json, app, progress_bar, show
 
@@ -25,11 +26,11 @@ def info(design: Design = "planar", as_json: Json = False) -> None:
 
 Mechanics = Annotated[
     Literal["whole", "reduced"],
-    typer.Option(help="whole: the folded sheet; reduced: the paper's model."),
+    Option(help="whole: the folded sheet; reduced: the paper's model."),
 ]
 Grip = Annotated[
     str | None,
-    typer.Option(help="How touches hold: sticking, frictionless, covered or sliding:FRICTION."),
+    Option(help="How touches hold: sticking, frictionless, covered or sliding:FRICTION."),
 ]
 
 
@@ -37,19 +38,19 @@ Grip = Annotated[
 def simulate(
     design: Design = "planar",
     at: Annotated[
-        list[str] | None, typer.Option(help="x,y of a touch, mm; once for each. The middle.")
+        list[str] | None, Option(help="x,y of a touch, mm; once for each. The middle.")
     ] = None,
     force: Annotated[
         list[str] | None,
-        typer.Option(help="Fx,Fy,Fz on the skin, N; z < 0 presses; one for all. 0,0,-0.5."),
+        Option(help="Fx,Fy,Fz on the skin, N; z < 0 presses; one for all. 0,0,-0.5."),
     ] = None,
-    temperature: Annotated[float, typer.Option(help="Temperature of the skin, degC.")] = 25.0,
+    temperature: Annotated[float, Option(help="Temperature of the skin, degC.")] = 25.0,
     manufactured: Annotated[
-        bool, typer.Option("--manufactured", help="Press a manufactured skin, of this seed.")
+        bool, Option("--manufactured", help="Press a manufactured skin, of this seed.")
     ] = False,
     mechanics: Mechanics = "whole",
     grip: Grip = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of made skin and noise.")] = 0,
+    seed: Annotated[int, Option(min=0, help="Seed of made skin and noise.")] = 0,
     as_json: Json = False,
 ) -> None:
     """Press a simulated skin once: what sinks, what moves, what the chips read.
@@ -84,35 +85,35 @@ def sweep(
     design: Design = "planar",
     kind: Annotated[
         Literal["grid", "shear", "pairs", "random"],
-        typer.Option(help="Presses at every place of a grid; with drags; two at once; random."),
+        Option(help="Presses at every place of a grid; with drags; two at once; random."),
     ] = "grid",
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder of the data set; DESIGN-KIND by default.", file_okay=False),
+        Option(help="Folder of the data set; DESIGN-KIND by default.", file_okay=False),
     ] = None,
     summary: Annotated[
-        Path | None, typer.Option(help="Only tell what this data set holds.", file_okay=False)
+        Path | None, Option(help="Only tell what this data set holds.", file_okay=False)
     ] = None,
-    export: Annotated[Path | None, typer.Option(help="Also write this one HDF5 file.")] = None,
+    export: Annotated[Path | None, Option(help="Also write this one HDF5 file.")] = None,
     forces: Annotated[
-        str | None, typer.Option(help="Forces, N: 0.1,0.5 or from:to:count; random: from:to.")
+        str | None, Option(help="Forces, N: 0.1,0.5 or from:to:count; random: from:to.")
     ] = None,
-    drags: Annotated[str | None, typer.Option(help="Forces sideways, N, likewise.")] = None,
-    directions: Annotated[str | None, typer.Option(help="Directions of a shear's drags.")] = None,
-    places: Annotated[str | None, typer.Option(help="Places of the grid, such as 25x33.")] = None,
-    count: Annotated[str | None, typer.Option(help="Number of random presses.")] = None,
-    touches: Annotated[str | None, typer.Option(help="Touches at once: 2, or from:to.")] = None,
-    radius: Annotated[str | None, typer.Option(help="Radius of touches, mm; or from:to.")] = None,
-    margin: Annotated[str | None, typer.Option(help="Random presses' way to the rim, mm.")] = None,
-    temperature: Annotated[str, typer.Option(help="Temperatures, degC, written as forces.")] = "25",
-    skins: Annotated[int, typer.Option(min=0, help="Number of manufactured skins.")] = 0,
+    drags: Annotated[str | None, Option(help="Forces sideways, N, likewise.")] = None,
+    directions: Annotated[str | None, Option(help="Directions of a shear's drags.")] = None,
+    places: Annotated[str | None, Option(help="Places of the grid, such as 25x33.")] = None,
+    count: Annotated[str | None, Option(help="Number of random presses.")] = None,
+    touches: Annotated[str | None, Option(help="Touches at once: 2, or from:to.")] = None,
+    radius: Annotated[str | None, Option(help="Radius of touches, mm; or from:to.")] = None,
+    margin: Annotated[str | None, Option(help="Random presses' way to the rim, mm.")] = None,
+    temperature: Annotated[str, Option(help="Temperatures, degC, written as forces.")] = "25",
+    skins: Annotated[int, Option(min=0, help="Number of manufactured skins.")] = 0,
     mechanics: Mechanics = "whole",
     grip: Grip = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of noise and random presses.")] = 0,
-    chunk: Annotated[int | None, typer.Option(min=1, help="Presses a file.")] = None,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes; one a core.")] = None,
+    seed: Annotated[int, Option(min=0, help="Seed of noise and random presses.")] = 0,
+    chunk: Annotated[int | None, Option(min=1, help="Presses a file.")] = None,
+    workers: Annotated[int | None, Option(min=1, help="Processes; one a core.")] = None,
     scheduler: Annotated[
-        str | None, typer.Option(help="A dask cluster, tcp://host:8786; or local to start one.")
+        str | None, Option(help="A dask cluster, tcp://host:8786; or local to start one.")
     ] = None,
     as_json: Json = False,
 ) -> None:

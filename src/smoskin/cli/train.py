@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from smoskin.cli.frame import Design, Json, app, progress_bar, show
 
@@ -15,18 +16,18 @@ def make_table(
     design: Design = "planar",
     out: Annotated[
         Path | None,
-        typer.Option(help="The file to write; by default DESIGN.table, here.", dir_okay=False),
+        Option(help="The file to write; by default DESIGN.table, here.", dir_okay=False),
     ] = None,
     presses: Annotated[
-        int | None, typer.Option(min=1, help="Presses of the skin as designed, one touch each.")
+        int | None, Option(min=1, help="Presses of the skin as designed, one touch each.")
     ] = None,
     pairs: Annotated[
-        int | None, typer.Option(min=0, help="Presses of the skin as designed, two touches each.")
+        int | None, Option(min=0, help="Presses of the skin as designed, two touches each.")
     ] = None,
     skins: Annotated[
-        int | None, typer.Option(min=1, help="Made sheets, which show how skins differ.")
+        int | None, Option(min=1, help="Made sheets, which show how skins differ.")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the presses and made skins.")] = 0,
+    seed: Annotated[int, Option(min=0, help="Seed of the presses and made skins.")] = 0,
     as_json: Json = False,
 ) -> None:
     """Press a design's twin all over and write what its chips read as a response table.
@@ -57,31 +58,27 @@ def make_table(
 @app.command()
 def train(
     response: Annotated[
-        Path, typer.Argument(help="A response table, of a design or of a skin.", dir_okay=False)
+        Path, Argument(help="A response table, of a design or of a skin.", dir_okay=False)
     ],
-    out: Annotated[Path, typer.Option(help="The model file to write.", dir_okay=False)] = Path(
+    out: Annotated[Path, Option(help="The model file to write.", dir_okay=False)] = Path(
         "network.safetensors"
     ),
     design: Annotated[
-        str | None, typer.Option(help="The table's design; by default the shipped one.")
+        str | None, Option(help="The table's design; by default the shipped one.")
     ] = None,
     chips: Annotated[
         str | None,
-        typer.Option(help="Chips that the network reads, such as 1,2; all by default."),
+        Option(help="Chips that the network reads, such as 1,2; all by default."),
     ] = None,
     drag: Annotated[
-        float, typer.Option(min=0.0, help="Largest drag that it shall tell, N; 0: none.")
+        float, Option(min=0.0, help="Largest drag that it shall tell, N; 0: none.")
     ] = 0.0,
-    members: Annotated[int | None, typer.Option(min=1, help="Networks of the ensemble.")] = None,
-    minutes: Annotated[
-        float | None, typer.Option(min=0.01, help="Longest time of the training.")
-    ] = None,
-    start: Annotated[Path | None, typer.Option(help="A model to go on from.")] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on where training was stopped.")
-    ] = False,
-    onnx: Annotated[Path | None, typer.Option(help="Write an ONNX file too.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of weights and of touches.")] = 0,
+    members: Annotated[int | None, Option(min=1, help="Networks of the ensemble.")] = None,
+    minutes: Annotated[float | None, Option(min=0.01, help="Longest time of the training.")] = None,
+    start: Annotated[Path | None, Option(help="A model to go on from.")] = None,
+    resume: Annotated[bool, Option("--resume", help="Go on where training was stopped.")] = False,
+    onnx: Annotated[Path | None, Option(help="Write an ONNX file too.")] = None,
+    seed: Annotated[int, Option(min=0, help="Seed of weights and of touches.")] = 0,
     as_json: Json = False,
 ) -> None:
     """Train a network that tells place and force, each with its uncertainty, from a reading.

@@ -32,7 +32,6 @@ from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst, load_estimator
 from smoskin.sensing.response.table import ResponseTable, load_response_table
 from smoskin.service.loop import Counters, Loop
-from smoskin.service.page.scene import SkinShape
 from smoskin.service.page.view import View
 from smoskin.service.recorder import Recorder
 from smoskin.service.source import TwinSource
@@ -328,13 +327,12 @@ class _Page(Sink):
         self._choices: deque[str] = deque(maxlen=1)
         self._latest: deque[Reading] = deque(maxlen=1000)
         self._view = View(
-            SkinShape.of_design(design),
+            design,
             port=port,
             on_press=self._press,
             on_zero=self._zero_asked.set,
             estimators=names,
             on_choose=self._choices.append,
-            title=f"smoskin: {design.name}",
         )
         self.announce = self._view.announce
 

@@ -41,11 +41,7 @@ class Marker:
     """
 
     def __init__(
-        self,
-        server: "viser.ViserServer",
-        name: str,
-        color: tuple[int, int, int],
-        opacity: float,
+        self, server: "viser.ViserServer", name: str, color: tuple[int, int, int], opacity: float
     ) -> None:
         scene = server.scene
         self._solid = opacity >= 1.0
@@ -97,18 +93,12 @@ class Marker:
 
 
 def arrow(force: Floats, girth: float) -> tuple[Floats, Ints]:
-    """An arrow for a force, in units of the scene, with the contact at the origin.
-
-    Parameters
-    ----------
-    force : Floats, shape (3,)
-        N.
-    girth : float
-        How thick it is, relative to the usual.
+    """An arrow for a force (3,), N, so many times as thick as usual.
 
     Returns
     -------
     vertices : Floats, shape (V, 3)
+        In units of the scene, with the contact at the origin.
     triangles : Ints, shape (F, 3)
     """
     length = float(np.linalg.norm(force)) * _ARROW_PER_NEWTON

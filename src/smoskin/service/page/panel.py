@@ -1,22 +1,24 @@
 """The flat half of the page: what the skin says in words, numbers and curves, and the controls.
 
 Decides the wording, the colours of the statuses, the units shown (mm, N, uT, ms) and how much
-history is drawn. Hides the viewer's widgets. Numbers for people carry a `data-name` attribute, by
-which programs find them in the page.
+history is drawn. Hides the viewer's widgets; the HTML stands beside this module. Numbers for
+people carry a `data-name` attribute, by which programs find them in the page.
 """
 
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import cache
 from html import escape
+from importlib import resources
+from string import Template
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from smoskin.arrays import Floats
-from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
-from smoskin.service.page.scene import ESTIMATED, TRUE
+from smoskin.records import ChipFlag, Contact, Reading, Status
+from smoskin.service.page.scene import ESTIMATED, TRUE, Moment
 
 if TYPE_CHECKING:
     import viser
@@ -37,24 +39,8 @@ _STATUS: Final = {
 }
 _AXES: Final = (("Bx", "#c2478f"), ("By", "#0f9d74"), ("Bz", "#1f6fb5"))
 _BAD: Final = ChipFlag.MISSING | ChipFlag.INVALID
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Moment:
-    """All that is known of one reading."""
-
-    reading: Reading
-    """What the chips read."""
-    estimate: Estimate | None
-    """What was made of it, if anything."""
-    truth: tuple[Contact, ...]
-    """What really touches, where that is known."""
-    vertices: Floats | None
-    """Vertices of the deformed sheet, (V, 3), m; None at rest."""
-    latency: float
-    """Time from reading to estimate, s; NaN where unknown."""
-    arrival: float
-    """When it came, s, on the clock of the view."""
+_QUANTITIES: Final = (("x, mm", 1), ("y, mm", 1), ("Fn, N", 3), ("Fx, N", 3), ("Fy, N", 3))
+"""Rows of a touch's table, and the digits that each shows."""
 
 
 class Panel:
@@ -70,7 +56,7 @@ class Panel:
         Names of the S chips, in the order of every reading.
     pressable : bool
         Whether presses on the page go anywhere; without, their controls are left out.
-    estimators : tuple of str
+    estimators : sequence of str
         Names of the estimators to choose from; a choice is shown where there are two.
     """
 
@@ -80,7 +66,7 @@ class Panel:
         title: str,
         chips: Sequence[str],
         pressable: bool,
-        estimators: tuple[str, ...] = (),
+        estimators: Sequence[str],
     ) -> None:
         gui = server.gui
         self._chips = tuple(chips)
@@ -88,29 +74,32 @@ class Panel:
         self._field = self._zero
         self._start = 0.0
         self._history: deque[tuple[float, Floats]] = deque()
-        gui.configure_theme(
-            dark_mode=False,
-            show_logo=False,
-            show_share_button=False,
-            brand_color=(31, 111, 181),
-        )
+        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 111, 181))
         gui.set_panel_label(title)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(340)
         self._card = gui.add_html(_card(None, math.nan, 0.0, None))
         self.chooser = (
-            gui.add_dropdown("Estimator", estimators, hint="What reads the chips.")
+            gui.add_dropdown("Estimator", tuple(estimators), hint="What reads the chips.")
             if len(estimators) > 1
             else None
         )
         self.zero_button = gui.add_button(
             "Zero", hint="Take the skin as untouched now; let go of it first.", color="gray"
         )
-        self._offer_press(gui, pressable)
+        with gui.add_folder("Press with the mouse", visible=pressable):
+            gui.add_html(_html("note"))
+            self._push = gui.add_slider("Press, N", 0.05, 2.0, 0.05, 0.5)
+            self._shear_x = gui.add_slider("Shear x, N", -1.0, 1.0, 0.05, 0.0)
+            self._shear_y = gui.add_slider("Shear y, N", -1.0, 1.0, 0.05, 0.0)
+            self._hold = gui.add_slider("Hold, s", 0.2, 5.0, 0.1, 1.5)
+            self._keep = gui.add_checkbox("Keep pressing until released", False)
+            self.release_button = gui.add_button("Release", color="gray")
         with gui.add_folder("Picture"):
             self._exaggeration = gui.add_slider("Deformation ×", 1.0, 30.0, 1.0, 10.0)
             self._opacity = gui.add_slider("Sheet opacity", 0.1, 1.0, 0.1, 1.0)
-            gui.add_html(_legend())
+            estimated, true = (",".join(map(str, color)) for color in (ESTIMATED, TRUE))
+            gui.add_html(_html("legend", estimated=estimated, true=true))
         fields = gui.add_panel()
         fields.dock_left()
         fields.set_width(320)
@@ -118,38 +107,20 @@ class Panel:
             gui.add_html(_curves())
             self._plots = [_plot(server, name) for name in self._chips]
 
-    def _offer_press(self, gui: "viser.GuiApi", pressable: bool) -> None:
-        """Sliders and buttons of a press by the mouse."""
-        with gui.add_folder("Press with the mouse", visible=pressable):
-            gui.add_html(
-                _note("Click the sheet to press it; shift-drag to slide a finger over it.")
-            )
-            self._push = gui.add_slider("Press, N", 0.05, 2.0, 0.05, 0.5)
-            self._shear_x = gui.add_slider("Shear x, N", -1.0, 1.0, 0.05, 0.0)
-            self._shear_y = gui.add_slider("Shear y, N", -1.0, 1.0, 0.05, 0.0)
-            self._hold = gui.add_slider("Hold, s", 0.2, 5.0, 0.1, 1.5)
-            self._keep = gui.add_checkbox("Keep pressing until released", False)
-            self.release_button = gui.add_button("Release", color="gray")
-
     @property
     def force(self) -> tuple[float, float, float]:
-        """N: what a press exerts on the skin, as the sliders stand."""
+        """Force that a press exerts on the skin, as the sliders stand, N."""
         return float(self._shear_x.value), float(self._shear_y.value), -float(self._push.value)
 
     @property
     def hold(self) -> float:
-        """s: how long a click presses; infinite while presses are kept."""
+        """Time for which a click presses, s; infinite while presses are kept."""
         return math.inf if self._keep.value else float(self._hold.value)
 
     @property
-    def exaggeration(self) -> float:
-        """How many times larger than life the deformation is drawn."""
-        return float(self._exaggeration.value)
-
-    @property
-    def opacity(self) -> float:
-        """Opacity of the sheet, 0 to 1."""
-        return float(self._opacity.value)
+    def picture(self) -> tuple[float, float]:
+        """How much larger than life deformation is drawn, and the sheet's opacity, 0 to 1."""
+        return float(self._exaggeration.value), float(self._opacity.value)
 
     def zero(self) -> None:
         """Draw the curves from the next reading's field onwards."""
@@ -191,7 +162,6 @@ class Panel:
         self._card.content = _card(moment, rate, now, announced)
         if moment is None or not self._history:
             return
-        reading = moment.reading
         # Running seconds, because the plots lay out their axes anew only when a scale moves.
         times = np.array([time for time, _ in self._history]) - self._start
         changes = np.array([change for _, change in self._history])
@@ -201,7 +171,7 @@ class Panel:
             changes = np.concatenate([np.zeros_like(changes[[0, 0]]), changes])
         for chip, plot in enumerate(self._plots):
             plot.data = (times, *changes[:, chip].T)
-            plot.title = _heading(self._chips[chip], ChipFlag(int(reading.flags[chip])))
+            plot.title = _heading(self._chips[chip], ChipFlag(int(moment.reading.flags[chip])))
 
 
 def _plot(server: "viser.ViserServer", name: str) -> "viser.GuiUplotHandle":
@@ -217,7 +187,7 @@ def _plot(server: "viser.ViserServer", name: str) -> "viser.GuiUplotHandle":
     return server.gui.add_uplot(
         data=(span, nothing, nothing, nothing),
         series=({}, *curves),
-        title=_heading(name, ChipFlag.GOOD),
+        title=name,
         scales={
             # Without `time` the seconds would be read as dates of 1970.
             "x": {"time": False},
@@ -232,53 +202,33 @@ def _plot(server: "viser.ViserServer", name: str) -> "viser.GuiUplotHandle":
 
 
 def _heading(name: str, flags: ChipFlag) -> str:
+    """Name of a chip, and what is wrong with its reading."""
     wrong = [flag.name.lower() for flag in ChipFlag if flag in flags and flag.name]
     return f"{name} · {', '.join(wrong)}" if wrong else name
 
 
-def _note(text: str) -> str:
-    return (
-        '<div style="padding:0 12px 6px;font-size:12px;color:var(--mantine-color-dimmed)">'
-        f"{escape(text)}</div>"
-    )
+@cache
+def _template(name: str) -> Template:
+    """The HTML of a part of the page."""
+    folder = resources.files("smoskin.service.page")
+    return Template(folder.joinpath(f"{name}.html").read_text(encoding="utf-8"))
 
 
-def _legend() -> str:
-    estimated, true = (",".join(map(str, color)) for color in (ESTIMATED, TRUE))
-    marks = (
-        (f"background:rgb({estimated})", "estimated force, 50 mm per newton"),
-        (f"background:rgba({true},.45)", "true force"),
-        (f"border:1.5px solid rgb({estimated});height:9px", "95 % ellipse of the place"),
-        (
-            f"background:linear-gradient(90deg,#96866e,rgb({estimated}))",
-            "creases sunk by 0 to 0.2 mm",
-        ),
-    )
-    rows = (
-        '<div style="display:flex;align-items:center;gap:8px"><span style="width:18px;height:6px;'
-        f'border-radius:5px;box-sizing:border-box;{style}"></span>{text}</div>'
-        for style, text in marks
-    )
-    return (
-        f'<div style="padding:2px 12px 10px;font-size:12px;line-height:1.7">{"".join(rows)}</div>'
-    )
+def _html(name: str, **values: str) -> str:
+    """A part of the page with its values."""
+    return _template(name).substitute(values)
 
 
 def _curves() -> str:
-    names = "".join(
-        f'<span style="color:{color};font-weight:600;margin-right:14px">{name}</span>'
-        for name, color in _AXES
-    )
-    return (
-        f'<div style="padding:2px 12px 6px;font-size:12px">{names}'
-        '<span style="color:var(--mantine-color-dimmed)">over the seconds since zero</span></div>'
-    )
+    """The legend of the curves."""
+    style = "font-weight:600;margin-right:14px"
+    axes = (f'<span style="color:{color};{style}">{name}</span>' for name, color in _AXES)
+    return _html("curves", axes="".join(axes))
 
 
 def _card(moment: Moment | None, rate: float, now: float, announced: tuple[str, str] | None) -> str:
     """The status, the touches and the pace, as HTML."""
     estimate = None if moment is None else moment.estimate
-    latency = math.nan if moment is None else moment.latency
     if announced is not None:
         (word, sentence), color = announced, _BLUE
     elif moment is None:
@@ -290,89 +240,47 @@ def _card(moment: Moment | None, rate: float, now: float, announced: tuple[str, 
     else:
         word, color = _STATUS[estimate.status]
         sentence = estimate.status.value
-    touches = [] if moment is None or estimate is None else _touches(estimate, moment.truth)
-    pace = " · ".join(
-        (
-            f'<span data-name="rate">{_number(rate, 0)} Hz</span>',
-            f'<span data-name="latency">{_number(latency * 1e3, 1)} ms</span>',
-        )
-    )
-    return (
-        '<div style="padding:4px 12px 8px;font-variant-numeric:tabular-nums">'
-        f'<div style="border-left:5px solid {color};padding-left:10px">'
-        f'<div data-name="status" style="font-size:20px;font-weight:650;color:{color}">{word}</div>'
-        f'<div data-name="sentence" style="font-size:12px;min-height:34px">{escape(sentence)}</div>'
-        "</div>"
-        f'<div data-name="touches" style="min-height:150px">{"".join(touches)}</div>'
-        '<div style="font-size:12px;color:var(--mantine-color-dimmed)">readings '
-        f"{pace}</div></div>"
+    touches = ""
+    if moment is not None and estimate is not None:
+        marks = zip(estimate.contacts, estimate.covariance, strict=True)
+        touches = "".join(_touch(*mark, moment.truth) for mark in marks)
+    return _html(
+        "card",
+        color=color,
+        word=word,
+        sentence=escape(sentence),
+        touches=touches,
+        rate=_number(rate, 0),
+        latency=_number(math.nan if moment is None else moment.latency * 1e3, 1),
     )
 
 
-def _touches(estimate: Estimate, truth: Sequence[Contact]) -> list[str]:
-    """A block for each estimated contact, beside the true one nearest to it."""
-    blocks = []
-    for contact, covariance in zip(estimate.contacts, estimate.covariance, strict=True):
-        near = min(
-            truth,
-            key=lambda true: float(np.linalg.norm(true.position - contact.position)),
-            default=None,
-        )
-        blocks.append(_touch(contact, covariance, near))
-    return blocks
-
-
-def _touch(contact: Contact, covariance: Floats, true: Contact | None) -> str:
-    """One touch: a line with its place and force, and a table against the truth."""
-    deviations = np.sqrt(np.diag(covariance))
-    spread = (*deviations[:2], deviations[4], *deviations[2:4])
-    rows = []
-    for index, (name, unit, factor, digits) in enumerate(_QUANTITIES):
-        value = _values(contact)[index] * factor
-        deviation = spread[index] * factor
-        cells = [f"{name}, {unit}", _number(value, digits)]
-        cells.append(f"± {deviation:.{digits}f}" if math.isfinite(deviation) else "")
+def _touch(contact: Contact, covariance: Floats, truth: Sequence[Contact]) -> str:
+    """A line with a touch's place and force, and a table against the nearest true touch."""
+    near = min(truth, key=lambda true: math.dist(true.position, contact.position), default=None)
+    variances = np.diag(covariance)[[0, 1, 4, 2, 3]]
+    deviations = np.sqrt(variances) * (1e3, 1e3, 1.0, 1.0, 1.0)
+    estimated, true = _quantities(contact), None if near is None else _quantities(near)
+    rows = [_row("th", ["", "estimate", "", *(() if true is None else ("true", "error"))])]
+    for index, (name, digits) in enumerate(_QUANTITIES):
+        value, deviation = estimated[index], deviations[index]
+        spread = f"± {deviation:.{digits}f}" if math.isfinite(deviation) else ""
+        cells = [name, _number(value, digits), spread]
         if true is not None:
-            actual = _values(true)[index] * factor
-            cells += [_number(actual, digits), f"{round(value - actual, digits) + 0.0:+.{digits}f}"]
-        rows.append(cells)
-    heads = ["", "estimate", ""] + (["true", "error"] if true is not None else [])
-    line = (
-        f"x {contact.position[0] * 1e3:.1f} mm  y {contact.position[1] * 1e3:.1f} mm  "
-        f"Fn {contact.normal_force:.2f} N"
-    )
-    return (
-        '<div data-name="touch" style="font-size:15px;font-weight:600;white-space:pre;'
-        f'margin:8px 0 2px">{line}</div>'
-        '<table style="width:100%;font-size:12px;text-align:right;border-spacing:0">'
-        + _row("th", heads)
-        + "".join(_row("td", cells) for cells in rows)
-        + "</table>"
-    )
+            error = round(value - true[index], digits) + 0.0
+            cells += [_number(true[index], digits), f"{error:+.{digits}f}"]
+        rows.append(_row("td", cells))
+    line = f"x {estimated[0]:.1f} mm  y {estimated[1]:.1f} mm  Fn {estimated[2]:.2f} N"
+    return _html("touch", line=line, rows="".join(rows))
 
 
-_QUANTITIES: Final = (
-    ("x", "mm", 1e3, 1),
-    ("y", "mm", 1e3, 1),
-    ("Fn", "N", 1.0, 3),
-    ("Fx", "N", 1.0, 3),
-    ("Fy", "N", 1.0, 3),
-)
-
-
-def _values(contact: Contact) -> tuple[float, ...]:
-    """x, y, Fn, Fx, Fy in SI."""
-    x, y = contact.position
-    return (
-        float(x),
-        float(y),
-        contact.normal_force,
-        float(contact.force[0]),
-        float(contact.force[1]),
-    )
+def _quantities(contact: Contact) -> list[float]:
+    """The numbers of a contact in the units of people: x, y, Fn, Fx, Fy."""
+    return [*(contact.position * 1e3).tolist(), contact.normal_force, *contact.force[:2].tolist()]
 
 
 def _row(tag: str, cells: Sequence[str]) -> str:
+    """A row of a table; headings and its first column are dimmed."""
     style = "font-weight:400;color:var(--mantine-color-dimmed)"
     marked = (
         f'<{tag} style="{style if tag == "th" or not column else ""}'

@@ -17,11 +17,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smoskin.arrays import Floats, floats
+from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, MissingExtraError, SmoskinError
+from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate, Reading
 from smoskin.roles import Sink
-from smoskin.service.page.panel import Moment, Panel
-from smoskin.service.page.scene import SkinScene, SkinShape
+from smoskin.service.page.panel import Panel
+from smoskin.service.page.scene import Moment, SkinScene
 
 if TYPE_CHECKING:
     import viser
@@ -36,25 +38,23 @@ _RATE_WINDOW: Final = 1.0
 class View(Sink):
     """A live page for one skin: a sink that never waits and shows the newest reading.
 
+    Every callback is called from the view's own thread.
+
     Parameters
     ----------
-    shape : SkinShape
-        What to draw, and the names of the chips.
+    design : SkinDesign
+        Design of the skin to draw.
     port : int, default: 0
         TCP port on 127.0.0.1; 0 takes a free one.
     on_press : callable, optional
         Called with a `Contact` when somebody presses the sheet in the page, whenever that
-        press moves or changes, and with None when it ends; always from the view's thread.
+        press moves or changes, and with None when it ends.
     on_zero : callable, optional
-        Called when somebody asks for a new zero; always from the view's thread.
+        Called when somebody asks for a new zero.
     estimators : sequence of str
         Names of the estimators to choose from, the one that reads the skin first.
     on_choose : callable, optional
-        Called with the name of the estimator that somebody chooses; always from the view's thread.
-    title : str, default: "smoskin"
-        Heading of the page.
-    clock : callable, default: time.monotonic
-        Seconds, for rates and for the end of a press.
+        Called with the name of the estimator that somebody chooses.
 
     Raises
     ------
@@ -66,21 +66,16 @@ class View(Sink):
 
     def __init__(
         self,
-        shape: SkinShape,
+        design: SkinDesign,
         *,
         port: int = 0,
         on_press: Callable[[Contact | None], None] | None = None,
-        on_zero: Callable[[], None] | None = None,
+        on_zero: Callable[[], None] = lambda: None,
         estimators: Sequence[str] = (),
-        on_choose: Callable[[str], None] | None = None,
-        title: str = "smoskin",
-        clock: Callable[[], float] = time.monotonic,
+        on_choose: Callable[[str], None] = lambda name: None,
     ) -> None:
-        self._shape = shape
-        self._on_press = on_press
-        self._on_zero = on_zero
-        self._on_choose = on_choose
-        self._clock = clock
+        self._design = design
+        self._on_press, self._on_zero, self._on_choose = on_press, on_zero, on_choose
         self._lock = threading.Lock()
         self._newest: Moment | None = None
         self._waiting = False
@@ -93,11 +88,10 @@ class View(Sink):
         self._chosen: str | None = None
         self._failure: Exception | None = None
         self._closing = threading.Event()
+        title, chips = f"smoskin: {design.name}", [site.name for site in design.halls]
         self._server = _serve(port, title)
-        self._panel = Panel(
-            self._server, title, shape.chip_names, on_press is not None, tuple(estimators)
-        )
-        self._scene = SkinScene(self._server, shape)
+        self._panel = Panel(self._server, title, chips, on_press is not None, estimators)
+        self._scene = SkinScene(self._server, design)
         self._listen()
         self._thread = threading.Thread(target=self._run, name="smoskin-view", daemon=True)
         self._thread.start()
@@ -136,31 +130,31 @@ class View(Sink):
         Parameters
         ----------
         reading : Reading
-            A reading of as many chips as the shape has.
+            A reading of as many chips as the design has.
         estimate : Estimate, optional
             What was made of it, if anything.
         truth : sequence of Contact, optional
             What really touches the skin, where that is known.
-        vertices : Floats, optional
-            Vertices of the deformed sheet, (V, 3), m; at rest by default.
+        vertices : Floats, shape (V, 3), optional
+            Vertices of the deformed sheet, m; at rest by default.
         latency : float, optional
             Time from reading to estimate, s, as whoever runs the loop measured it.
 
         Raises
         ------
         ArgumentError
-            If the number of chips or vertices differs from the shape's.
+            If the number of chips or vertices differs from the design's.
         Exception
             Whatever a callback raised since the last call.
         """
-        if len(reading.field) != len(self._shape.chips):
-            raise ArgumentError(
-                f"reading must have {len(self._shape.chips)} chips; got {len(reading.field)}"
-            )
+        chips = len(self._design.halls)
+        if len(reading.field) != chips:
+            raise ArgumentError(f"reading must have {chips} chips; got {len(reading.field)}")
         if vertices is not None:
-            vertices = floats("vertices", vertices, self._shape.vertices.shape)
+            rest = geometry(self._design).sheet.vertices
+            vertices = floats("vertices", vertices, rest.shape)
         self._raise_failure()
-        now = self._clock()
+        now = time.monotonic()
         moment = Moment(
             reading=reading,
             estimate=estimate,
@@ -202,10 +196,8 @@ class View(Sink):
             raise failure
 
     def _listen(self) -> None:
-        """Take note of what people do in the page; the view's thread acts on it.
-
-        The callbacks are coroutines so that the server runs them in order on its own loop.
-        """
+        """Take note of what people do in the page; the view's thread acts on it."""
+        # The callbacks are coroutines so that the server runs them in order on its own loop.
 
         @self._panel.zero_button.on_click
         async def _(event: object) -> None:
@@ -247,16 +239,16 @@ class View(Sink):
     def _lay_finger(self, place: Floats | None, hold: float) -> None:
         """Press at a place for so many seconds from now; None lets go."""
         with self._lock:
-            self._finger = None if place is None else (place, self._clock() + hold)
+            self._finger = None if place is None else (place, time.monotonic() + hold)
 
     def _run(self) -> None:
         """Act on what people did, then draw the newest moment, until closed."""
         try:
-            turn = 0
+            frame = 0
             while not self._closing.wait(_DRAW_PERIOD):
                 self._act()
-                self._draw(write=turn % _WRITE_EVERY == 0)
-                turn += 1
+                self._draw(write=frame % _WRITE_EVERY == 0)
+                frame += 1
             self._lay_finger(None, 0.0)
             self._act()
         except Exception as error:  # carried over to whoever calls write or close
@@ -265,15 +257,14 @@ class View(Sink):
     def _act(self) -> None:
         """Call back for a change of the press, for a zero and for another estimator."""
         with self._lock:
-            if self._finger is not None and self._clock() >= self._finger[1]:
+            if self._finger is not None and time.monotonic() >= self._finger[1]:
                 self._finger = None
             finger, zero, chosen = self._finger, self._zero_asked, self._chosen
             self._zero_asked, self._chosen = False, None
         if zero:
             self._panel.zero()
-            if self._on_zero is not None:
-                self._on_zero()
-        if chosen is not None and self._on_choose is not None:
+            self._on_zero()
+        if chosen is not None:
             self._on_choose(chosen)
         wanted = None if finger is None else Contact(position=finger[0], force=self._panel.force)
         if wanted != self._pressed and self._on_press is not None:
@@ -282,27 +273,21 @@ class View(Sink):
 
     def _draw(self, *, write: bool) -> None:
         """Draw the newest moment, and with `write` its words too."""
-        now = self._clock()
+        now = time.monotonic()
         with self._lock:
             newest, rate = self._newest, self._rate(now)
             new, self._waiting = self._waiting, False
             announced = self._announced
         with self._server.atomic():
             if newest is not None:
-                self._scene.draw(
-                    newest.estimate,
-                    newest.truth,
-                    newest.vertices,
-                    self._panel.exaggeration,
-                    self._panel.opacity,
-                )
+                self._scene.draw(newest, *self._panel.picture)
                 if new:
                     self._panel.record(newest.reading)
             if write:
                 self._panel.write(newest, rate, now, announced)
 
     def _rate(self, now: float) -> float:
-        """Hz: readings shown a second, over the last second."""
+        """Readings shown a second, over the last second, Hz."""
         recent = [arrival for arrival in self._arrivals if now - arrival <= _RATE_WINDOW]
         if len(recent) < 2:
             return 0.0
