@@ -62,10 +62,13 @@ def cross_signals(curvature: Floats, one: Floats, other: Floats) -> Floats:
 
 def straightened(curvature: Floats, signals: Floats) -> Floats:
     """Readings (..., 3 S), T, if fields were linear: x of x + c(x, x) / 2 = signals."""
-    linear = signals
+    chips = len(curvature)
+    halves = 0.5 * curvature.reshape(chips, 9, 3)
+    rows = linear = signals.reshape(-1, chips, 1, 3)
     for _ in range(_FIXED_POINTS):
-        linear = signals - 0.5 * cross_signals(curvature, linear, linear)
-    return linear
+        products = (linear.swapaxes(2, 3) * linear).reshape(-1, chips, 1, 9)
+        linear = rows - products @ halves
+    return np.asarray(linear.reshape(signals.shape))
 
 
 def bent(curvature: Floats, motions: Floats) -> Floats:

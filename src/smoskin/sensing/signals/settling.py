@@ -1,9 +1,14 @@
 """Creep undone: from what a creeping rubber reads to the elastic answer behind it."""
 
+from typing import Final
+
 import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.mechanics.viscoelasticity import Prony
+
+_INSTANT: Final = 1e-100
+"""Shortest step, s."""
 
 
 class Settling:
@@ -43,17 +48,17 @@ class Settling:
 
     def step(self, duration: float, response: Floats) -> Floats:
         """The elastic response, so many seconds after the last one."""
+        flat = np.ravel(response)
         if self._late is None:
-            self._late = np.zeros((len(self._rates), *np.shape(response)))
-            self._last = np.zeros(np.shape(response))
-        part = self._rates * max(duration, 0.0)
-        kept = np.exp(-part)
-        mean = np.divide(-np.expm1(-part), part, out=np.ones_like(part), where=part > 0)
-        before, after = mean - kept, 1 - mean
-        wide = (slice(None),) + (None,) * np.ndim(response)
-        moved = kept[wide] * self._late + before[wide] * self._last
-        crept = np.tensordot(self._shares, moved, 1)
-        elastic = (response - crept) / (self._prompt + float(self._shares @ after))
-        self._late = moved + after[wide] * elastic
+            self._late = np.zeros((len(self._rates), flat.size))
+            self._last = np.zeros(flat.size)
+        # Never nothing at all, so that what was left of a step may be divided by it.
+        part = self._rates * max(duration, _INSTANT)
+        gone = -np.expm1(-part)
+        mean = gone / part
+        moved = (1 - gone)[:, None] * self._late + (mean + gone - 1)[:, None] * self._last
+        after = 1 - mean
+        elastic = (flat - self._shares @ moved) / (self._prompt + self._shares @ after)
+        self._late = moved + after[:, None] * elastic
         self._last = elastic
-        return np.asarray(elastic)
+        return np.asarray(elastic.reshape(np.shape(response)))
