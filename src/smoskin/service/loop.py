@@ -21,7 +21,7 @@ from smoskin.records import Estimate, Status
 from smoskin.roles import Estimator, Resource, Sink, Source
 
 _WINDOW: Final = 1000
-"""Number of last readings of which rate and latency are told."""
+"""Number of last readings that rate and latency are told of."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,11 +35,12 @@ class Counters:
     dropped: int
     """Readings that sinks passed over, summed over the sinks."""
     rate: float
-    """Hz, over the last thousand readings; NaN before the second."""
+    """Rate over the last thousand readings, Hz; NaN before the second."""
     latency_median: float
-    """s, from a reading's arrival until every sink has it, over the last thousand; NaN at first."""
+    """Time from a reading's arrival until every sink has it, over the last thousand, s; NaN at
+    first."""
     latency_p99: float
-    """s, its 99th percentile."""
+    """The 99th percentile of that time, s."""
 
 
 @final
@@ -121,8 +122,7 @@ class Loop(Resource):
         """What has been done so far; may be asked from any thread."""
         with self._lock:
             statuses = dict(self._statuses)
-            arrivals = list(self._arrivals)
-            latencies = list(self._latencies)
+            arrivals, latencies = list(self._arrivals), list(self._latencies)
         elapsed = arrivals[-1] - arrivals[0] if arrivals else 0.0
         median, p99 = np.percentile(latencies, [50, 99]) if latencies else (np.nan, np.nan)
         return Counters(
@@ -156,29 +156,8 @@ def run(
     sinks: Sequence[Sink] = (),
     deadline: float = 1.0,
 ) -> Iterator[Estimate]:
-    """Estimates of a source's readings, one by one; use `Loop` where counters are wanted.
+    """Estimates of a source's readings, one by one, until the source ends.
 
-    Parameters
-    ----------
-    source : Source
-        Where readings come from; closed at the end.
-    estimator : Estimator
-        Made for the same number of chips.
-    sinks : sequence of Sink
-        Each gets every reading with its estimate; closed at the end.
-    deadline : float
-        s after which a silent source is given up.
-
-    Returns
-    -------
-    iterator of Estimate
-        One for each reading, until the source ends.
-
-    Raises
-    ------
-    ArgumentError
-        If the deadline is not positive and finite.
-    SourceError
-        If no reading comes within the deadline.
+    Takes and closes what `Loop` does, which has counters beside, and raises the same errors.
     """
     return iter(Loop(source, estimator, sinks=sinks, deadline=deadline))

@@ -19,20 +19,17 @@ _RECORD: Final = struct.Struct("<BQ")  # opcode, length of what follows
 _FOOTER: Final = struct.Struct("<BQQQI")  # a whole record: starts of the summary, checksum
 _MESSAGE: Final = struct.Struct("<HIQQ")  # channel, sequence, log and publish time
 
-_UNPACKING: Final = (ValueError, RuntimeError, OverflowError, MemoryError)
+_UNPACKING: Final = (struct.error, ValueError, RuntimeError, OverflowError, MemoryError)
 """Errors that damaged bytes raise in unpacking, beside the libraries' own."""
-
 _SIZE_UNTOLD: Final = -1
 """Size that zstandard tells of a frame that does not hold it."""
 
 
 class Span(NamedTuple):
-    """Place of a chunk in the file, its record's opcode and length included."""
+    """Place of a chunk in the file, bytes, its record's opcode and length included."""
 
     offset: int
-    """Distance from the beginning of the file, bytes."""
     length: int
-    """Length in the file, bytes."""
 
 
 class Message(NamedTuple):
@@ -72,10 +69,10 @@ def survey(file: BinaryIO) -> Layout:
     magic = file.read(len(_MAGIC))
     if not magic:
         raise RecordingError("the file is empty")
-    if magic != _MAGIC:
-        if _MAGIC.startswith(magic):
-            raise RecordingError("the file ends before its header")
+    if not _MAGIC.startswith(magic):
         raise RecordingError(f"not an MCAP file: it begins with {magic!r}")
+    if magic != _MAGIC:
+        raise RecordingError("the file ends before its header")
     return _indexed(file) or _walked(file)
 
 
@@ -102,7 +99,7 @@ def load(file: BinaryIO, span: Span) -> bytes | None:
             return None
         stream, length = get_chunk_data_stream(chunk)
         data = stream.read(length)
-    except (McapError, ZstdError, struct.error, *_UNPACKING):
+    except (McapError, ZstdError, *_UNPACKING):
         return None
     return data if zlib.crc32(data) == chunk.uncompressed_crc else None
 

@@ -7,6 +7,7 @@ a kill, a cut or a damaged byte. Hides topics, time stamps, chunks and checksums
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -50,12 +51,11 @@ class Recorder(Sink):
     design : SkinDesign
         What is recorded; its name, hash and chip setting go into the file.
     flush_interval : float
-        s of readings that a kill of the process can lose at most.
+        s of readings that a kill of the process can lose at most; a power cut can lose more.
     clock : callable
         A monotonic clock in s, for the flushing.
     wall_clock : callable
-        ns since 1970-01-01 UTC. Messages are stamped with it at the first reading, and from
-        there on with the time elapsed on the readings' own clock.
+        ns since 1970-01-01 UTC at the first reading; stamps go on with the readings' own clock.
 
     Raises
     ------
@@ -65,11 +65,6 @@ class Recorder(Sink):
         If the file exists or cannot be made.
     MissingExtraError
         If mcap or rosbags is not installed.
-
-    Notes
-    -----
-    Written chunks are handed to the operating system, not forced to the disk: they survive a
-    killed process, not a power cut.
     """
 
     def __init__(
@@ -102,8 +97,7 @@ class Recorder(Sink):
         )
         self._file = _new_file(path)
         self._closed = False
-        self._sequence = 0
-        self._bytes = 0
+        self._sequence = self._bytes = 0
         self._flushed = clock()
         self._last_stamp = opened
         self._first: tuple[int, float] | None = None
@@ -136,21 +130,20 @@ class Recorder(Sink):
             raise ArgumentError(
                 f"reading must have the design's {chips} chips; got {len(reading.field)}"
             )
-        codec = self._codec
+        codec, sequence = self._codec, self._sequence
         stamp = self._last_stamp = self._stamp(reading.time)
-        self._add(READING_TOPIC, codec.encode_reading(reading, self._sequence, stamp), stamp)
+        self._add(READING_TOPIC, codec.encode_reading(reading, sequence, stamp))
         if estimate is not None:
             # Directly behind its reading: the pair must not be parted by a chunk's end.
-            payload = codec.encode_estimate(estimate, self._sequence, stamp)
-            self._add(ESTIMATE_TOPIC, payload, stamp)
+            self._add(ESTIMATE_TOPIC, codec.encode_estimate(estimate, sequence, stamp))
         for chip in range(chips):
-            self._add(f"/skin/chip{chip}/field", codec.encode_field(reading, chip, stamp), stamp)
+            self._add(f"/skin/chip{chip}/field", codec.encode_field(reading, chip, stamp))
         if estimate is not None:
             self._add_contacts(estimate, stamp)
         self._sequence += 1
-        now = self._clock()
-        if now - self._flushed >= self._flush_interval or self._bytes >= _CHUNK_BYTES:
-            self._flush(now)
+        waited = self._clock() - self._flushed
+        if waited >= self._flush_interval or self._bytes >= _CHUNK_BYTES:
+            self._flush()
 
     def close(self) -> None:
         """Write what is left and the file's index; may be called any number of times."""
@@ -165,7 +158,7 @@ class Recorder(Sink):
             self._file.close()
 
     def _begin(self) -> None:
-        """Header, schemas, channels and description, on disk before the first reading."""
+        """Write header, schemas, channels and description before the first reading."""
         self._writer.start(profile="ros2", library=f"smoskin {self._description.version}")
         self._declare(DESCRIPTION_TOPIC, ros.DESCRIPTION)
         self._declare(READING_TOPIC, ros.READING)
@@ -176,20 +169,20 @@ class Recorder(Sink):
         self._describe()
 
     def _add_contacts(self, estimate: Estimate, stamp: int) -> None:
+        """Add places and wrench of an estimate's contacts."""
         for index, contact in enumerate(estimate.contacts):
             topic = f"/skin/contact{index}"
             if topic not in self._channels:
                 self._declare(topic, ros.POSITION)
-            self._add(topic, self._codec.encode_position(contact, stamp), stamp)
+            self._add(topic, self._codec.encode_position(contact, stamp))
         if estimate.status in _WRENCH_KNOWN:
-            self._add(WRENCH_TOPIC, self._codec.encode_wrench(estimate.contacts, stamp), stamp)
+            self._add(WRENCH_TOPIC, self._codec.encode_wrench(estimate.contacts, stamp))
 
     def _describe(self) -> None:
-        """The description in a chunk of its own, with the channels not yet written."""
-        payload = self._codec.encode_description(self._description)
-        self._flush(self._clock())
-        self._add(DESCRIPTION_TOPIC, payload, self._last_stamp)
-        self._flush(self._clock())
+        """Write the description in a chunk of its own, with the channels not yet written."""
+        self._flush()
+        self._add(DESCRIPTION_TOPIC, self._codec.encode_description(self._description))
+        self._flush()
 
     def _declare(self, topic: str, schema: str) -> None:
         if schema not in self._schemas:
@@ -198,16 +191,18 @@ class Recorder(Sink):
             )
         self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[schema])
 
-    def _add(self, topic: str, payload: bytes, stamp: int) -> None:
+    def _add(self, topic: str, payload: bytes) -> None:
+        """Add a message at the latest stamp."""
+        stamp = self._last_stamp
         self._writer.add_message(
             self._channels[topic], log_time=stamp, data=payload, publish_time=stamp
         )
         self._bytes += len(payload)
 
-    def _flush(self, now: float) -> None:
+    def _flush(self) -> None:
+        """End the chunk."""
         self._writer.flush()
-        self._bytes = 0
-        self._flushed = now
+        self._bytes, self._flushed = 0, self._clock()
 
     def _stamp(self, moment: float) -> int:
         """Wall clock time of a moment on the readings' clock, ns, as far as it can be told."""
@@ -220,10 +215,10 @@ class Recorder(Sink):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recording:
-    """A recording on disk; `open_recording` makes it. Iterating reads it anew, chunk by chunk.
+    """A recording on disk, which `open_recording` makes.
 
-    Iterating gives ``(reading, estimate)``, the estimate None where none was recorded, in the
-    order of recording.
+    Iterating reads it anew, chunk by chunk, and gives ``(reading, estimate)`` in the order of
+    recording, the estimate None where none was recorded.
     """
 
     path: Path
@@ -283,17 +278,12 @@ class Recording:
 
     def _messages(self) -> Iterator[Message]:
         topics = dict(self.topics)
-        try:
-            with open(self.path, "rb") as file:
-                for span in self.spans:
-                    data = mcap.load(file, span)
-                    if data is None:
-                        raise RecordingError("the file has changed since it was opened")
-                    yield from mcap.messages(data, topics)
-        except OSError as error:
-            raise RecordingError(f"{self.path} cannot be read: {error.strerror}") from error
-        except RecordingError as error:
-            raise RecordingError(f"{self.path}: {error}") from error
+        with _opened(self.path) as file:
+            for span in self.spans:
+                data = mcap.load(file, span)
+                if data is None:
+                    raise RecordingError("the file has changed since it was opened")
+                yield from mcap.messages(data, topics)
 
 
 def _new_file(path: str | os.PathLike[str]) -> BinaryIO:
@@ -308,21 +298,23 @@ def _new_file(path: str | os.PathLike[str]) -> BinaryIO:
         raise RecordingError(f"{os.fspath(path)} cannot be written: {error.strerror}") from error
 
 
+@contextmanager
+def _opened(path: Path) -> Iterator[BinaryIO]:
+    """A file for reading, which every error names."""
+    try:
+        with open(path, "rb") as file:
+            yield file
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read: {error.strerror}") from error
+    except RecordingError as error:
+        raise RecordingError(f"{path}: {error}") from error
+
+
 def open_recording(path: str | os.PathLike[str]) -> Recording:
-    """A recording, every chunk of it checked.
+    """A recording that `Recorder` wrote, every chunk of it checked.
 
     A file that was cut off or damaged gives every reading whose chunk is whole; `truncated`
     and `lost_chunks` tell that something is missing.
-
-    Parameters
-    ----------
-    path : str or path-like
-        A file that `Recorder` wrote.
-
-    Returns
-    -------
-    Recording
-        Its description and counts; iterate over it for the readings.
 
     Raises
     ------
@@ -331,80 +323,58 @@ def open_recording(path: str | os.PathLike[str]) -> Recording:
     MissingExtraError
         If mcap or rosbags is not installed.
     """
-    place = Path(path)
-    try:
-        with open(place, "rb") as file:
-            layout = mcap.survey(file)
-            survey = _Survey(topics=dict(layout.topics))
-            for span in layout.spans:
-                survey.examine(span, mcap.load(file, span))
-    except OSError as error:
-        raise RecordingError(f"{place} cannot be read: {error.strerror}") from error
-    except RecordingError as error:
-        raise RecordingError(f"{place}: {error}") from error
-    description = survey.description
+    with _opened(Path(path)) as file:
+        return _surveyed(Path(path), file)
+
+
+def _surveyed(path: Path, file: BinaryIO) -> Recording:
+    """The recording in a file, gone through once."""
+    layout, codec = mcap.survey(file), Codec()
+    topics = dict(layout.topics)
+    sound: list[Span] = []
+    times: list[float] = []
+    description: Description | None = None
+    estimates = lost = expected = 0
+    gap_known = False
+    for span in layout.spans:
+        data = mcap.load(file, span)
+        if data is None:
+            lost += 1
+            gap_known = True
+            continue
+        sound.append(span)
+        for topic, payload in mcap.messages(data, topics):
+            if topic == READING_TOPIC:
+                sequence, moment = codec.sequence_and_time(payload)
+                # Readings can be missing without a damaged chunk in sight where its very opcode
+                # is damaged and the file has no index.
+                lost += sequence != expected and not gap_known
+                expected, gap_known = sequence + 1, False
+                times.append(moment)
+            elif topic == ESTIMATE_TOPIC:
+                estimates += 1
+            elif topic == DESCRIPTION_TOPIC and description is None:
+                description = codec.decode_description(payload)
     if description is None:
-        if layout.truncated and not layout.spans:
-            raise RecordingError(f"{place}: the file ends before its description")
-        if survey.lost:
-            raise RecordingError(f"{place}: the recording's description is damaged")
-        seen = ", ".join(sorted(set(survey.topics.values()))) or "none"
-        raise RecordingError(
-            f"{place}: not a recording of a skin: no message on {DESCRIPTION_TOPIC}; "
-            f"its topics: {seen}"
-        )
+        raise RecordingError(_nameless(layout, lost, topics))
     return Recording(
-        path=place,
+        path=path,
         description=description,
-        reading_count=survey.readings,
-        estimate_count=survey.estimates,
-        duration=survey.latest - survey.earliest if survey.readings else 0.0,
-        lost_chunks=survey.lost,
+        reading_count=len(times),
+        estimate_count=estimates,
+        duration=max(times) - min(times) if times else 0.0,
+        lost_chunks=lost,
         truncated=layout.truncated,
-        spans=tuple(survey.sound),
-        topics=MappingProxyType(survey.topics),
+        spans=tuple(sound),
+        topics=MappingProxyType(topics),
     )
 
 
-@final
-class _Survey:
-    """What going once through all chunks of a file finds."""
-
-    def __init__(self, topics: dict[int, str]) -> None:
-        self.topics = topics
-        self.codec = Codec()
-        self.sound: list[Span] = []
-        self.lost = 0
-        self.readings = 0
-        self.estimates = 0
-        self.earliest = float("inf")
-        self.latest = float("-inf")
-        self.description: Description | None = None
-        self._next = 0
-        self._gap_known = False
-
-    def examine(self, span: Span, data: bytes | None) -> None:
-        """Count what a chunk holds; None stands for a damaged one."""
-        if data is None:
-            self.lost += 1
-            self._gap_known = True
-            return
-        self.sound.append(span)
-        for topic, payload in mcap.messages(data, self.topics):
-            if topic == READING_TOPIC:
-                self._count(*self.codec.sequence_and_time(payload))
-            elif topic == ESTIMATE_TOPIC:
-                self.estimates += 1
-            elif topic == DESCRIPTION_TOPIC and self.description is None:
-                self.description = self.codec.decode_description(payload)
-
-    def _count(self, sequence: int, moment: float) -> None:
-        # Readings can be missing without a damaged chunk in sight where its very opcode is
-        # damaged and the file has no index.
-        if sequence != self._next and not self._gap_known:
-            self.lost += 1
-        self._next = sequence + 1
-        self._gap_known = False
-        self.readings += 1
-        self.earliest = min(self.earliest, moment)
-        self.latest = max(self.latest, moment)
+def _nameless(layout: mcap.Layout, lost: int, topics: Mapping[int, str]) -> str:
+    """The reason why a file holds no description."""
+    if layout.truncated and not layout.spans:
+        return "the file ends before its description"
+    if lost:
+        return "the recording's description is damaged"
+    seen = ", ".join(sorted(set(topics.values()))) or "none"
+    return f"not a recording of a skin: no message on {DESCRIPTION_TOPIC}; its topics: {seen}"

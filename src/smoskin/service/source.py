@@ -21,11 +21,10 @@ if TYPE_CHECKING:
     from smoskin.twin.creep import Creep
 
 _FORMS: Final = "replay:FILE[?speed=1&gap=0.5] or twin://DESIGN[?rate=100&seed=0&speed=1]"
-"""Forms of a URL, for messages."""
 
 
 def open_source(url: str) -> Source:
-    """The source that a URL names.
+    """The source that a URL names, open; close it, or use it in a ``with`` statement.
 
     Parameters
     ----------
@@ -39,11 +38,6 @@ def open_source(url: str) -> Source:
         sheet (which needs the extra ``twin``) or the ``reduced`` model; ``manufactured``, whether
         the skin is drawn from the tolerances, ``yes`` or ``no`` (``no``); ``creep``, whether the
         rubber creeps, as estimators take it to (``yes``); ``temperature``, degC (25).
-
-    Returns
-    -------
-    Source
-        Open; close it, or use it in a ``with`` statement.
 
     Raises
     ------
@@ -75,7 +69,6 @@ class ReplaySource(Source):
     Parameters
     ----------
     recording : Recording
-        The recording to play.
     speed : float
         Pace over the original; infinite is as fast as possible.
     longest_gap : float
@@ -170,7 +163,6 @@ class TwinSource(Source):
     Parameters
     ----------
     twin : VirtualSkin
-        The skin.
     rate : float
         Readings a second of the twin's time, Hz.
     speed : float
@@ -212,10 +204,9 @@ class TwinSource(Source):
         self._period = 1.0 / (rate * speed)
         self._pace = Pace(clock, sleep)
         self._temperature = temperature
-        self._contacts: tuple[Contact, ...] = ()
         self._creep = creep
-        self._index = 0
-        self._missed = 0
+        self._contacts: tuple[Contact, ...] = ()
+        self._index = self._missed = 0
 
     @property
     def chips(self) -> int:
@@ -245,9 +236,8 @@ class TwinSource(Source):
         ArgumentError
             If a contact lies off the skin or pulls at it.
         """
-        held = tuple(contacts)
-        self._twin.check(held)  # raises here, not in the thread that reads
-        self._contacts = held
+        self._twin.check(contacts)  # raises here, not in the thread that reads
+        self._contacts = tuple(contacts)
 
     def read(self, timeout: float = 1.0) -> Reading | None:
         """The next reading, when its time has come; None when closed.
@@ -289,15 +279,7 @@ def _open_replay(path: str, *, speed: float, gap: float) -> ReplaySource:
 
 
 def _open_twin(
-    name_or_path: str,
-    *,
-    rate: float,
-    seed: int,
-    speed: float,
-    mechanics: str,
-    manufactured: bool,
-    creep: bool,
-    temperature: float,
+    name_or_path: str, *, seed: int, mechanics: str, manufactured: bool, creep: bool, **pace: Any
 ) -> TwinSource:
     from smoskin.feasibility import load_design
     from smoskin.twin.creep import Creep
@@ -313,16 +295,21 @@ def _open_twin(
     else:
         skin = Twin(design, seed=seed, manufactured=manufactured)
     skin.prepare()
-    return TwinSource(
-        skin,
-        rate=rate,
-        speed=speed,
-        creep=Creep(design) if creep else None,
-        temperature=temperature,
-    )
+    return TwinSource(skin, creep=Creep(design) if creep else None, **pace)
 
 
-def _options(url: str, query: str, known: Mapping[str, "_Option"]) -> dict[str, Any]:
+class _Option(NamedTuple):
+    """An option of a URL."""
+
+    usual: str
+    """Text where the URL says nothing."""
+    valid: str
+    """What the option must be, for messages."""
+    read: Callable[[str], object]
+    """Function of a text that gives its value, or raises ValueError or KeyError."""
+
+
+def _options(url: str, query: str, known: Mapping[str, _Option]) -> dict[str, Any]:
     """Values of all options, from a URL's query where it gives them."""
     try:
         pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=bool(query))
@@ -330,90 +317,64 @@ def _options(url: str, query: str, known: Mapping[str, "_Option"]) -> dict[str, 
         raise ArgumentError(
             f"options must be written NAME=VALUE&NAME=VALUE; got {query!r} in {url!r}"
         ) from error
-    names = [name for name, _ in pairs]
-    for name in names:
+    given = dict(pairs)
+    for name in given:
         if name not in known:
             raise ArgumentError(f"options must be of {', '.join(known)}; got {name!r} in {url!r}")
-        if names.count(name) > 1:
+        if [other for other, _ in pairs].count(name) > 1:
             raise ArgumentError(f"option {name!r} must be given once; got {url!r}")
-    given = dict(pairs)
-    return {
-        name: option.read(name, given.get(name, option.usual)) for name, option in known.items()
-    }
+    values = {}
+    for name, option in known.items():
+        text = given.get(name, option.usual)
+        try:
+            values[name] = option.read(text)
+        except (ValueError, KeyError) as error:
+            raise ArgumentError(f"{name} must be {option.valid}; got {text!r}") from error
+    return values
 
 
-def _number(name: str, text: str) -> float:
-    """A positive number."""
-    value = _finite(text)
-    if value is None or value <= 0.0:
-        raise ArgumentError(f"{name} must be a positive number; got {text!r}")
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError
     return value
 
 
-def _speed(name: str, text: str) -> float:
+def _positive(text: str) -> float:
+    value = _finite(text)
+    if value <= 0.0:
+        raise ValueError
+    return value
+
+
+def _speed(text: str) -> float:
     """A positive number; infinity where the text says ``max`` or 0."""
-    value = 0.0 if text == "max" else _finite(text)
-    if value is None or value < 0.0:
-        raise ArgumentError(f"{name} must be a number >= 0 or 'max'; got {text!r}")
-    return value or math.inf
+    unpaced = text == "max" or _finite(text) == 0.0
+    return math.inf if unpaced else _positive(text)
 
 
-def _temperature(name: str, text: str) -> float:
-    """A number; whether a skin stands it is the twin's to say."""
-    value = _finite(text)
-    if value is None:
-        raise ArgumentError(f"{name} must be a number of degC; got {text!r}")
-    return value
-
-
-def _finite(text: str) -> float | None:
-    """The number that a text says, unless it says none."""
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return value if math.isfinite(value) else None
-
-
-def _mechanics(name: str, text: str) -> str:
-    """One of the two models of a skin."""
-    if text not in ("whole", "reduced"):
-        raise ArgumentError(f"{name} must be one of whole, reduced; got {text!r}")
-    return text
-
-
-def _yes(name: str, text: str) -> bool:
-    """Whether the text says yes."""
-    if text not in ("yes", "no"):
-        raise ArgumentError(f"{name} must be one of yes, no; got {text!r}")
-    return text == "yes"
-
-
-def _seed(name: str, text: str) -> int:
-    """A whole number."""
+def _whole(text: str) -> int:
     if not (text.isascii() and text.isdigit()):
-        raise ArgumentError(f"{name} must be a whole number >= 0; got {text!r}")
+        raise ValueError
     return int(text)
 
 
-class _Option(NamedTuple):
-    """An option of a URL."""
-
-    read: Callable[[str, str], object]
-    """Function of the option's name and text that gives its value."""
-    usual: str
-    """Text where the URL says nothing."""
+def _one_of(words: Mapping[str, object]) -> tuple[str, Callable[[str], object]]:
+    """What an option of few words must be, and its reading."""
+    return f"one of {', '.join(words)}", words.__getitem__
 
 
-_REPLAY_OPTIONS: Final = {"speed": _Option(_speed, "1"), "gap": _Option(_number, "0.5")}
+_SPEED: Final = _Option("1", "a number >= 0 or 'max'", _speed)
+_YES_NO: Final = _one_of({"yes": True, "no": False})
+_REPLAY_OPTIONS: Final = {"speed": _SPEED, "gap": _Option("0.5", "a positive number", _positive)}
 _TWIN_OPTIONS: Final = {
-    "rate": _Option(_number, "100"),
-    "seed": _Option(_seed, "0"),
-    "speed": _Option(_speed, "1"),
-    "mechanics": _Option(_mechanics, "whole"),
-    "manufactured": _Option(_yes, "no"),
-    "creep": _Option(_yes, "yes"),
-    "temperature": _Option(_temperature, "25"),
+    "rate": _Option("100", "a positive number", _positive),
+    "seed": _Option("0", "a whole number >= 0", _whole),
+    "speed": _SPEED,
+    "mechanics": _Option("whole", *_one_of({"whole": "whole", "reduced": "reduced"})),
+    "manufactured": _Option("no", *_YES_NO),
+    "creep": _Option("yes", *_YES_NO),
+    "temperature": _Option("25", "a number of degC", _finite),
 }
 
 
