@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from importlib import resources
 from typing import Any, NamedTuple
 
+from paper.models.finite_press import exact_change
 from paper.models.stiffness_terms import stiffness_terms
 from paper.shared.rows import Row, table
 from paper.shared.setting import Setting
@@ -108,7 +109,7 @@ def evaluations(design: SkinDesign) -> dict[str, Evaluation]:
     b_z = math.cos(kx) + math.cos(ky)
     square_x, square_y = math.sin(kx) ** 2, math.sin(ky) ** 2
     printed_strength = math.hypot(b_z - (b_z**2 + square_y + square_x) / (2 * b_z), square_y**0.5)
-    growth = [float(cell_change(cell, -1e-4, way).dl) * 1e3 for way in ("first_order", "exact")]
+    growth = [float(change(cell, -1e-4).dl) * 1e3 for change in (cell_change, exact_change)]
     along_a = int(build_sheet(cell, design.cells).along_a.sum())
     near, far = relative_stiffness_map(cell, design.cells, (1.0, 1.0))[0, [0, -1]].tolist()
     ratio = (unit_press(design)[:2, 0, 0, 0] / unit_press(design)[:2, 0, 1, 0]).tolist()

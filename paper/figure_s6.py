@@ -29,7 +29,7 @@ from paper.shared.style import (
     open_axes,
     styled,
 )
-from smoskin.arrays import Floats
+from smoskin.arrays import Floats, Ints
 from smoskin.design.skin import MiuraCell, SkinDesign
 from smoskin.origami.cell import size
 from smoskin.origami.geometry import geometry
@@ -44,16 +44,30 @@ _SHARED: Final = ((1, GREEN, "o"), (2, ORANGE, "s"), (4, RED, "D"))
 _DASHED: Final = (0, (3, 2))
 
 
+def column_multiplicity(cells: tuple[int, int]) -> Ints:
+    """How many cells share each column, shape (2N + 1, M + 1).
+
+    Notes
+    -----
+    Source: SI Eq. (S23) and Figure S6. N (M + 1) + (N + 1) (M + 1) columns in all.
+    """
+    i = np.arange(2 * cells[0] + 1)
+    across = np.where((i % 2 == 1) | (i == 0) | (i == 2 * cells[0]), 1, 2)
+    along = np.full(cells[1] + 1, 2)
+    along[[0, -1]] = 1
+    return np.asarray(np.outer(across, along), dtype=np.int64)
+
+
 def sheet_rows(design: SkinDesign) -> list[Row]:
     """Counts of the figure and of the energy sums."""
     sheet, (n, m) = geometry(design).sheet, design.cells
     at_vertex = int((sheet.creases == sheet.loaded[0, 0]).any(axis=1).sum())
-    counted = 6 * n * m - int((sheet.multiplicity == 2).sum())
-    counted -= 3 * int((sheet.multiplicity == 4).sum())
+    shared = column_multiplicity(design.cells)
+    counted = 6 * n * m - int((shared == 2).sum()) - 3 * int((shared == 4).sum())
     each = "columns of a cell, shared ones counted for each"
     return [
         compared("figure_s6.creases", "S16", 4, at_vertex, "creases at one top vertex"),
-        compared("figure_s6.columns", "S22", 6, sheet.multiplicity.sum() / (n * m), each),
+        compared("figure_s6.columns", "S22", 6, shared.sum() / (n * m), each),
         stated(
             "figure_s6.each_once",
             "S23",
@@ -107,7 +121,7 @@ def _draw_plan(axis: Axes, design: SkinDesign) -> None:
         axis.plot(*place[ends].T, **_crease(bool(mountain), 0.9))
     handles = []
     for count, colour, marker in _SHARED:
-        chosen = place[sheet.columns[sheet.multiplicity == count]]
+        chosen = place[sheet.columns[column_multiplicity(design.cells) == count]]
         column: Look = {"color": colour, "marker": marker, "linestyle": "none", "markersize": 4}
         axis.plot(*chosen.T, **column, markeredgecolor="white", markeredgewidth=0.4)
         label = f"column of {count} cell{'s' if count > 1 else ''}"

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.colors import Normalize
 
 from paper.models.fold_energies import relative_crease_stiffness_map
-from paper.models.stiffness_terms import FIGURE_S7_ATTENUATIONS
+from paper.models.stiffness_terms import FIGURE_S7_ATTENUATIONS, sliding_stiffness_map
 from paper.shared.rows import Row, compared, stated
 from paper.shared.setting import Setting
 from paper.shared.style import Plate, canvas, colour_bar, draw_map, lay_out, styled
@@ -109,7 +109,7 @@ def rigid_stiffness(count: int) -> float:
         panel_a=0.01, panel_b=0.01, sector_angle=math.radians(60), fold_angle=math.radians(45)
     )
     cells, rigid = (count, count), (1.0, 1.0)
-    columns = COLUMN * relative_stiffness_map(cell, cells, rigid, grip="slips")
+    columns = COLUMN * sliding_stiffness_map(cell, cells, rigid)
     creases = CREASE * relative_crease_stiffness_map(cell, cells, rigid)
     return float((columns + creases)[0, 0])
 

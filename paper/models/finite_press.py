@@ -5,26 +5,29 @@ The maps of `stiffness` hold for small presses; here the fold of every cell foll
 quantity travels with its first and second derivative by the press.
 """
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from paper.models.fold_energies import CreaseCount, DihedralChanges, Split, crease_product
-from smoskin.arrays import Floats
-from smoskin.design.skin import MiuraCell, SkinDesign
-from smoskin.mechanics.reduced.attenuation import (
+from paper.models.fold_energies import (
+    CreaseCount,
+    DihedralChanges,
     FoldFrom,
-    Kinematics,
-    Profiles,
-    cell_change,
+    Split,
+    crease_product,
     fold_shares,
     line_means,
-    motion_product,
-    profiles,
 )
+from smoskin.arrays import Floats
+from smoskin.design.skin import MiuraCell, SkinDesign
+from smoskin.errors import ArgumentError
+from smoskin.mechanics.reduced.attenuation import CellChange, cell_change, profiles
 from smoskin.mechanics.reduced.stiffness import column_stiffness
 from smoskin.mechanics.sheet.lattice import crease_stiffness
 from smoskin.origami.cell import dihedral_angles, fold_angle, size
+
+Kinematics = Literal["first_order", "exact"]
+"""S7, or the inverse of S1."""
 
 
 class PressResponse(NamedTuple):
@@ -50,6 +53,60 @@ class Jet(NamedTuple):
     def through(self, value: Floats, slope: Floats, bend: Floats) -> "Jet":
         """A function of it, from the function's own value and derivatives there."""
         return Jet(value, slope * self.rate, slope * self.bend + bend * self.rate**2)
+
+
+class Columns(NamedTuple):
+    """Column displacements of every load, m, whichever size a cell's fold follows.
+
+    They are the parts of `smoskin.mechanics.reduced.attenuation.Profiles`; a fold that follows the
+    width moves column (i, k) with even i by ``zigzag_y[m0, k]`` more along y.
+    """
+
+    x: Floats
+    """(N, 2N + 1)."""
+    y: Floats
+    """(M, M + 1)."""
+    zigzag_x: Floats
+    """(N, 2N + 1): shift of the zigzag as the columns of cells unfold; 0 for odd i."""
+    zigzag_y: Floats
+    """(M, M + 1): shift of the zigzag as the rows unfold; 0 unless the fold follows the width."""
+
+
+def exact_change(cell: MiuraCell, press: float) -> CellChange:
+    """Growth of the pressed cell in the plane when its top vertex moves by `press`, m.
+
+    Raises
+    ------
+    ArgumentError
+        If the cell would have to be pressed flat or pulled past its panels.
+
+    Notes
+    -----
+    Source: the inverse of SI Eq. (S1).
+    """
+    length, width, height = size(cell)
+    most = cell.panel_a * np.sin(cell.sector_angle)
+    if not 0.0 < height + press < most:
+        raise ArgumentError(
+            f"press must leave the cell a height in (0, {most * 1e3:.3f}) mm; got "
+            f"{press * 1e3:.3f} mm on a height of {height * 1e3:.3f} mm"
+        )
+    pressed = size(cell, fold_angle(cell, height=height + press))
+    return CellChange(dl=pressed.length - length, dw=pressed.width - width)
+
+
+def motion_product(item: Columns, other: Columns) -> Floats:
+    """Sum over all columns of u . u' for each loaded cell, in O(N M), shape (N, M), m^2."""
+    wide, tall = item.x.shape[1], item.y.shape[1]
+    even = (wide + 1) // 2
+    of_column = tall * ((item.x * other.x) + (item.zigzag_x * other.zigzag_x)).sum(axis=1)
+    of_row = wide * (item.y * other.y).sum(axis=1)
+    # The rows' zigzag acts at even i alone and meets both other parts of y there.
+    both_rows = item.zigzag_y * other.zigzag_y + item.y * other.zigzag_y + item.zigzag_y * other.y
+    of_row += even * both_rows.sum(axis=1)
+    mixed = np.outer(item.zigzag_x.sum(axis=1), (other.y + other.zigzag_y).sum(axis=1))
+    mixed += np.outer(other.zigzag_x.sum(axis=1), (item.y + item.zigzag_y).sum(axis=1))
+    return np.asarray(of_column[:, None] + of_row[None, :] + mixed)
 
 
 def column_response(
@@ -132,7 +189,7 @@ def _linear(stiffness: Floats, press: float) -> PressResponse:
 
 def _loaded_extents(cell: MiuraCell, press: float) -> tuple[Jet, Jet]:
     """Growth of the loaded cell's length and width; inverse of S1, differentiated."""
-    change = cell_change(cell, press, "exact")
+    change = exact_change(cell, press)
     a, alpha, height = cell.panel_a, cell.sector_angle, size(cell).height + press
     left = a**2 - height**2
     # l = 2 b sqrt(g) with g = (a^2 sin^2(alpha) - h^2) / (a^2 - h^2); w = 2 sqrt(a^2 - h^2).
@@ -217,7 +274,7 @@ def _column_motion(
     attenuation: tuple[float, float],
     press: float,
     fold_from: FoldFrom,
-) -> tuple[Profiles, Profiles, Profiles]:
+) -> tuple[Columns, Columns, Columns]:
     """Value and derivatives of the columns' displacements."""
     unit, per_unit = profiles(cell, cells, attenuation, -1.0), cell_change(cell, -1.0)
     length, width = _loaded_extents(cell, press)
@@ -234,7 +291,7 @@ def _column_motion(
         zigzag_x = np.zeros_like(unit.x)
         zigzag_x[:, ::2] = of_columns
         orders.append(
-            Profiles(
+            Columns(
                 x=unit.x * (dl / per_unit.dl),
                 y=unit.y * (dw / per_unit.dw),
                 zigzag_x=zigzag_x,

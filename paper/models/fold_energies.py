@@ -18,12 +18,13 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import MiuraCell, Panels
-from smoskin.mechanics.reduced.attenuation import FoldFrom, fold_shares, line_means
 from smoskin.mechanics.sheet.lattice import shear_stiffness, twist_stiffness
-from smoskin.origami.cell import dihedral_angles, dihedral_rates, size
+from smoskin.origami.cell import DihedralAngles, dihedral_angles, size
 
 CreaseCount = Literal["each_once", "printed"]
 """Every crease once with 1/2 k L dphi^2, or S16 and S19 to the letter."""
+FoldFrom = Literal["length", "width", "mean"]
+"""Which of a cell's two sizes gives its fold; off the diagonal they differ (erratum E5)."""
 
 
 class Split(NamedTuple):
@@ -48,6 +49,36 @@ class Split(NamedTuple):
     def between_rows(self) -> "Split":
         """Its means on the lines between neighbouring rows."""
         return Split(self.along, line_means(self.across)[:, 1:-1])
+
+
+def fold_shares(fold_from: FoldFrom) -> tuple[float, float]:
+    """Weights of the folds that a cell's length and its width would give it."""
+    return {"length": (1.0, 0.0), "width": (0.0, 1.0), "mean": (0.5, 0.5)}[fold_from]
+
+
+def line_means(per_cell: Floats) -> Floats:
+    """Means of neighbouring cells on the lines between them, (..., K) to (..., K + 1).
+
+    A line on the rim has one cell only.
+    """
+    inner = (per_cell[:, :-1] + per_cell[:, 1:]) / 2
+    return np.concatenate([per_cell[:, :1], inner, per_cell[:, -1:]], axis=1)
+
+
+def dihedral_rates(cell: MiuraCell) -> DihedralAngles:
+    """Rates d phi_1 / dh and d phi_2 / dh at the cell's fold angle, rad/m.
+
+    Notes
+    -----
+    Source: SI Eq. (S18).
+    """
+    at_a, at_b = dihedral_angles(cell)
+    a, alpha = cell.panel_a, cell.sector_angle
+    q = 1 - np.sin(alpha) ** 2 * np.sin(at_a / 2) ** 2
+    return DihedralAngles(
+        at_a=2 * np.sqrt(q) * -q / (a * np.cos(alpha) ** 2 * np.sin(alpha) * np.sin(at_a / 2)),
+        at_b=-2 / (a * np.sin(alpha) * np.sin(at_b / 2)),
+    )
 
 
 def fading_folds(

@@ -222,9 +222,7 @@ def signs_agree(presses: UnitPresses) -> Bools:
 
 def _all_columns(parts: Profiles) -> Floats:
     """Displacement of every column for every load, (N, M, 2N + 1, M + 1, 2)."""
-    even = np.arange(parts.x.shape[1]) % 2 == 0
-    zigzag = even[:, None] * parts.zigzag_y[:, None, :]
-    y = parts.y[:, None, :] + zigzag + parts.zigzag_x[:, None, :, None]
+    y = parts.y[:, None, :] + parts.zigzag[:, None, :, None]
     x = parts.x[:, None, :, None]
     return np.stack(np.broadcast_arrays(x, y), axis=-1)
 

@@ -9,15 +9,17 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
+from paper.models.finite_press import column_response
 from paper.models.fold_energies import (
     CreaseCount,
+    FoldFrom,
     panel_stiffness_map,
     relative_crease_stiffness_map,
 )
 from smoskin.arrays import Floats
 from smoskin.design.skin import MiuraCell, SkinDesign
-from smoskin.mechanics.reduced.attenuation import FoldFrom
-from smoskin.mechanics.reduced.stiffness import column_stiffness, relative_stiffness_map
+from smoskin.mechanics.reduced.attenuation import profiles
+from smoskin.mechanics.reduced.stiffness import relative_stiffness_map
 from smoskin.mechanics.sheet.lattice import crease_stiffness
 
 PanelEnergy = Literal["neglected", "bending", "bending_and_stretching"]
@@ -67,6 +69,22 @@ def normalised_stiffness_maps(
     return np.asarray(maps / maps.max(axis=(1, 2), keepdims=True))
 
 
+def sliding_stiffness_map(
+    cell: MiuraCell, cells: tuple[int, int], attenuation: tuple[float, float]
+) -> Floats:
+    """K_B / k_bc where what presses lets the sheet slide, shape (N, M).
+
+    It slides until its columns are as little strained as can be, which takes the mean out of
+    their motion; `relative_stiffness_map` holds the loaded vertex in the plane, as the SI does.
+    """
+    parts = profiles(cell, cells, attenuation, -1.0)
+    columns = parts.x.shape[1] * parts.y.shape[1]
+    mean_x = parts.x.mean(axis=1)[:, None]
+    mean_y = parts.zigzag.mean(axis=1)[:, None] + parts.y.mean(axis=1)
+    held = relative_stiffness_map(cell, cells, attenuation)
+    return np.asarray(held - columns * (mean_x**2 + mean_y**2))
+
+
 def stiffness_terms(
     design: SkinDesign,
     attenuation: tuple[float, float],
@@ -98,13 +116,15 @@ def stiffness_terms(
     creases = relative_crease_stiffness_map(
         cell, cells, attenuation, fold_from=fold_from, count=crease_count
     )
-    columns = relative_stiffness_map(cell, cells, attenuation, fold_from=fold_from)
+    columns = column_response(
+        design, attenuation, 0.0, kinematics="first_order", fold_from=fold_from
+    )
     panels = np.zeros(cells)
     if panel_energy != "neglected":
         terms = panel_stiffness_map(cell, design.panels, cells, attenuation, fold_from=fold_from)
         panels = terms.bending if panel_energy == "bending" else terms.bending + terms.stretching
     return StiffnessTerms(
         creases=crease_stiffness(design.creases) * creases,
-        columns=column_stiffness(design) * columns,
+        columns=columns.stiffness,
         panels=panels,
     )

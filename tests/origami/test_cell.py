@@ -9,13 +9,7 @@ from hypothesis import strategies as st
 
 from smoskin.design.skin import MiuraCell
 from smoskin.errors import ArgumentError
-from smoskin.origami.cell import (
-    dihedral_angles,
-    dihedral_rates,
-    fold_angle,
-    poisson_ratios,
-    size,
-)
+from smoskin.origami.cell import dihedral_angles, fold_angle, poisson_ratios, size
 from smoskin.origami.sheet import vertex_positions
 
 CELLS = st.builds(
@@ -76,16 +70,6 @@ def test_poisson_ratios_are_the_ratios_of_the_sizes_changes(cell):
     assert nu.nu_12 == pytest.approx(-strain[0] / strain[1], rel=1e-5)
     assert nu.nu_13 == pytest.approx(-strain[0] / strain[2], rel=1e-5)
     assert nu.nu_23 == pytest.approx(-strain[1] / strain[2], rel=1e-5)
-
-
-@given(cell=CELLS)
-def test_dihedral_rates_by_finite_differences(cell):
-    h = float(size(cell).height)
-    step = 1e-6 * h
-    angles = [dihedral_angles(cell, fold_angle(cell, height=h + s)) for s in (-step, step)]
-    rates = dihedral_rates(cell)
-    for rate, less, more in zip(rates, *angles, strict=True):
-        assert rate == pytest.approx((more - less) / (2 * step), rel=1e-4)
 
 
 def test_unit_poisson_ratios_at_60_and_45_degrees():

@@ -68,4 +68,3 @@ def test_columns_stand_under_bottom_vertices_and_are_counted_once(sheet):
     assert np.all(mesh.vertices[mesh.columns.ravel(), 2] == 0)
     assert np.all(mesh.vertices[mesh.loaded.ravel(), 2] > 0)
     assert mesh.columns.size == n * (m + 1) + (n + 1) * (m + 1)
-    assert mesh.multiplicity.sum() == 6 * n * m

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from paper.models.finite_press import exact_change
 from smoskin.design.materials import FILMS
 from smoskin.design.skin import Creases, Magnet, MiuraCell
 from smoskin.magnetics.centripetal import amplitude, ideal_field
@@ -70,7 +71,7 @@ def test_e4_s7_is_first_order():
     )
 
     def excess(press: float) -> float:
-        exact = cell_change(cell, press, "exact").dl
+        exact = exact_change(cell, press).dl
         return float(cell_change(cell, press).dl / exact - 1)
 
     assert excess(-1e-4) == pytest.approx(0.04, abs=0.005)
@@ -86,8 +87,8 @@ def test_e5_length_and_width_give_different_folds(planar):
     )
     assert abs(off_diagonal[0] - off_diagonal[1]) > 0.5 * abs(off_diagonal[1] - cell.fold_angle)
     loaded = (
-        fold_angle(cell, length=extent.length + cell_change(cell, -1e-4, "exact").dl),
-        fold_angle(cell, width=extent.width + cell_change(cell, -1e-4, "exact").dw),
+        fold_angle(cell, length=extent.length + exact_change(cell, -1e-4).dl),
+        fold_angle(cell, width=extent.width + exact_change(cell, -1e-4).dw),
     )
     assert loaded[0] == pytest.approx(loaded[1], rel=1e-9)
 

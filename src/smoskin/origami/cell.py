@@ -1,8 +1,7 @@
 """Geometry of one rigid-foldable Miura-ori cell: size, fold angle, dihedrals, Poisson's ratios.
 
-One degree of freedom, the fold angle phi, decides everything here. Covers SI Eqs. (S1), (S2),
-(S13), (S14) and (S18), and the exact inverse of (S1); the dihedral angles are interior ones (pi is
-flat), phi_1 at the a-creases and phi_2 at the b-creases.
+One degree of freedom, the fold angle phi, decides everything here; the dihedral angles are
+interior ones (pi is flat), phi_1 at the a-creases and phi_2 at the b-creases.
 """
 
 from typing import NamedTuple
@@ -53,12 +52,7 @@ def size(cell: MiuraCell, fold_angle: ArrayLike | None = None) -> CellSize:
     ----------
     cell : MiuraCell
     fold_angle : array_like, optional
-        phi, rad, in (0, alpha]; the design's own by default.
-
-    Returns
-    -------
-    CellSize
-        Each of the shape of `fold_angle`, m.
+        phi, rad, in (0, alpha]; the cell's own by default. Its shape is that of the answers.
 
     Notes
     -----
@@ -99,14 +93,14 @@ def fold_angle(
     -----
     Source: inverse of SI Eq. (S1); cos(phi) = a cos(alpha) / sqrt(a^2 - h^2).
     """
-    a, b, alpha = cell.panel_a, cell.panel_b, cell.sector_angle
-    extents = (("length", length), ("width", width), ("height", height))
-    given = [(name, floats(name, value)) for name, value in extents if value is not None]
+    extents = {"length": length, "width": width, "height": height}
+    given = [(name, floats(name, value)) for name, value in extents.items() if value is not None]
     if len(given) != 1:
         raise ArgumentError(
             f"exactly one of length, width and height must be given; got {len(given)}"
         )
-    name, value = given[0]
+    [(name, value)] = given
+    a, b, alpha = cell.panel_a, cell.panel_b, cell.sector_angle
     least, most = {
         "length": (0.0, 2 * b * np.sin(alpha)),
         "width": (2 * a * np.cos(alpha), 2 * a),
@@ -121,9 +115,8 @@ def fold_angle(
     value = np.clip(value, least, most)
     if name == "length":
         return np.asarray(np.arcsin(value / (2 * b)))
-    if name == "width":
-        return np.asarray(np.arccos(2 * a * np.cos(alpha) / value))
-    return np.asarray(np.arccos(a * np.cos(alpha) / np.sqrt(a**2 - value**2)))
+    half_width = value / 2 if name == "width" else np.sqrt(a**2 - value**2)
+    return np.asarray(np.arccos(a * np.cos(alpha) / half_width))
 
 
 def poisson_ratios(cell: MiuraCell, fold_angle: ArrayLike | None = None) -> PoissonRatios:
@@ -162,22 +155,6 @@ def dihedral_angles(cell: MiuraCell, fold_angle: ArrayLike | None = None) -> Dih
     return DihedralAngles(
         at_a=2 * np.arcsin(np.minimum(np.sin(phi) / np.sin(alpha), 1)),
         at_b=2 * np.arccos(np.minimum(height / (cell.panel_a * np.sin(alpha)), 1)),
-    )
-
-
-def dihedral_rates(cell: MiuraCell, fold_angle: ArrayLike | None = None) -> DihedralAngles:
-    """Rates d phi_1 / dh and d phi_2 / dh at a fold angle, rad/m.
-
-    Notes
-    -----
-    Source: SI Eq. (S18).
-    """
-    at_a, at_b = dihedral_angles(cell, fold_angle)
-    a, alpha = cell.panel_a, cell.sector_angle
-    q = 1 - np.sin(alpha) ** 2 * np.sin(at_a / 2) ** 2
-    return DihedralAngles(
-        at_a=2 * np.sqrt(q) * -q / (a * np.cos(alpha) ** 2 * np.sin(alpha) * np.sin(at_a / 2)),
-        at_b=-2 / (a * np.sin(alpha) * np.sin(at_b / 2)),
     )
 
 

@@ -40,14 +40,8 @@ class Geometry:
     watches; it lies straight below a magnet on the sheet, straight above one on the base."""
 
     def __post_init__(self) -> None:
-        freeze(
-            self,
-            extent=(2,),
-            tops=(None, None, 2),
-            magnets=(None, 3),
-            chips=(None, 3),
-            rest=(None, 3),
-        )
+        places = (None, 3)
+        freeze(self, extent=(2,), tops=(None, None, 2), magnets=places, chips=places, rest=places)
         for field in fields(self.sheet):
             getattr(self.sheet, field.name).flags.writeable = False
 

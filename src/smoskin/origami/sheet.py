@@ -32,8 +32,6 @@ class Sheet:
     """(N, M): index of the top vertex of each cell."""
     columns: Ints
     """(2N + 1, M + 1): index of each bottom vertex."""
-    multiplicity: Ints
-    """(2N + 1, M + 1): how many cells share each column: 1, 2 or 4."""
 
 
 def vertex_positions(cell: MiuraCell, cells: tuple[int, int]) -> Floats:
@@ -49,20 +47,6 @@ def vertex_positions(cell: MiuraCell, cells: tuple[int, int]) -> Floats:
     return np.stack(
         [i * length / 2, j * width / 2 + (i % 2 == 0) * zigzag, (j % 2 == 1) * height], axis=-1
     )
-
-
-def column_multiplicity(cells: tuple[int, int]) -> Ints:
-    """How many cells share each column, shape (2N + 1, M + 1).
-
-    Notes
-    -----
-    Source: SI Eq. (S23) and Figure S6. N (M + 1) + (N + 1) (M + 1) columns in all.
-    """
-    i = np.arange(2 * cells[0] + 1)
-    across = np.where((i % 2 == 1) | (i == 0) | (i == 2 * cells[0]), 1, 2)
-    along = np.full(cells[1] + 1, 2)
-    along[[0, -1]] = 1
-    return np.asarray(np.outer(across, along), dtype=np.int64)
 
 
 def build_sheet(cell: MiuraCell, cells: tuple[int, int]) -> Sheet:
@@ -98,5 +82,4 @@ def build_sheet(cell: MiuraCell, cells: tuple[int, int]) -> Sheet:
         along_a=np.arange(n_a + b_mountain.size) < n_a,
         loaded=index[1::2, 1::2],
         columns=index[:, ::2],
-        multiplicity=column_multiplicity(cells),
     )

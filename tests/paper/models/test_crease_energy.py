@@ -8,11 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paper.models.finite_press import crease_response
+from paper.models.finite_press import crease_response, exact_change
 from paper.models.fold_energies import (
     DihedralChanges,
     Split,
     crease_product,
+    dihedral_rates,
     fading_folds,
     inner_product,
     relative_crease_stiffness_map,
@@ -20,10 +21,9 @@ from paper.models.fold_energies import (
 from paper.models.stiffness_terms import stiffness_terms
 from smoskin.design.skin import Creases
 from smoskin.errors import DesignError
-from smoskin.mechanics.reduced.attenuation import cell_change
 from smoskin.mechanics.reduced.stiffness import column_stiffness
 from smoskin.mechanics.sheet.lattice import crease_stiffness
-from smoskin.origami.cell import fold_angle, size
+from smoskin.origami.cell import dihedral_angles, fold_angle, size
 from smoskin.origami.sheet import build_sheet, vertex_positions
 
 FOLDS = ("length", "width", "mean")
@@ -51,7 +51,7 @@ def dihedrals(cell, phi):
 
 def cell_changes(cell, cells, v, press, loaded, fold_from):
     """Dihedral changes of every cell, (N, M, 2), each from its own size (S10)."""
-    change, extent = cell_change(cell, press, "exact"), size(cell)
+    change, extent = exact_change(cell, press), size(cell)
     rest, out = dihedrals(cell, cell.fold_angle), np.zeros((*cells, 2))
     weights = {"length": (1, 0), "width": (0, 1), "mean": (0.5, 0.5)}[fold_from]
     for n, m in np.ndindex(*cells):
@@ -234,3 +234,13 @@ def test_split_sums_are_those_of_the_grid(v, fold_from):
 def test_wrong_creases_are_named(planar, change, message):
     with pytest.raises(DesignError, match=message):
         replace(planar.creases, **change)
+
+
+@given(share=st.floats(0.1, 0.97), alpha=st.floats(0.3, 1.4))
+def test_dihedral_rates_by_finite_differences(planar, share, alpha):
+    cell = replace(planar.cell, sector_angle=alpha, fold_angle=alpha * share)
+    h = float(size(cell).height)
+    step = 1e-6 * h
+    angles = [dihedral_angles(cell, fold_angle(cell, height=h + s)) for s in (-step, step)]
+    for rate, less, more in zip(dihedral_rates(cell), *angles, strict=True):
+        assert rate == pytest.approx((more - less) / (2 * step), rel=1e-4)

@@ -1,13 +1,11 @@
 """Stiffness of the skin under a press and under a drag, and the law from press depth to force.
 
-The columns carry the skin: the energy of their in-plane motion under a press is what resists it
-(S21-S24). The force law follows the SI in leaving the creases' and the panels' energies out;
-`paper.models.stiffness_terms` sets all three side by side (S25). A drag moves the board on its
-pillars (S26) and the sheet on its columns, and stiffens the response to a press (S27).
+The columns' motion in the plane is what resists a press (S21-S24); the creases' and the panels'
+energies are left out, as the SI proposes (S25). A drag moves the board on its pillars (S26) and
+the sheet on its columns, and stiffens the response to a press (S27).
 """
 
 import math
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,12 +13,8 @@ from numpy.typing import ArrayLike
 from smoskin.arrays import Floats, Ints
 from smoskin.design.materials import ELASTOMERS
 from smoskin.design.skin import Coefficients, MiuraCell, SkinDesign
-from smoskin.mechanics.reduced.attenuation import FoldFrom, Profiles, motion_product, profiles
+from smoskin.mechanics.reduced.attenuation import profiles
 from smoskin.origami.geometry import geometry
-
-Grip = Literal["sticks", "slips"]
-"""Whether what presses holds the loaded vertex in the plane (as the SI assumes), or lets the
-sheet slide until its columns are as little strained as can be."""
 
 
 def pillar_stiffness(radius: float, height: float, shear_modulus: float) -> float:
@@ -87,14 +81,9 @@ def sheet_stiffness(design: SkinDesign) -> float:
 
 
 def relative_stiffness_map(
-    cell: MiuraCell,
-    cells: tuple[int, int],
-    attenuation: tuple[float, float],
-    *,
-    fold_from: FoldFrom = "length",
-    grip: Grip = "sticks",
+    cell: MiuraCell, cells: tuple[int, int], attenuation: tuple[float, float]
 ) -> Floats:
-    """K_B / k_bc of a press on each cell's loaded vertex, shape (N, M).
+    """K_B / k_bc of a press on each cell's loaded vertex, which moves in z only, shape (N, M).
 
     Parameters
     ----------
@@ -103,10 +92,6 @@ def relative_stiffness_map(
         (N, M).
     attenuation : tuple of float
         (v_aX, v_aY).
-    fold_from : {"length", "width", "mean"}
-        Which of a cell's two sizes gives its fold.
-    grip : {"sticks", "slips"}
-        Whether the loaded vertex moves in z only, as the SI assumes.
 
     Notes
     -----
@@ -120,13 +105,12 @@ def relative_stiffness_map(
     >>> [round(float(stiffness[k, k]), 1) for k in range(3)]
     [255.5, 223.3, 214.4]
     """
-    parts = profiles(cell, cells, attenuation, press=-1.0, fold_from=fold_from)
-    squared = motion_product(parts, parts)
-    if grip == "slips":
-        # Sliding as a whole takes the mean out of the columns' motion.
-        mean_x, mean_y = _motion_sum(parts)
-        squared -= (mean_x**2 + mean_y**2) / (parts.x.shape[1] * parts.y.shape[1])
-    return squared
+    parts = profiles(cell, cells, attenuation, press=-1.0)
+    wide, tall = parts.x.shape[1], parts.y.shape[1]
+    of_column = tall * (parts.x**2 + parts.zigzag**2).sum(axis=1)
+    of_row = wide * (parts.y**2).sum(axis=1)
+    mixed = 2 * np.outer(parts.zigzag.sum(axis=1), parts.y.sum(axis=1))
+    return np.asarray(of_column[:, None] + of_row + mixed)
 
 
 def stiffness_map(design: SkinDesign, coefficients: Coefficients) -> Floats:
@@ -169,14 +153,7 @@ def folding_correction_map(cells: tuple[int, int], coefficients: Coefficients) -
 
 
 def shear_gain(shear: ArrayLike, folding_correction: ArrayLike) -> Floats:
-    """1 + |F_p| / v_f: how much a drag stiffens the response to a press.
-
-    Parameters
-    ----------
-    shear : array_like, shape (..., 2)
-        F_p, N.
-    folding_correction : array_like, shape (..., 2)
-        v_f for shear in X and in Y, N.
+    """1 + |F_p| / v_f, (...): how much a drag F_p, (..., 2) N, stiffens the response to a press.
 
     Notes
     -----
@@ -193,20 +170,12 @@ def shear_gain(shear: ArrayLike, folding_correction: ArrayLike) -> Floats:
 
 
 def normal_force(press: ArrayLike, stiffness: ArrayLike, gain: ArrayLike) -> Floats:
-    """F_z from the press depth U_z of the loaded vertex, N.
-
-    Parameters
-    ----------
-    press : array_like
-        U_z, m; positive when pressed.
-    stiffness : array_like
-        v_s K_z, N/m.
-    gain : array_like
-        `shear_gain`.
+    """F_z, N, from the depth U_z, m, positive, to which the loaded vertex is pressed.
 
     Notes
     -----
-    Source: SI Eq. (S27): F_z = (1 + |F_p|/v_f) v_s K_z U_z.
+    Source: SI Eq. (S27): F_z = gain stiffness U_z with the gain 1 + |F_p|/v_f, `shear_gain`,
+    and the stiffness v_s K_z, `stiffness_map`.
     """
     force: Floats = np.multiply(np.multiply(gain, stiffness), press)
     return force
@@ -216,11 +185,3 @@ def press_depth(force: ArrayLike, stiffness: ArrayLike, gain: ArrayLike) -> Floa
     """U_z under a normal force, m: the inverse of `normal_force`."""
     depth: Floats = np.divide(force, np.multiply(gain, stiffness))
     return depth
-
-
-def _motion_sum(parts: Profiles) -> tuple[Floats, Floats]:
-    """Sum over all columns of u_x, shape (N, 1), and of u_y, shape (N, M), for each loaded cell."""
-    wide, tall = parts.x.shape[1], parts.y.shape[1]
-    of_row = wide * parts.y.sum(axis=1) + (wide + 1) // 2 * parts.zigzag_y.sum(axis=1)
-    x = tall * parts.x.sum(axis=1)[:, None]
-    return x, np.asarray(tall * parts.zigzag_x.sum(axis=1)[:, None] + of_row[None, :])
