@@ -12,7 +12,28 @@ from numpy.typing import ArrayLike
 
 from smoskin.arrays import Floats, floats, frozen
 from smoskin.errors import ArgumentError
-from smoskin.mechanics.viscoelasticity import Prony, checked_history, late_parts
+from smoskin.mechanics.viscoelasticity import Prony
+
+
+def creeping_solid(shares: ArrayLike, times: ArrayLike) -> Prony:
+    """The solid that creeps with these `retardation_shares` and `retardation_times`.
+
+    Raises
+    ------
+    ArgumentError
+        If a share or a time is not positive, the shares leave nothing at once, or the times do
+        not rise.
+    """
+    late = frozen("shares", shares, (None,))
+    instants = frozen("times", times, late.shape)
+    if not ((late > 0).all() and late.sum() < 1):
+        raise ArgumentError(f"shares must be positive with a sum below 1; got {late}")
+    if not (np.isfinite(instants).all() and (np.diff(instants, prepend=0.0) > 0).all()):
+        raise ArgumentError(f"times must be positive and rise; got {instants} s")
+    prompt = 1 - late.sum()
+    drive = np.sqrt(late / (instants * prompt))
+    rates, modes = np.linalg.eigh(np.diag(1 / instants) + np.outer(drive, drive))
+    return Prony(moduli=((drive @ modes) ** 2 / rates)[::-1], times=1 / rates[::-1])
 
 
 def recovery_time(
@@ -173,7 +194,7 @@ def fit_prony(
 
 def _solid(settled: Floats, retardation_times: Floats) -> Prony:
     """The solid that answers a load at once by the first part and late by the others."""
-    return Prony.from_creep(settled[1:] / settled.sum(), retardation_times)
+    return creeping_solid(settled[1:] / settled.sum(), retardation_times)
 
 
 def _deviation(settled: Floats, retardation_times: Floats, spread: Floats) -> Floats:
@@ -216,3 +237,53 @@ def _merged(tried: Floats, weights: Floats) -> Floats:
     shown = np.flatnonzero(weights > 1e-9 * weights.sum())
     runs = np.split(shown, np.flatnonzero(np.diff(shown) > 1) + 1) if len(shown) else []
     return np.array([np.exp(np.average(np.log(tried[run]), weights=weights[run])) for run in runs])
+
+
+def late_parts(retardation_times: ArrayLike, times: ArrayLike, response: ArrayLike) -> Floats:
+    """Late parts of creep over a whole history: y_k of dy_k/dt = (r - y_k) / lambda_k.
+
+    Shape (K, T, ...); lambda_k, (K,), and times, (T,), in s, the response, (T, ...), in any unit.
+
+    Raises
+    ------
+    ArgumentError
+        If times fall or are not finite, or the lengths differ or are below 2.
+    """
+    delays = frozen("retardation_times", retardation_times, (None,))
+    instants, history = checked_history(times, response)
+    wide = (slice(None),) + (None,) * (history.ndim - 1)
+    parts = np.empty((len(delays), *history.shape))
+    for late, delay in zip(parts, delays, strict=True):
+        part = np.diff(instants) / delay
+        lost = -np.expm1(-part)
+        mean = np.divide(lost, part, out=np.ones_like(part), where=part > 0)
+        late[0] = history[0]
+        late[1:] = (mean - 1 + lost)[wide] * history[:-1] + (1 - mean)[wide] * history[1:]
+        weight = np.concatenate([[0.0], 1 - lost])
+        # A recurrence of first order, all steps at once: spans double until they cover it.
+        span = 1
+        while span < len(late):
+            late[span:] += weight[span:][wide] * late[:-span]
+            weight[span:] *= weight[:-span].copy()
+            span *= 2
+    return parts
+
+
+def checked_history(times: ArrayLike, values: ArrayLike) -> tuple[Floats, Floats]:
+    """Times and the values at them as arrays of one length.
+
+    Raises
+    ------
+    ArgumentError
+        If times fall or are not finite, or the lengths differ or are below 2.
+    """
+    instants = frozen("times", times, (None,))
+    history = floats("history", values)
+    if history.ndim == 0 or len(history) != len(instants) or len(instants) < 2:
+        raise ArgumentError(
+            f"times and the history must have the same length, at least 2; got "
+            f"{instants.shape} and {history.shape}"
+        )
+    if not (np.isfinite(instants).all() and (np.diff(instants) >= 0).all()):
+        raise ArgumentError("times must be finite and never fall")
+    return instants, history

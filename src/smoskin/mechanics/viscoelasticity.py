@@ -1,12 +1,8 @@
 """Memory of the elastomer: creep and recovery of the columns and scales.
 
-Decides how the skin's response lags behind its load. The elastomer is a generalised Maxwell
-solid, and the skin's motion is its elastic response put through the creep that follows from
-it (quasi-linear viscoelasticity): with r(t) the static response to the load at t, the motion
-is ``(1 - sum c_k) r + sum c_k y_k`` with ``dy_k/dt = (r - y_k) / lambda_k``. Moduli of a design
-are long-term: under a load that stays, the motion ends at the static response, and calibrations
-from held touches need no correction. It hides the conversion of relaxation into creep, which is
-exact, and the time step, which is exact for a response that changes evenly within it.
+The elastomer is a generalised Maxwell solid, and the skin's motion is its elastic response put
+through the creep that follows from it (quasi-linear viscoelasticity). Moduli of a design are
+long-term: under a load that stays, the motion ends at the static response.
 """
 
 import math
@@ -69,26 +65,6 @@ class Prony:
         assign(self, retardation_shares=late[::-1], retardation_times=1 / rates[::-1])
         freeze(self, retardation_shares=(None,), retardation_times=(None,))
 
-    @classmethod
-    def from_creep(cls, shares: ArrayLike, times: ArrayLike) -> "Prony":
-        """The solid that creeps with these `retardation_shares` and `retardation_times`.
-
-        Raises
-        ------
-        ArgumentError
-            As for the solid itself.
-        """
-        late = frozen("shares", shares, (None,))
-        instants = frozen("times", times, late.shape)
-        if not ((late > 0).all() and late.sum() < 1):
-            raise ArgumentError(f"shares must be positive with a sum below 1; got {late}")
-        if not (np.isfinite(instants).all() and (np.diff(instants, prepend=0.0) > 0).all()):
-            raise ArgumentError(f"times must be positive and rise; got {instants} s")
-        prompt = 1 - late.sum()
-        drive = np.sqrt(late / (instants * prompt))
-        rates, modes = np.linalg.eigh(np.diag(1 / instants) + np.outer(drive, drive))
-        return cls(moduli=((drive @ modes) ** 2 / rates)[::-1], times=1 / rates[::-1])
-
     def relaxation(self, time: ArrayLike) -> Floats:
         """G(t) over its long-term value, after a step of strain `time` seconds ago."""
         fading = np.exp(-np.divide.outer(floats("time", time), self.times))
@@ -105,12 +81,12 @@ ELASTIC: Final = Prony(moduli=(), times=())
 
 
 def elastomer_prony(material: str) -> Prony:
-    """The solid of an elastomer that designs name.
+    """The solid of an elastomer, by its name in `smoskin.design.materials.ELASTOMERS`.
 
     Raises
     ------
     ArgumentError
-        If the material is not in `smoskin.design.materials.ELASTOMERS`.
+        If the material is unknown.
 
     Examples
     --------
@@ -122,19 +98,7 @@ def elastomer_prony(material: str) -> Prony:
 
 
 def modulus_factor(material: str, temperature: ArrayLike) -> Floats:
-    """Modulus of an elastomer over its value at 25 degC.
-
-    Parameters
-    ----------
-    material : str
-        A name in `smoskin.design.materials.ELASTOMERS`.
-    temperature : array_like, any shape
-        degC.
-
-    Returns
-    -------
-    Floats
-        The factor on every stiffness that the elastomer gives.
+    """Modulus of an elastomer over its value at 25 degC, at any array of temperatures, degC.
 
     Raises
     ------
@@ -168,13 +132,15 @@ class Memory:
     Parameters
     ----------
     prony : Prony
-        Of the elastomer.
+        The elastomer's.
     settled : array_like, any shape
-        The elastic response under which it has rested long enough to forget all before; zeros
-        for an untouched skin. Its shape is that of every later response.
+        Elastic response under which it has rested long enough to forget all before; zeros for an
+        untouched skin. Its shape is that of every later response.
 
     Notes
     -----
+    With r(t) the static response to the load at t, the motion is ``(1 - sum c_k) r + sum c_k y_k``
+    with ``dy_k/dt = (r - y_k) / lambda_k``, exact for r that changes evenly within a step.
     The whole response creeps alike, which holds while the elastomer carries the load; film and
     frame, which do not creep, make it creep less.
 
@@ -186,17 +152,9 @@ class Memory:
     """
 
     def __init__(self, prony: Prony, settled: ArrayLike) -> None:
-        self.prony = prony
-        self._rates = 1 / prony.retardation_times
-        self._prompt = 1 - prony.retardation_shares.sum()
-        terms = len(self._rates)
-        # Late parts, last and present response, to late parts, last response and what has crept.
-        self._steps = np.zeros((terms + 2, terms + 2))
-        self._steps[terms, -1] = 1.0
-        # Views of what changes with the duration: weights of late part, last, present response.
-        self._kept = np.einsum("ii->i", self._steps[:terms, :terms])
-        self._before, self._after = self._steps[:terms, -2], self._steps[:terms, -1]
-        self._duration = np.nan
+        self._prony = prony
+        self._duration = math.nan
+        self._weights: Floats = np.empty((0, 0))
         self.reset(settled)
 
     def reset(self, settled: ArrayLike) -> None:
@@ -210,8 +168,8 @@ class Memory:
         rest = floats("settled", settled)
         if not np.isfinite(rest).all():
             raise ArgumentError(f"settled must be finite; got {rest}")
-        # Rows: the late parts, the response at the last step, the response now.
-        self._rows = np.repeat(rest.reshape(1, -1), len(self.prony.times) + 2, axis=0)
+        # Rows: the late parts y_k, the response at the last step, the response now.
+        self._rows = np.repeat(rest.reshape(1, -1), len(self._prony.times) + 2, axis=0)
         self._shape = rest.shape
 
     def step(self, duration: float, response: ArrayLike) -> Floats:
@@ -225,18 +183,14 @@ class Memory:
             Elastic, of the shape of `settled`. Where it is not a number the answer is none
             either, and the memory goes on from the last that was.
 
-        Returns
-        -------
-        Floats
-            Of the same shape; exact for an elastic response that changed evenly in between.
-
         Raises
         ------
         ArgumentError
             If time runs backwards or the shape differs.
         """
         if duration != self._duration:
-            self._prepare(duration)
+            self._weights = self._step_weights(duration)
+            self._duration = duration
         new = np.asarray(response, dtype=np.float64)
         if new.shape != self._shape:
             raise ArgumentError(f"response must have shape {self._shape}; got {new.shape}")
@@ -247,116 +201,52 @@ class Memory:
         if not math.isfinite(np.add.reduce(present)):
             missing = ~np.isfinite(present)
             present[missing] = rows[-2][missing]
-        moved: Floats = self._steps @ rows
+        moved: Floats = self._weights @ rows
         rows[:-1] = moved[:-1]
         crept = moved[-1]
         if missing is not None:
             crept[missing] = np.nan
         return np.asarray(crept.reshape(self._shape))
 
-    def _prepare(self, duration: float) -> None:
-        """Set the step's weights: those of `late_parts`, at a live pace."""
+    def _step_weights(self, duration: float) -> Floats:
+        """Matrix from `_rows` to the new late parts, the last response and what has crept."""
         if not 0 <= duration < math.inf:
             raise ArgumentError(f"duration must be finite and >= 0 s; got {duration}")
-        self._duration = duration
-        if duration == 0:
-            self._kept[:], self._before[:], self._after[:] = 1.0, 0.0, 0.0
-        else:
-            part = self._rates * duration
-            lost = np.expm1(-part)
-            mean = lost / -part
-            np.add(lost, 1.0, out=self._kept)
-            np.subtract(mean, self._kept, out=self._before)
-            np.subtract(1.0, mean, out=self._after)
-        terms, shares = len(self._rates), self.prony.retardation_shares
-        self._steps[-1] = shares @ self._steps[:terms]
-        self._steps[-1, -1] += self._prompt
+        shares, terms = self._prony.retardation_shares, len(self._prony.times)
+        part = duration / self._prony.retardation_times
+        lost = -np.expm1(-part)
+        mean = np.divide(lost, part, out=np.ones_like(part), where=part > 0)
+        weights = np.zeros((terms + 2, terms + 2))
+        weights[:terms] = np.column_stack([np.diag(1 - lost), mean - 1 + lost, 1 - mean])
+        weights[terms, -1] = 1.0
+        weights[-1] = shares @ weights[:terms]
+        weights[-1, -1] += 1 - shares.sum()
+        return weights
 
 
 def creep(prony: Prony, times: ArrayLike, response: ArrayLike) -> Floats:
-    """The creeping response over a whole history.
+    """The creeping response over a whole history, (T, ...): what `Memory` answers step by step.
 
     Parameters
     ----------
     prony : Prony
-        Of the elastomer.
     times : array_like, shape (T,)
         s, never falling; a time that occurs twice is a jump.
     response : array_like, shape (T, ...)
         Elastic response, changing evenly in between; the skin has rested under the first.
 
-    Returns
-    -------
-    Floats, shape (T, ...)
-        What `Memory` would answer, all at once; what is not a number stays so to the end.
-
     Raises
     ------
     ArgumentError
-        If times fall or are not finite, or the lengths differ.
+        If times fall or are not finite, or the lengths differ or are 0.
     """
-    late = late_parts(prony.retardation_times, times, response)
-    prompt = float(1 - prony.retardation_shares.sum())
-    return np.asarray(
-        prompt * floats("response", response) + np.tensordot(prony.retardation_shares, late, 1)
-    )
-
-
-def late_parts(retardation_times: ArrayLike, times: ArrayLike, response: ArrayLike) -> Floats:
-    """Late parts of creep over a whole history: y_k of dy_k/dt = (r - y_k) / lambda_k.
-
-    Parameters
-    ----------
-    retardation_times : array_like, shape (K,)
-        s, lambda_k.
-    times, response : array_like
-        The arguments of `creep`.
-
-    Returns
-    -------
-    Floats, shape (K, T, ...)
-        In the response's unit.
-
-    Raises
-    ------
-    ArgumentError
-        If times fall or are not finite, or the lengths differ.
-    """
-    delays = frozen("retardation_times", retardation_times, (None,))
-    instants, history = checked_history(times, response)
-    wide = (slice(None),) + (None,) * (history.ndim - 1)
-    parts = np.empty((len(delays), *history.shape))
-    for late, delay in zip(parts, delays, strict=True):
-        part = np.diff(instants) / delay
-        lost = -np.expm1(-part)
-        mean = np.divide(lost, part, out=np.ones_like(part), where=part > 0)
-        late[0] = history[0]
-        late[1:] = (mean - 1 + lost)[wide] * history[:-1] + (1 - mean)[wide] * history[1:]
-        weight = np.concatenate([[0.0], 1 - lost])
-        # A recurrence of first order, all steps at once: spans double until they cover it.
-        span = 1
-        while span < len(late):
-            late[span:] += weight[span:][wide] * late[:-span]
-            weight[span:] *= weight[:-span].copy()
-            span *= 2
-    return parts
-
-
-def checked_history(times: ArrayLike, values: ArrayLike) -> tuple[Floats, Floats]:
-    """Times and the values at them as arrays of one length.
-
-    Raises
-    ------
-    ArgumentError
-        If times fall or are not finite, or the lengths differ or are below 2.
-    """
-    instants = frozen("times", times, (None,))
-    history = floats("history", values)
-    if history.ndim == 0 or len(history) != len(instants) or len(instants) < 2:
+    instants, history = floats("times", times, (None,)), floats("response", response)
+    if not len(instants) or history.shape[:1] != instants.shape:
         raise ArgumentError(
-            f"times and the history must have the same length, at least 2; got "
+            f"times and response must have the same length, at least 1; got "
             f"{instants.shape} and {history.shape}"
         )
     if not (np.isfinite(instants).all() and (np.diff(instants) >= 0).all()):
         raise ArgumentError("times must be finite and never fall")
-    return instants, history
+    memory, durations = Memory(prony, history[0]), np.diff(instants, prepend=instants[0])
+    return np.stack([memory.step(*step) for step in zip(durations, history, strict=True)])

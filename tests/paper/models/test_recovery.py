@@ -6,13 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from paper.models.recovery import fit_prony, recovery_time
+from paper.models.recovery import creeping_solid, fit_prony, late_parts, recovery_time
 from smoskin.errors import ArgumentError
 from smoskin.mechanics.viscoelasticity import Prony, creep
 
 
 def test_recovery_of_one_element_in_closed_form() -> None:
-    solid = Prony.from_creep([0.4], [1.0])
+    solid = creeping_solid([0.4], [1.0])
     times = np.concatenate([[0.0, 0.0], np.linspace(0, 30, 30001)[1:]])
     load = np.where(np.arange(len(times)) < 1, 1.0, 0.0)
     signal = creep(solid, times, load[:, None] * [1.0, -7.0]) + 3.0
@@ -35,7 +35,7 @@ def test_a_signal_at_rest_has_no_recovery_time() -> None:
 @settings(max_examples=25, deadline=None)
 def test_a_recovery_gives_its_solid_back(shares: list[float], rest: float, scale: float) -> None:
     tried = np.array([0.1, 1.0, 10.0, 100.0])
-    solid = Prony.from_creep(shares, tried[: len(shares)])
+    solid = creeping_solid(shares, tried[: len(shares)])
     times = np.concatenate([[-60.0, 0.0, 0.0], np.geomspace(0.01, 500, 400)])
     load = np.where(np.arange(len(times)) < 2, 1.0, 0.0)
     signal = rest * abs(scale) + scale * creep(solid, times, load)
@@ -49,7 +49,7 @@ def test_a_recovery_gives_its_solid_back(shares: list[float], rest: float, scale
 
 
 def test_the_deviation_of_a_fit_is_honest() -> None:
-    truth = Prony.from_creep([0.1, 0.15], [0.3, 3.0])
+    truth = creeping_solid([0.1, 0.15], [0.3, 3.0])
     times = np.concatenate([[-1.0, 0.0, 0.0], np.linspace(0.01, 30, 3000)])
     load = np.where(np.arange(len(times)) < 2, 1.0, 0.0)
     clean = creep(truth, times, load)
@@ -91,3 +91,22 @@ def test_without_knowing_the_times_the_recovery_is_still_foretold() -> None:
 def test_wrong_use(call, message: str) -> None:
     with pytest.raises(ArgumentError, match=message):
         call()
+
+
+def test_creep_turned_back_gives_the_solid() -> None:
+    solid = Prony(moduli=[0.03, 0.05, 0.1, 0.15], times=[0.05, 0.5, 4.0, 70.0])
+    back = creeping_solid(solid.retardation_shares, solid.retardation_times)
+    assert_allclose(back.moduli, solid.moduli, rtol=1e-9)
+    assert_allclose(back.times, solid.times, rtol=1e-9)
+    with pytest.raises(ArgumentError, match="shares must be positive"):
+        creeping_solid([-0.1], [1.0])
+
+
+def test_late_parts_at_once_are_the_steps_of_a_memory() -> None:
+    solid, rng = Prony(moduli=[0.1, 0.2], times=[0.3, 5.0]), np.random.default_rng(0)
+    times = np.cumsum(rng.choice([0.0, 0.004, 0.3, 20.0], 60))
+    response = rng.normal(size=(60, 2))
+    late = late_parts(solid.retardation_times, times, response)
+    shares = solid.retardation_shares
+    crept = (1 - shares.sum()) * response + np.tensordot(shares, late, 1)
+    assert_allclose(crept, creep(solid, times, response), atol=1e-12)
