@@ -192,6 +192,8 @@ def _changes(tree: ast.AST, messages: bool) -> Iterator[tuple[Any, str, str]]:
         elif isinstance(node, ast.expr):
             for kind, changed in _expressions(node, messages):
                 text = ast.unparse(changed)
+                if text == ast.unparse(node):  # exchanged arguments may be the same
+                    continue
                 plain = isinstance(changed, ast.Constant | ast.Name | ast.Attribute | ast.Call)
                 yield node, kind, text if plain else f"({text})"
 

@@ -91,6 +91,11 @@ def test_places_that_cannot_matter_are_left_alone(source):
     assert set(changes(source)) <= {"function"}
 
 
+def test_a_change_that_changes_nothing_is_no_fault():
+    assert "exchange" not in changes("def square(rows):\n    return outer(rows, rows)\n")
+    assert "exchange" in changes("def grid(rows, columns):\n    return outer(rows, columns)\n")
+
+
 def test_messages_are_changed_where_asked():
     source = 'raise ValueError(f"must be {a}")'
     assert changes(source, messages=True)["message"] == {"raise ValueError('')"}
