@@ -12,11 +12,12 @@ from typing import Final
 
 from matplotlib.axes import Axes
 
+from paper.models.zones import Zone, zones
 from paper.shared.rows import Row, compared, stated
 from paper.shared.setting import Setting
 from paper.shared.style import BLUE, INK, ORANGE, Plate, canvas, lay_out, note, open_axes, styled
 from smoskin.design.skin import SkinDesign
-from smoskin.sensing.closed_form.location import Zone, unit_press, zones
+from smoskin.sensing.closed_form.location import unit_press
 
 TABLE_S1: Final = ("----", "--+-", "+-+-", "-+--", "--+-", "+++-", "-+-+", "-+++", "++++")
 """Signs of dS2x, dS2y, dS3x, dS3y of Z.1 to Z.9, as printed."""

@@ -1,5 +1,7 @@
 """Answers of cells that theory gives, for tests of what is done with measured ones."""
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from smoskin.mechanics.reduced.stiffness import (
@@ -26,3 +28,12 @@ def ideal_answers(design, factor=1.0):
     motions[..., 0, 1] = motions[..., 1, 2] = slide
     folding = folding_correction_map(design.cells, design.coefficients)
     return CellAnswers(motions.reshape(*design.cells, -1, 3), folding)
+
+
+def solve_all(sheet, motions):
+    """Touches of many motions at once; cell -1, force and confidence zero where none fits."""
+    answers = [sheet.solve(motion) or ((-1, -1), np.zeros(3), 0.0) for motion in motions]
+    cell, force, confidence = zip(*answers, strict=True)
+    return SimpleNamespace(
+        cell=np.array(cell), force=np.array(force), confidence=np.array(confidence)
+    )

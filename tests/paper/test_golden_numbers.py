@@ -8,12 +8,12 @@ from scipy.optimize import brentq
 
 from paper.errata import dividing_lines, errata
 from paper.figure_s7 import COLUMN, CREASE, rigid_stiffness
+from paper.models.zones import signal_matrix
 from smoskin.design.skin import MiuraCell
 from smoskin.mechanics.reduced.attenuation import magnet_displacements, profiles
 from smoskin.mechanics.reduced.stiffness import relative_stiffness_map
 from smoskin.origami.cell import dihedral_angles, fold_angle, poisson_ratios, size
 from smoskin.origami.sheet import build_sheet
-from smoskin.sensing.closed_form.location import signal_matrix
 
 
 def unit_press(planar):

@@ -290,7 +290,7 @@ def test_faulty_documents_are_refused(planar, old, new, message):
 def test_a_calibration_of_another_design_is_refused(planar, long_planar, tmp_path):
     path = tmp_path / "skin.toml"
     path.write_text(format_calibration(Calibration.nominal(planar)))
-    with pytest.raises(ModelError, match="must belong to design '4x5'"):
+    with pytest.raises(ModelError, match="must be of the design '4x5'"):
         read_calibration(path, long_planar)
 
 

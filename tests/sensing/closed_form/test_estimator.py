@@ -14,7 +14,7 @@ from smoskin.sensing.closed_form.confidence import ambiguities
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.closed_form.measured import MeasuredSheet
 from smoskin.twin.reduced import ReducedTwin
-from tables import ideal_answers
+from tables import ideal_answers, solve_all
 from tables_of_response import plain, reduced_table
 
 SHEARS = [(0.0, 0.0), (0.5, 0.0), (0.0, -0.5), (-0.35, 0.35)]
@@ -165,7 +165,8 @@ def test_cells_that_do_not_separate_are_judged_as_a_whole(planar):
     """Each cell its own direction, as on a real sheet; told apart with every cell's own press."""
     rng = np.random.default_rng(0)
     answers = ideal_answers(planar, rng.uniform(0.7, 1.3, (6, 6, 3, 3)))
-    solution = MeasuredSheet(planar, answers).solve(0.4 * answers.motions[..., 0].reshape(36, -1))
+    motions = 0.4 * answers.motions[..., 0].reshape(36, -1)
+    solution = solve_all(MeasuredSheet(planar, answers), motions)
     np.testing.assert_array_equal(solution.cell, list(np.ndindex(6, 6)))
     np.testing.assert_allclose(solution.force, np.tile((0.0, 0.0, -0.4), (36, 1)), atol=1e-9)
 
@@ -205,7 +206,7 @@ def test_a_field_of_no_place_is_out_of_range(planar):
 
 def test_wrong_use_is_named(planar):
     other = replace(planar, name="4x5", cells=(5, 6))
-    with pytest.raises(ModelError, match="calibration must belong to design '4x5'"):
+    with pytest.raises(ModelError, match="calibration must be of the design '4x5'"):
         ClosedFormEstimator(other, Calibration.nominal(planar))
     no_base = replace(planar, halls=planar.halls[1:])
     with pytest.raises(ArgumentError, match="one over a magnet of the base; got 2 and 0"):

@@ -16,9 +16,7 @@ from smoskin.sensing.closed_form.location import (
     divisions,
     ideal_rule,
     readout,
-    signal_matrix,
     unit_press,
-    zones,
 )
 
 
@@ -39,7 +37,7 @@ def covered(ambiguous, cells):
     named = np.zeros(cells, dtype=bool)
     for one in ambiguous:
         for n, m in one.pair:
-            rows = {"x": (n, slice(None)), "y": (slice(None), m), "both": (n, m)}
+            rows = {"x": (n, slice(None)), "y": (slice(None), m)}
             named[rows[one.axis]] = True
     return named
 
@@ -166,38 +164,7 @@ def test_signs_that_no_cell_gives_name_no_cell(planar):
     unit = unit_press(planar)
     # A load right of magnet 2 (x = 4 cells) yet left of magnet 3 (x = 2 cells) cannot be.
     impossible = np.array([[-1.0, 1.0], [1.0, 1.0]])
-    assert signal_matrix(impossible).tolist() == [[1, -1], [-1, -1]]
     assert decide(divisions(unit), impossible)[0] == -1
-
-
-def test_zones_of_the_reference_are_table_s1(planar):
-    unit = unit_press(planar)
-    found = zones(unit)
-    assert [zone.number for zone in found] == list(range(1, 10))
-    assert [(z.columns, z.rows) for z in found[:4]] == [
-        ((0, 1), (0, 1)), ((2, 3), (0, 1)), ((4, 5), (0, 1)), ((0, 1), (2, 3)),
-    ]  # fmt: skip
-    signs = ["".join("+" if s > 0 else "-" for s in zone.signs) for zone in found]
-    assert signs == ["----", "--+-", "+-+-", "-+--", "-++-", "+++-", "-+-+", "-+++", "++++"]
-    assert found[0].lines_x == pytest.approx([1.3248], abs=5e-5)
-    for zone in found:
-        expected = unit[list(zone.columns), 0, 0, 0] / unit[list(zone.columns), 0, 1, 0]
-        np.testing.assert_allclose(zone.ratios_x, expected)
-        assert zone.lines_x == pytest.approx([expected.mean()])
-
-
-@settings(max_examples=30, deadline=None)
-@given(skin=skins(magnets=(2, 2)))
-def test_zones_hold_every_cell_once_and_their_lines_decide(planar, skin):
-    cells, corners = skin
-    unit = unit_press(with_magnets(planar, corners, cells))
-    seen = np.zeros(cells, dtype=int)
-    for zone in zones(unit):
-        seen[np.ix_(zone.columns, zone.rows)] += 1
-        assert len(zone.lines_x) <= len(zone.columns) - 1
-        for n in zone.columns:
-            assert tuple(signal_matrix(unit[n, zone.rows[0]]).ravel()) == zone.signs
-    assert (seen == 1).all()
 
 
 def test_readout_takes_the_drag_off(planar):
@@ -217,8 +184,6 @@ def test_wrong_use_is_named(planar):
     three = unit_press(with_magnets(planar, [(1, 1), (2, 2), (3, 3)]))
     with pytest.raises(ArgumentError, match=r"must have shape \(N, M, 2, 2\); got \(6, 6, 3, 2\)"):
         divisions(three)
-    with pytest.raises(ArgumentError, match=r"got \(6, 6, 3, 2\)"):
-        zones(three)
     bare = replace(planar, halls=planar.halls[:1])
     with pytest.raises(ArgumentError, match="must have a chip under a magnet of the sheet"):
         unit_press(bare)

@@ -1,7 +1,6 @@
 """Signals of readings: offset, drift, temperature, creep and chip faults."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ from smoskin.magnetics import mlx90393
 from smoskin.magnetics.temperature import temperature_factor
 from smoskin.mechanics.viscoelasticity import ELASTIC, Memory, Prony
 from smoskin.records import ChipFlag, Contact, Motion, Reading, Status
+from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.signals.signals import Signals, Thermometer, signal_noise
 from smoskin.sensing.signals.zero import IdleBand, ZeroTracking
 from smoskin.twin.manufacture import draw
@@ -231,10 +231,13 @@ def test_chips_are_turned_and_scaled_as_calibrated(planar, twin):
     from scipy.spatial.transform import Rotation
 
     turn = 0.05 * np.arange(9.0).reshape(3, 3) - 0.2
-    known = SimpleNamespace(
-        chip_rotation=turn, field_factor=[0.9, 1.0, 1.1], field_offset=np.full((3, 3), 2e-4)
+    calibration = replace(
+        Calibration.nominal(planar),
+        chip_rotation=tuple(map(tuple, turn.tolist())),
+        field_factor=(0.9, 1.0, 1.1),
+        field_offset=((2e-4, 2e-4, 2e-4),) * 3,
     )
-    plain, seen = banded(planar), Signals(planar, calibration=known)
+    plain, seen = banded(planar), Signals(planar, correction=calibration.field_correction)
     boards = mlx90393.rotations(planar.halls)
     matrices = Rotation.from_rotvec(turn).as_matrix()
     reading = twin.read(TOUCH)

@@ -12,6 +12,9 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Final, Self
 
+import numpy as np
+
+from smoskin.arrays import Floats
 from smoskin.design.skin import Coefficients, SkinDesign
 from smoskin.documents import Form, format_toml
 from smoskin.errors import ModelError
@@ -147,19 +150,18 @@ class Calibration:
             field_offset=((0.0, 0.0, 0.0),) * chips,
         )
 
-    def check_fits(self, design: SkinDesign) -> None:
-        """Raise unless this calibration belongs to the design.
+    @property
+    def field_correction(self) -> tuple[Floats, Floats]:
+        """Turn and factor, (S, 3, 3), and offset, (S, 3), T, of each chip's field (S6)."""
+        # Here, so that whoever only imports the package does not wait for it.
+        from scipy.spatial.transform import Rotation
 
-        Raises
-        ------
-        ModelError
-            If the hashes or the numbers of chips differ.
-        """
-        if self.design_hash != design.content_hash:
-            raise ModelError(
-                f"calibration must belong to design {design.name!r} "
-                f"({design.content_hash[:12]}); it was made for {self.design_hash[:12]}"
-            )
+        turns = Rotation.from_rotvec(np.array(self.chip_rotation)).as_matrix()
+        return np.array(self.field_factor)[:, None, None] * turns, np.array(self.field_offset)
+
+    def check_fits(self, design: SkinDesign) -> None:
+        """Raise a `ModelError` unless this calibration belongs to the design and all its chips."""
+        design.check_own("calibration", self.design_hash)
         if len(self.field_factor) != len(design.halls):
             raise ModelError(
                 f"calibration must hold {len(design.halls)} chips, as the design has; "

@@ -1,9 +1,9 @@
-"""How surely the chips' noise lets a press be located: of one decision, and of a design.
+"""How surely the chips' noise lets a press be located: one decision, and a whole design.
 
 Every rule of `smoskin.sensing.closed_form.location` gives a cell all displacements within a cone,
-which faces through the origin part from its neighbours. Noise carries a displacement over a face
-with a probability that its distance from the face decides. Summed over the faces it is the doubt in
-one decision; solved for the force it says from which press on two cells are told apart.
+which faces through the origin part from its neighbours. The chances that noise carries a
+displacement over the faces add up to the doubt in one decision; solved for the force they say from
+which press on two cells are told apart.
 """
 
 import math
@@ -30,7 +30,7 @@ from smoskin.sensing.closed_form.location import (
     unit_press,
 )
 
-Axis = Literal["x", "y", "both"]
+Axis = Literal["x", "y"]
 
 _ALIKE: Final = 1e-6
 """rad: directions closer than this are one; their cosines differ by less than rounding."""
@@ -70,21 +70,46 @@ def readout_noise(design: SkinDesign, matrix: Floats) -> Floats:
     return np.asarray((matrix.T * motion_noise(design)) @ matrix)
 
 
-class Faces(NamedTuple):
-    """The cone of displacements of every cell, N M in all, as its F faces.
-
-    A cell with fewer faces has zeros in the place of the others.
-    """
+class Cones(NamedTuple):
+    """The cone of displacements of each of N x M cells as its faces, F of them at most."""
 
     normals: Floats
-    """(N M, F, 2G), 1/m: times a displacement, how many standard deviations it lies inside."""
+    """(N, M, F, 2G), 1/m: times a displacement, how many standard deviations it lies inside; zeros
+    for each face that is not there."""
     certainty: Floats
-    """(N M,): 1, and half for each face that is not there and so weighs a half."""
+    """(N, M): 1, and half for each face that is not there and so weighs a half."""
     share: Floats
-    """(N M,): chance of the cell among those of the very same direction."""
+    """(N, M): chance of the cell among those of the very same direction."""
+
+    def confidence(self, cell: tuple[int, int], displacements: Floats) -> float:
+        """Probability that without noise the same cell would have been decided on.
+
+        Parameters
+        ----------
+        cell : tuple of int
+            Cell decided on.
+        displacements : Floats, shape (2G,)
+            m.
+
+        Notes
+        -----
+        A displacement U across a face lies U sin(angle) from it: with noise sigma the true one is
+        on the other side with probability Phi(-U sin(angle) / sigma). The sum over the faces is at
+        least the doubt, and all of it where two faces meet at a wide angle.
+        Valid for a true direction of which nothing is known beforehand: presses on top vertices
+        alone, whose directions lie well inside their cones, are right more often than this says.
+        """
+        doubt = total_tail(self.normals[cell] @ displacements)
+        return max(float(self.certainty[cell]) - doubt, 0.0) * float(self.share[cell])
 
 
-def faces(rule: Rule, unit: Floats, noise: Floats) -> Faces:
+def total_tail(distances: Floats) -> float:
+    """Sum of the chances 1 - Phi(d) of a standard normal to exceed each of these distances."""
+    # Plain numbers: for so few NumPy takes longer to start than Python to finish.
+    return sum(map(math.erfc, (distances * 0.5**0.5).tolist())) / 2
+
+
+def cones(rule: Rule, unit: Floats, noise: Floats) -> Cones:
     """The cones that a rule gives the cells, measured in the displacements' noise.
 
     Parameters
@@ -95,50 +120,22 @@ def faces(rule: Rule, unit: Floats, noise: Floats) -> Faces:
     noise : Floats, shape (2G, 2G)
         m^2, of the displacements: the first part of `readout_noise`.
     """
-    partings = _partings(rule, unit, noise)
-    count = unit.shape[0] * unit.shape[1]
-    of_cell: list[list[Floats]] = [[] for _ in range(count)]
-    share = np.ones(count)
-    for part in partings:
+    cells = unit.shape[:2]
+    of_cell: list[list[Floats]] = [[] for _ in range(cells[0] * cells[1])]
+    share = np.ones(len(of_cell))
+    for part in _partings(rule, unit, noise):
         for wall in part.walls:
             for cell in part.members[wall.own].tolist():
                 of_cell[cell].append(wall.normal)
         share[part.members] /= part.alike.sum(axis=1)[:, None]
-    most = max(1, *(len(walls) for walls in of_cell))
-    normals = np.zeros((count, most, len(noise)))
+    counts = np.array([len(walls) for walls in of_cell])
+    normals = np.zeros((len(of_cell), max(1, counts.max()), len(noise)))
     for cell, walls in enumerate(of_cell):
-        normals[cell, : len(walls)] = walls if walls else 0.0
-    missing = most - np.array([len(walls) for walls in of_cell])
-    return Faces(normals, 1 + missing / 2, share)
-
-
-def confidence(inside: Floats, certainty: Floats, share: Floats) -> Floats:
-    """Probability that without noise the same cell would have been decided on.
-
-    Parameters
-    ----------
-    inside : Floats, shape (T, F)
-        The displacements times the `Faces.normals` of the cells decided on.
-    certainty, share : Floats, shape (T,)
-        `Faces.certainty` and `Faces.share` of those cells.
-
-    Returns
-    -------
-    Floats, shape (T,)
-
-    Notes
-    -----
-    A displacement U across a face lies U sin(angle) from it: with noise sigma the true one is
-    on the other side with probability Phi(-U sin(angle) / sigma). The sum over the faces is at
-    least the doubt, and all of it where two faces meet at a wide angle.
-    Valid for a true direction of which nothing is known beforehand: presses on top vertices
-    alone, whose directions lie well inside their cones, are right more often than this says.
-    """
-    # Here, so that whoever only imports the package does not wait for it.
-    from scipy.special import ndtr
-
-    doubt = ndtr(-inside).sum(axis=-1)
-    return np.asarray(np.maximum(certainty - doubt, 0.0) * share)
+        normals[cell, : len(walls)] = np.reshape(walls, (-1, len(noise)))
+    certainty = 1 + (normals.shape[1] - counts) / 2
+    return Cones(
+        normals.reshape(*cells, *normals.shape[1:]), certainty.reshape(cells), share.reshape(cells)
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,9 +143,9 @@ class Ambiguity:
     """Two cells that a press of the stated force does not tell apart."""
 
     axis: Axis
-    """Two columns, told apart by x; two rows, by y; or two cells, by both together."""
+    """Axis whose displacements tell two columns apart, x, or two rows, y."""
     pair: tuple[tuple[int, int], tuple[int, int]]
-    """(n, m) of both; of columns and rows, where they are hardest to tell apart."""
+    """Cells (n, m) of the two columns or rows where they are hardest to tell apart."""
     same_signs: bool
     """Whether all magnets move the same ways along the axis."""
     ratios: tuple[float, float]
@@ -164,15 +161,14 @@ class Ambiguity:
         return abs(self.ratios[1] - self.ratios[0])
 
     def __str__(self) -> str:
-        (n, m), (other_n, other_m) = self.pair
-        what = {"x": f"columns {n + 1} and {other_n + 1}", "y": f"rows {m + 1} and {other_m + 1}"}
-        named = what.get(self.axis, f"cells ({n + 1},{m + 1}) and ({other_n + 1},{other_m + 1})")
+        index, kind = (0, "columns") if self.axis == "x" else (1, "rows")
+        first, second = (cell[index] + 1 for cell in self.pair)
         signs = "the same signs" if self.same_signs else "different signs"
-        ratios = f" and ratios {self.ratios[0]:.4g} and {self.ratios[1]:.4g}"
-        if math.isnan(self.ratio_gap):
-            ratios = ""
+        ratios = ""
+        if not math.isnan(self.ratio_gap):
+            ratios = f" and ratios {self.ratios[0]:.4g} and {self.ratios[1]:.4g}"
         when = "never" if math.isinf(self.force) else f"from {self.force:.3g} N"
-        return f"{named}: {signs}{ratios}, told apart {when}"
+        return f"{kind} {first} and {second}: {signs}{ratios}, told apart {when}"
 
 
 def ambiguities(
@@ -224,28 +220,8 @@ def ambiguities(
     return tuple(sorted(confused, key=lambda pair: (-pair.force, pair.axis, pair.pair)))
 
 
-def _pairs(design: SkinDesign, calibration: Calibration, least: float) -> list[Ambiguity]:
-    """Every pair by the rule of an ideal sheet, told apart at so many standard deviations."""
-    unit = unit_press(design, calibration.coefficients)
-    noise = readout_noise(design, readout(design, calibration)[:, :-2])
-    stiffness = stiffness_map(design, calibration.coefficients).ravel()
-    flat = unit.reshape(len(stiffness), -1)
-    needed: dict[tuple[Axis, int, int], tuple[float, int, int]] = {}
-    for part in _partings(ideal_rule(unit), unit, noise):
-        pairs = [(int(a), int(b), np.inf, 0) for a, b in np.argwhere(np.triu(part.alike, 1))]
-        for wall in part.walls:
-            inside = flat[part.members[wall.own]] @ wall.normal
-            forces = least * stiffness[part.members[wall.own]] / inside
-            pairs.append((wall.own, wall.other, float(forces.max()), int(forces.argmax())))
-        for a, b, most, k in pairs:
-            key = part.axis, min(a, b), max(a, b)
-            hardest = most, int(part.members[key[1], k]), int(part.members[key[2], k])
-            needed[key] = max(needed.get(key, hardest), hardest)
-    return [_ambiguity(unit, axis, hardest) for (axis, _, _), hardest in needed.items()]
-
-
 class _Wall(NamedTuple):
-    """What parts one class of cells from another."""
+    """A plane between two classes of cells."""
 
     own: int
     other: int
@@ -262,7 +238,27 @@ class _Parting(NamedTuple):
     alike: Bools
     """(C, C): whether two classes have one direction."""
     walls: list[_Wall]
-    """Between classes of different directions; of those alike, the first stands for all."""
+    """Walls between classes of different directions; among those alike the first stands for all."""
+
+
+def _pairs(design: SkinDesign, calibration: Calibration, least: float) -> list[Ambiguity]:
+    """Every pair by the rule of an ideal sheet, told apart at so many standard deviations."""
+    unit = unit_press(design, calibration.coefficients)
+    noise = readout_noise(design, readout(design, calibration)[:, :-2])
+    stiffness = stiffness_map(design, calibration.coefficients).ravel()
+    flat = unit.reshape(len(stiffness), -1)
+    hardest: dict[tuple[Axis, int, int], tuple[float, int, int]] = {}
+    for part in _partings(ideal_rule(unit), unit, noise):
+        pairs = [(int(a), int(b), np.inf, 0) for a, b in np.argwhere(np.triu(part.alike, 1))]
+        for wall in part.walls:
+            own = part.members[wall.own]
+            forces = least * stiffness[own] / (flat[own] @ wall.normal)
+            pairs.append((wall.own, wall.other, float(forces.max()), int(forces.argmax())))
+        for a, b, force, k in pairs:
+            key = part.axis, min(a, b), max(a, b)
+            needed = force, int(part.members[key[1], k]), int(part.members[key[2], k])
+            hardest[key] = max(hardest.get(key, needed), needed)
+    return [_ambiguity(unit, axis, *needed) for (axis, _, _), needed in hardest.items()]
 
 
 def _partings(rule: Rule, unit: Floats, noise: Floats) -> list[_Parting]:
@@ -272,24 +268,22 @@ def _partings(rule: Rule, unit: Floats, noise: Floats) -> list[_Parting]:
     classes: list[tuple[Axis, Ints, Floats]] = [("x", cells, columns), ("y", cells.T, rows)]
     partings = []
     for axis, members, units in classes:
-        apart = np.linalg.norm(units[:, None] - units, axis=-1)
-        alike = apart < _ALIKE
+        alike = np.linalg.norm(units[:, None] - units, axis=-1) < _ALIKE
         if isinstance(rule, Divisions):
-            bare = _line_walls(rule, axis)
+            walls = _line_walls(rule, axis)
         else:
             first = np.flatnonzero(~np.tril(alike, -1).any(axis=1)).tolist()
-            bare = [
+            walls = [
                 _Wall(own, other, units[own] - units[other])
                 for own in range(len(units))
                 for other in first
                 if not alike[own, other]
             ]
-        normals = np.reshape([wall.normal for wall in bare], (-1, len(noise)))
-        normals /= np.sqrt(np.einsum("wk,kl,wl->w", normals, noise, normals))[:, None]
-        walls = [
-            _Wall(wall.own, wall.other, normal) for wall, normal in zip(bare, normals, strict=True)
+        scaled = [
+            wall._replace(normal=wall.normal / np.sqrt(wall.normal @ noise @ wall.normal))
+            for wall in walls
         ]
-        partings.append(_Parting(axis, members, alike, walls))
+        partings.append(_Parting(axis, members, alike, scaled))
     return partings
 
 
@@ -309,21 +303,19 @@ def _line_walls(rule: Divisions, axis: Axis) -> list[_Wall]:
     return walls
 
 
-def _ambiguity(unit: Floats, axis: Axis, needed: tuple[float, int, int]) -> Ambiguity:
+def _ambiguity(unit: Floats, axis: Axis, force: float, first: int, second: int) -> Ambiguity:
     """A pair of cells and the force that it needs, described."""
-    force, *pair = needed
-    (n, m), (other_n, other_m) = (divmod(cell, unit.shape[1]) for cell in pair)
-    seen = {"x": slice(0, 1), "y": slice(1, 2), "both": slice(0, 2)}[axis]
-    one, other = unit[n, m, :, seen], unit[other_n, other_m, :, seen]
+    pair = [divmod(cell, unit.shape[1]) for cell in (first, second)]
+    moved, other = (unit[cell][:, "xy".index(axis)] for cell in pair)
     ratios = math.nan, math.nan
-    if one.shape == (2, 1):
+    if len(moved) == 2:
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratios = float(one[0, 0] / one[1, 0]), float(other[0, 0] / other[1, 0])
-    chord = one / np.linalg.norm(one) - other / np.linalg.norm(other)
+            ratios = float(moved[0] / moved[1]), float(other[0] / other[1])
+    chord = moved / np.linalg.norm(moved) - other / np.linalg.norm(other)
     return Ambiguity(
         axis=axis,
-        pair=((n, m), (other_n, other_m)),
-        same_signs=bool((np.sign(one) == np.sign(other)).all()),
+        pair=(pair[0], pair[1]),
+        same_signs=bool((np.sign(moved) == np.sign(other)).all()),
         ratios=ratios,
         angle=2 * math.asin(min(float(np.linalg.norm(chord)) / 2, 1.0)),
         force=force,

@@ -1,11 +1,9 @@
 """The SI's own estimator: from three chips to the loaded cell and the force, without training.
 
-Decides how a reading becomes an estimate: conditioned, turned into motions of the chips against
-their magnets (S5, S6), read as a touch (`smoskin.sensing.closed_form.sheets`), and judged. The
-answer is a cell: its place is known to no better than the cell's size, which the covariance says.
+Decides how signals become an estimate: turned into motions of the chips against their magnets
+(S5, S6), read as a touch (`smoskin.sensing.closed_form.sheets`), and judged. The answer is a cell:
+its place is known to no better than the cell's size, which the covariance says.
 """
-
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,18 +11,18 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.inversion import FieldInverse
+from smoskin.mechanics.viscoelasticity import ELASTIC
 from smoskin.origami.geometry import geometry
-from smoskin.records import Contact, Estimate, Reading, Status
-from smoskin.roles import Estimator
+from smoskin.records import Contact, Estimate, Status
 from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.closed_form.measured import MeasuredSheet, cell_answers
 from smoskin.sensing.closed_form.sheets import IdealSheet, Sheet
 from smoskin.sensing.response.table import ResponseTable
-from smoskin.sensing.signals.signals import Signals
+from smoskin.sensing.signals.estimator import SignalEstimator
 from smoskin.sensing.signals.zero import IdleBand, ZeroTracking
 
 
-class ClosedFormEstimator(Estimator):
+class ClosedFormEstimator(SignalEstimator):
     """Locates a touch to its cell and gives its force, from theory or from a skin's response table.
 
     Parameters
@@ -35,8 +33,7 @@ class ClosedFormEstimator(Estimator):
         which not.
     known : Calibration or ResponseTable, optional
         What is known of this skin. A calibration reads it as an ideal sheet, by default the one
-        designed; a response table cell by cell, as this very sheet answers
-        (`smoskin.sensing.closed_form.measured`).
+        designed; a response table cell by cell, as this very sheet answers.
     tracking : ZeroTracking, optional
         How the zero follows drift while the skin is idle.
     idle_field : float
@@ -78,88 +75,51 @@ class ClosedFormEstimator(Estimator):
     ) -> None:
         calibration = known if isinstance(known, Calibration) else Calibration.nominal(design)
         calibration.check_fits(design)
-        self.design = design
-        watched = [design.magnet(site.magnet) for site in design.halls]
-        upper = [s for s, magnet in enumerate(watched) if magnet.mount == "sheet"]
-        lower = [s for s, magnet in enumerate(watched) if magnet.mount == "base"]
-        if not upper or len(lower) != 1:
+        mounts = [design.magnet(site.magnet).mount for site in design.halls]
+        if "sheet" not in mounts or mounts.count("base") != 1:
             raise ArgumentError(
                 "design must have chips under magnets of the sheet and one over a magnet of the "
-                f"base; got {len(upper)} and {len(lower)}"
+                f"base; got {mounts.count('sheet')} and {mounts.count('base')}"
             )
         if not 0.0 <= least_confidence <= 1.0:
             raise ArgumentError(f"least_confidence must lie in [0, 1]; got {least_confidence}")
-        self._inverse = FieldInverse(design)
-        self._signals = Signals(
-            design, calibration=calibration, tracking=tracking, idle=IdleBand(idle_field)
+        super().__init__(
+            design,
+            range(len(mounts)),
+            creep=ELASTIC,
+            tracking=tracking or ZeroTracking(),
+            idle=IdleBand(idle_field),
+            correction=calibration.field_correction,
         )
+        self._inverse = FieldInverse(design)
         self._sheet: Sheet = (
             MeasuredSheet(design, cell_answers(design, known))
             if isinstance(known, ResponseTable)
             else IdealSheet(design, calibration)
         )
         self._least_confidence = least_confidence
-        self._places = geometry(design).tops
-        extent = geometry(design).cell
+        self._tops, extent = geometry(design).tops, geometry(design).cell
         self._covariance = np.zeros((*design.cells, 5, 5))
         self._covariance[..., 0, 0] = extent.length**2 / 12
         self._covariance[..., 1, 1] = extent.width**2 / 12
         self._covariance[..., 2:, 2:] = self._sheet.noise
         # Place and press of a touch in one of several cells are unknown.
-        self._drag_alone = np.full((5, 5), np.nan)
-        self._drag_alone[2:4, 2:4] = self._covariance[0, 0, 2:4, 2:4]
+        self._drag_alone = np.full((1, 5, 5), np.nan)
+        self._drag_alone[0, 2:4, 2:4] = self._covariance[0, 0, 2:4, 2:4]
 
-    @property
-    def drift(self) -> Floats:
-        """How far the zero has followed since it was set, shape (S, 3), T."""
-        return self._signals.drift
-
-    def zero(self, readings: Sequence[Reading]) -> None:
-        """Take these readings of the untouched skin as its zero.
-
-        Raises
-        ------
-        ArgumentError
-            If there are none with all chips good.
-        """
-        self._signals.zero(readings)
-
-    def reset(self) -> None:
-        """Return to the design's zero and forget earlier readings."""
-        self._signals.reset()
-
-    def step(self, reading: Reading) -> Estimate:
-        """The touch that one reading shows.
-
-        Raises
-        ------
-        ArgumentError
-            If the reading has another number of chips than the design.
-        """
-        signal = self._signals.step(reading)
-        if signal.status is not None:
-            return Estimate(time=reading.time, status=signal.status)
-        field = self._signals.rest_field + signal.values
+    def _read(self, time: float, signals: Floats, temperature: float) -> Estimate:
+        field = self._signals.rest_field + signals.reshape(-1, 3)
         moved, within = self._inverse.displacements(field[None])
         if not within[0]:
-            return Estimate(time=reading.time, status=Status.OUT_OF_RANGE)
-        cell, force, confidence = self._sheet.solve(moved.reshape(1, -1))
-        n, m = cell[0].tolist()
-        if n < 0 or m < 0 or not force[0, 2] < 0:
-            return Estimate(time=reading.time, status=Status.AMBIGUOUS)
-        contact = Contact(position=self._places[n, m], force=force[0])
-        if confidence[0] < self._least_confidence:
-            return Estimate(
-                time=reading.time,
-                status=Status.AMBIGUOUS,
-                contacts=(contact,),
-                covariance=self._drag_alone[None],
-            )
-        covariance = self._covariance[n, m].copy()
-        covariance[2:, 2:] += self._sheet.place[n, m] * contact.force[2] ** 2
-        return Estimate(
-            time=reading.time,
-            status=Status.CONTACT,
-            contacts=(contact,),
-            covariance=covariance[None],
-        )
+            return Estimate(time=time, status=Status.OUT_OF_RANGE)
+        solution = self._sheet.solve(moved.ravel())
+        if solution is None:
+            return Estimate(time=time, status=Status.AMBIGUOUS)
+        cell, force, confidence = solution
+        contact = Contact(position=self._tops[cell], force=force)
+        if confidence < self._least_confidence:
+            status, covariance = Status.AMBIGUOUS, self._drag_alone
+        else:
+            status, covariance = Status.CONTACT, self._covariance[cell][None].copy()
+            covariance[0, 2:, 2:] += self._sheet.place[cell] * force[2] ** 2
+        return Estimate(time=time, status=status, contacts=(contact,), covariance=covariance)

@@ -1,13 +1,11 @@
 """Which cell is pressed: rules from the magnets' displacements to a column and a row of cells.
 
 Decides by the SI's own rule where two magnets ride on an ideal sheet: their signs name a zone
-(Table S1), the ratio of their displacements a column and a row in it (S12, Figure S5). For any
-other number of magnets it takes the column and the row whose displacements point most nearly the
-same way. Every rule ignores a common factor, so that the force need not be known. All of it is
-theory's; a skin whose answers were measured is told by `smoskin.sensing.closed_form.measured`.
+(Table S1), the ratio of their displacements a column and a row in it (S12, Figure S5). Any other
+number of magnets names the column and the row whose displacements point most nearly the same way.
+Every rule ignores a common factor, so that the force need not be known.
 """
 
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -60,16 +58,11 @@ def unit_press(design: SkinDesign, coefficients: Coefficients | None = None) -> 
 def readout(design: SkinDesign, calibration: Calibration) -> Floats:
     """What turns the chips' motions against their magnets into a press's motions and the drag.
 
-    Parameters
-    ----------
-    design : SkinDesign
-        With G chips under magnets of the sheet and one over a magnet of the base.
-    calibration : Calibration
-
     Returns
     -------
     Floats, shape (3S, 2G + 2)
-        Multiplies the motions (T, 3S), m, from the right. The first 2G columns give the x and y
+        Multiplies the motions (..., 3S), m, of a skin with G chips under magnets of the sheet and
+        one over a magnet of the base, from the right. The first 2G columns give the x and y
         of each magnet on the sheet as the press alone moves it, m; the last two the drag, N.
 
     Notes
@@ -90,22 +83,6 @@ def readout(design: SkinDesign, calibration: Calibration) -> Floats:
     return matrix.reshape(3 * len(mounts), -1)
 
 
-def signal_matrix(displacements: Floats) -> Ints:
-    """Signs by which the zones are told apart: +1 where the load lies at larger x or y.
-
-    Parameters
-    ----------
-    displacements : Floats, shape (..., G, 2)
-        Of the magnets on the sheet, in x and y, m, caused by the press alone.
-
-    Notes
-    -----
-    Source: SI Table S1, erratum E7 (row Z.5 is - + + -). A press spreads its cell, so that
-    magnets move away from the load: the sign is the opposite of the displacement's.
-    """
-    return np.where(np.asarray(displacements) > 0, -1, 1)
-
-
 class Divisions(NamedTuple):
     """How two magnets' displacements along x and y name a column and a row of cells.
 
@@ -115,7 +92,7 @@ class Divisions(NamedTuple):
     """
 
     lines: Floats
-    """(K,), rad, ascending: of x in [-pi, pi], of y two turns further."""
+    """(K,), rad, ascending: for x in [-pi, pi], for y two turns further."""
     cells: Ints
     """(K + 1,): the column (or row) between the lines, the first of those of one direction; -1
     where there is none."""
@@ -142,9 +119,7 @@ def ideal_rule(unit: Floats) -> Rule:
         `unit_press`: along x it depends on the column alone, along y on the row. One magnet tells
         by its signs alone.
     """
-    if unit.shape[2] == 2:
-        return divisions(unit)
-    return directions(unit)
+    return divisions(unit) if unit.shape[2] == 2 else directions(unit)
 
 
 def directions(unit: Floats) -> Directions:
@@ -171,8 +146,10 @@ def divisions(unit: Floats) -> Divisions:
     Source: SI Eq. (S12) and Figure S5: the mean of two neighbours' ratios divides them. Where
     the second magnet stands still and a ratio is infinite, the line is halfway in direction.
     """
+    if unit.ndim != 4 or unit.shape[2:] != (2, 2):
+        raise ArgumentError(f"unit must have shape (N, M, 2, 2); got {unit.shape}")
     lines, cells = [], [-1]
-    for turn, along in zip(_AXIS_TURNS, _along_axes(unit), strict=True):
+    for turn, along in zip(_AXIS_TURNS, (unit[:, 0, :, 0], unit[0, :, :, 1]), strict=True):
         direction = np.arctan2(along[:, 0], along[:, 1]).round(_DIGITS)
         direction[direction >= np.pi - _TINY] -= 2 * np.pi
         begin = len(cells)
@@ -196,7 +173,7 @@ def decide(rule: Rule, displacements: Floats) -> Ints:
     ----------
     rule : Divisions or Directions
     displacements : Floats, shape (..., G, 2)
-        Of the magnets, in x and y; a common factor does not matter.
+        Displacements of the magnets in x and y; a common factor does not matter.
 
     Notes
     -----
@@ -210,82 +187,6 @@ def decide(rule: Rule, displacements: Floats) -> Ints:
     return np.stack([(flat @ units.T).argmax(axis=-1) for units in rule], axis=-1)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Zone:
-    """Cells whose displacements have the same signs, and how ratios tell them apart."""
-
-    number: int
-    """From 1, along x first: Z.1 to Z.9 of Table S1 on the reference design."""
-    columns: tuple[int, ...]
-    """n of its cells."""
-    rows: tuple[int, ...]
-    """m of its cells; each column meets each row."""
-    signs: tuple[int, int, int, int]
-    """`signal_matrix`: first magnet in x and y, second magnet in x and y."""
-    ratios_x: tuple[float, ...]
-    """First over second magnet's displacement in x, of each column."""
-    ratios_y: tuple[float, ...]
-    """Likewise in y, of each row."""
-    lines_x: tuple[float, ...]
-    """Ratios in x that divide the columns, ascending."""
-    lines_y: tuple[float, ...]
-    """Ratios in y that divide the rows, ascending."""
-
-
-def zones(unit: Floats) -> tuple[Zone, ...]:
-    """The zones of a skin with two magnets: Table S1 and Figure S5 as data.
-
-    Parameters
-    ----------
-    unit : Floats, shape (N, M, 2, 2)
-        `unit_press`.
-
-    Raises
-    ------
-    ArgumentError
-        If there are not two magnets.
-
-    Notes
-    -----
-    Source: SI Table S1 and Figure S5.
-
-    Examples
-    --------
-    >>> from smoskin.design.document import read_design
-    >>> first = zones(unit_press(read_design("planar")))[0]
-    >>> first.columns, first.signs, [round(line, 4) for line in first.lines_x]
-    ((0, 1), (-1, -1, -1, -1), [1.3248])
-    """
-    across, along = (_groups(one) for one in _along_axes(unit))
-    parts: list[Zone] = []
-    for rows in along:
-        for columns in across:
-            n, m = columns[0], rows[0]
-            a, b, c, d = signal_matrix(unit[n, m]).ravel().tolist()
-            ratios_x, lines_x = _ratios(unit[list(columns), 0, :, 0])
-            ratios_y, lines_y = _ratios(unit[0, list(rows), :, 1])
-            parts.append(
-                Zone(
-                    number=len(parts) + 1,
-                    columns=columns,
-                    rows=rows,
-                    signs=(a, b, c, d),
-                    ratios_x=ratios_x,
-                    ratios_y=ratios_y,
-                    lines_x=lines_x,
-                    lines_y=lines_y,
-                )
-            )
-    return tuple(parts)
-
-
-def _along_axes(unit: Floats) -> tuple[Floats, Floats]:
-    """Displacements of two magnets along x by column (N, 2), along y by row (M, 2)."""
-    if unit.ndim != 4 or unit.shape[2:] != (2, 2):
-        raise ArgumentError(f"unit must have shape (N, M, 2, 2); got {unit.shape}")
-    return unit[:, 0, :, 0], unit[0, :, :, 1]
-
-
 def _between(along: Floats, direction: Floats) -> Floats:
     """Directions of the lines between neighbours of one quarter, (C, 2) in, (C - 1,) out."""
     still = np.abs(along[:, 1]) < _TINY * np.abs(along[:, 0])
@@ -294,21 +195,6 @@ def _between(along: Floats, direction: Floats) -> Floats:
     lines = np.arctan2(side[1:] * (ratio[1:] + ratio[:-1]) / 2, side[1:])
     halfway = (direction[1:] + direction[:-1]) / 2
     return np.where(still[1:] | still[:-1], halfway, lines)
-
-
-def _groups(along: Floats) -> list[tuple[int, ...]]:
-    """Columns (or rows) of equal signs, in the order of their first."""
-    groups: dict[tuple[int, ...], list[int]] = {}
-    for k, signs in enumerate(signal_matrix(along).tolist()):
-        groups.setdefault(tuple(signs), []).append(k)
-    return [tuple(group) for group in groups.values()]
-
-
-def _ratios(along: Floats) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Ratios of one zone's columns (or rows), and the lines between them."""
-    ratio = along[:, 0] / along[:, 1]
-    rising = np.unique(ratio.round(_DIGITS))
-    return tuple(ratio.tolist()), tuple(((rising[1:] + rising[:-1]) / 2).tolist())
 
 
 def _units(displacements: Floats) -> Floats:

@@ -1,28 +1,22 @@
 """The sheet of one skin, read cell by cell from its response table.
 
-Decides which touch explains motions of the chips best where the field of a real sheet is not the
-separable one of S10 and S11, so that no rule of signs and ratios holds. A press and a drag on a
-cell move the chips in proportion: their motions lie in the cell's own three-dimensional subspace
-of all motions. The likeliest cell is the one whose subspace, measured in the chips' noise, comes
-nearest; press and drag are then its coordinates. Hides how a table becomes answers of cells.
-
-A table that 15 touches of a rig have calibrated names the right one of 36 cells on made skins, with
-normal forces of 0.5 N good to 2 mN. Answers fitted to a press and two drags on every cell alone,
-without the modes in which skins differ, named as many cells, with 10 mN, 23 mN under a drag of
-0.3 N; with the modes the same touches come to 2.4 mN and 2.5 mN (`benchmarks/bench_table.py`).
+Decides which touch explains motions of the chips best where no rule of signs and ratios holds. A
+press and a drag on a cell move the chips in proportion, within the cell's own three-dimensional
+subspace of all motions; the likeliest cell is the one whose subspace, measured in the chips'
+noise, comes nearest. Hides how a table becomes answers of cells.
 """
 
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from smoskin.arrays import Floats, Ints
+from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ModelError
 from smoskin.magnetics.inversion import FieldInverse
 from smoskin.mechanics.reduced.stiffness import shear_gain
 from smoskin.origami.geometry import geometry
-from smoskin.sensing.closed_form.confidence import motion_noise
+from smoskin.sensing.closed_form.confidence import motion_noise, total_tail
 from smoskin.sensing.closed_form.sheets import Sheet, Solution, place_scatter
 from smoskin.sensing.response.table import ResponseTable
 
@@ -109,14 +103,10 @@ class MeasuredSheet(Sheet):
     """
 
     def __init__(self, design: SkinDesign, answers: CellAnswers) -> None:
-        count = design.cells[0] * design.cells[1]
-        # A last row for the index -1 of no cell.
-        cells = np.indices(design.cells).reshape(2, -1).T
-        self._cells = np.concatenate([cells, [[-1, -1]]])
-        self._folding = np.concatenate([answers.folding.reshape(count, 2), [[1.0, 1.0]]])
-        self._subspaces = Subspaces(
-            answers.motions.reshape(count, -1, 3), np.diag(motion_noise(design))
-        )
+        self._rows = design.cells[1]
+        self._folding = answers.folding
+        motions = answers.motions.reshape(-1, *answers.motions.shape[2:])
+        self._subspaces = Subspaces(motions, np.diag(motion_noise(design)))
         # Loads come as press, drag in x, drag in y; forces as x, y, z with a press below zero.
         to_force = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
         noise = to_force @ self._subspaces.spread @ to_force.T
@@ -124,25 +114,15 @@ class MeasuredSheet(Sheet):
         loads = (to_force @ self._subspaces.loads).reshape(*design.cells, 3, -1)
         self.place = place_scatter(design, answers.motions[..., 0], loads)
 
-    def solve(self, motions: Floats) -> Solution:
-        """Cells and forces of motions (T, 3S), m, of the chips against their magnets."""
+    def solve(self, motions: Floats) -> Solution | None:
+        """Touch by motions (3S,), m, of the chips against their magnets; None where none fits."""
         match = self._subspaces.match(motions)
-        shear = match.load[:, 1:]
-        force = np.empty((len(motions), 3))
-        force[:, :2] = shear
-        force[:, 2] = -shear_gain(shear, self._folding[match.cell]) * match.load[:, 0]
-        return Solution(self._cells[match.cell], force, match.confidence)
-
-
-class Match(NamedTuple):
-    """The likeliest cell of each of T motions."""
-
-    cell: Ints
-    """(T,): its number; -1 where no cell presses so."""
-    load: Floats
-    """(T, 3), N: press, drag in x and drag in y."""
-    confidence: Floats
-    """(T,): chance that noise did not decide the cell; 0 where there is none."""
+        if match is None:
+            return None
+        number, load, confidence = match
+        cell = divmod(number, self._rows)
+        press = shear_gain(load[1:], self._folding[cell]) * load[0]
+        return Solution(cell, np.append(load[1:], -press), confidence)
 
 
 class Subspaces:
@@ -168,10 +148,6 @@ class Subspaces:
     """(C, 3, K), N/m: times a motion, the load on the cell that explains it best."""
 
     def __init__(self, answers: Floats, noise: Floats) -> None:
-        # Here, so that whoever only imports the package does not wait for it.
-        from scipy.special import ndtr
-
-        self._ndtr = ndtr
         whiten = np.linalg.inv(np.linalg.cholesky(noise))
         self._bases, coordinates = np.linalg.qr(whiten @ answers)
         inverse = np.linalg.inv(coordinates)
@@ -179,17 +155,13 @@ class Subspaces:
         self.loads = inverse @ np.swapaxes(self._bases, 1, 2) @ whiten
         # One product of a motion gives the first, second and third coordinate in every cell's
         # subspace, and every cell's press; one of a motion in the noise the coordinates alone.
-        self._count = len(answers)
         self._across = np.moveaxis(self._bases, 1, 0).transpose(0, 2, 1).reshape(len(noise), -1)
         self._product = np.concatenate([whiten.T @ self._across, self.loads[:, 0].T], axis=1)
 
-    def match(self, motions: Floats) -> Match:
-        """The likeliest cell of each motion.
+    def match(self, motion: Floats) -> tuple[int, Floats, float] | None:
+        """The likeliest cell of a motion (K,), m, its load and how sure it is; None without press.
 
-        Parameters
-        ----------
-        motions : Floats, shape (T, K)
-            m.
+        The load (3,), N, is the press and the drags in x and y.
 
         Notes
         -----
@@ -197,19 +169,17 @@ class Subspaces:
         distance from the boundary, along the normal there, in standard deviations. The doubts of
         all cells add up to at least the doubt.
         """
-        products = motions @ self._product
-        inside = products[:, : 3 * self._count].reshape(-1, 3, self._count)
-        explained = (inside * inside).sum(axis=1)
-        explained *= products[:, 3 * self._count :] > 0
-        cell = explained.argmax(axis=1)
-        most = explained.max(axis=1)
-        own = inside[np.arange(len(cell)), :, cell]
-        fitted = (self._bases.take(cell, axis=0) @ own[:, :, None])[..., 0]
-        shared = ((fitted @ self._across).reshape(inside.shape) * inside).sum(axis=1)
-        apart = np.maximum(explained - 2 * shared + most[:, None], _ALIKE)
-        trail = (explained - most[:, None]) / (2 * np.sqrt(apart))
+        products = (motion @ self._product).reshape(4, -1)
+        inside = products[:3]
+        explained = (inside * inside).sum(axis=0) * (products[3] > 0)
+        cell = int(explained.argmax())
+        most = explained[cell]
+        if not most > 0:
+            return None
+        fitted = self._bases[cell] @ inside[:, cell]
+        shared = ((fitted @ self._across).reshape(inside.shape) * inside).sum(axis=0)
+        apart = np.maximum(explained - 2 * shared + most, _ALIKE)
+        trail = (explained - most) / (2 * np.sqrt(apart))
         # The cell's own distance is zero and counts one half.
-        confidence = np.maximum(1.5 - self._ndtr(trail).sum(axis=1), 0.0)
-        pressed = most > 0
-        load = (self.loads.take(cell, axis=0) @ motions[..., None])[..., 0]
-        return Match(np.where(pressed, cell, -1), load, confidence * pressed)
+        confidence = max(1.5 - total_tail(-trail), 0.0)
+        return cell, self.loads[cell] @ motion, confidence

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from smoskin.arrays import Floats, Ints
+from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.mechanics.reduced.stiffness import (
     folding_correction_map,
@@ -20,19 +20,19 @@ from smoskin.mechanics.reduced.stiffness import (
 from smoskin.mechanics.sheet.touches import vertex_shares
 from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.calibration import Calibration
-from smoskin.sensing.closed_form.confidence import confidence, faces, readout_noise
+from smoskin.sensing.closed_form.confidence import cones, readout_noise
 from smoskin.sensing.closed_form.location import decide, ideal_rule, readout, unit_press
 
 
 class Solution(NamedTuple):
-    """The touches that a batch of T motions shows."""
+    """The touch that motions show."""
 
-    cell: Ints
-    """(T, 2): loaded cell (n, m); -1 where none fits."""
+    cell: tuple[int, int]
+    """Loaded cell (n, m)."""
     force: Floats
-    """(T, 3), N; z is not below zero where no press fits."""
-    confidence: Floats
-    """(T,): chance that the chips' noise did not decide the cell; 0 where none fits."""
+    """(3,), N; z is below zero."""
+    confidence: float
+    """Chance that the chips' noise did not decide the cell."""
 
 
 class Sheet(ABC):
@@ -44,8 +44,8 @@ class Sheet(ABC):
     """(N, M, 3, 3): mean square error of the force of a newton's press anywhere in the cell."""
 
     @abstractmethod
-    def solve(self, motions: Floats) -> Solution:
-        """Cells and forces of motions (T, 3S), m, of the chips against their magnets."""
+    def solve(self, motions: Floats) -> Solution | None:
+        """Touch by motions (3S,), m, of the chips against their magnets; None where none fits."""
 
 
 class IdealSheet(Sheet):
@@ -64,59 +64,38 @@ class IdealSheet(Sheet):
 
     def __init__(self, design: SkinDesign, calibration: Calibration) -> None:
         coefficients = calibration.coefficients
-        self._magnets = len(design.halls) - 1
-        wide = 2 * self._magnets
+        self._wide = 2 * (len(design.halls) - 1)
         self._readout = readout(design, calibration)
+        noise = readout_noise(design, self._readout)
         unit = unit_press(design, coefficients)
         self._rule = ideal_rule(unit)
-        noise = readout_noise(design, self._readout)
+        self._cones = cones(self._rule, unit, noise[:-2, :-2])
+        self._stiffness = stiffness_map(design, coefficients)
+        self._folding = folding_correction_map(design.cells, coefficients)
         flat = unit.reshape(*design.cells, -1)
-        stiffness = stiffness_map(design, coefficients)
-        # One row a cell: v_s K_z, v_f in x and y, certainty and share, then what a displacement
-        # is multiplied by: to press depth, and to its distance from each face of the cell's cone.
-        # Around them rows of nobody's, so that the index -1 of no cell has a row as well.
-        per_press = flat / (flat**2).sum(axis=-1, keepdims=True)
-        folding = folding_correction_map(design.cells, coefficients)
-        cones = faces(self._rule, unit, noise[:-2, :-2])
-        rows = np.concatenate(
-            [
-                stiffness.reshape(-1, 1),
-                folding.reshape(-1, 2),
-                cones.certainty[:, None],
-                cones.share[:, None],
-                per_press.reshape(-1, wide),
-                cones.normals.reshape(stiffness.size, -1),
-            ],
-            axis=1,
-        )
-        padded = np.zeros((design.cells[0] + 1, design.cells[1] + 1, rows.shape[1]))
-        padded[..., 1:3] = 1.0
-        padded[:-1, :-1] = rows.reshape(*design.cells, -1)
-        self._cell_table = padded.reshape(-1, rows.shape[1])
-        self._cell_strides = np.array([design.cells[1] + 1, 1])
+        self._per_press = flat / (flat**2).sum(axis=-1, keepdims=True)
         self.noise = np.zeros((*design.cells, 3, 3))
-        self.noise[..., :2, :2] = noise[wide:, wide:]
-        of_press = np.einsum("nmk,kl,nml->nm", per_press, noise[:wide, :wide], per_press)
-        self.noise[..., 2, 2] = stiffness**2 * of_press
-        loads = np.zeros((*design.cells, 3, wide))
-        loads[..., 2, :] = -per_press * stiffness[..., None]
-        self.place = place_scatter(design, flat / stiffness[..., None], loads)
+        self.noise[..., :2, :2] = noise[self._wide :, self._wide :]
+        self.noise[..., 2, 2] = self._stiffness**2 * np.einsum(
+            "nmk,kl,nml->nm", self._per_press, noise[:-2, :-2], self._per_press
+        )
+        loads = np.zeros((*design.cells, 3, self._wide))
+        loads[..., 2, :] = -self._per_press * self._stiffness[..., None]
+        self.place = place_scatter(design, flat / self._stiffness[..., None], loads)
 
-    def solve(self, motions: Floats) -> Solution:
-        """Cells and forces of motions (T, 3S), m, of the chips against their magnets."""
-        wide = 2 * self._magnets
+    def solve(self, motions: Floats) -> Solution | None:
+        """Touch by motions (3S,), m, of the chips against their magnets; None where none fits."""
         parted = motions @ self._readout
-        flat, shear = parted[:, :wide], parted[:, wide:]
-        cell = decide(self._rule, flat.reshape(-1, self._magnets, 2))
-        of_cell = self._cell_table.take(cell @ self._cell_strides, axis=0)
-        rows = of_cell[:, 5:].reshape(len(motions), -1, wide)
-        products = (rows @ flat[:, :, None])[..., 0]
-        force = np.empty((len(motions), 3))
-        force[:, :2] = shear
-        gain = shear_gain(shear, of_cell[:, 1:3])
-        force[:, 2] = -normal_force(products[:, 0], of_cell[:, 0], gain)
-        certainty = confidence(products[:, 1:], of_cell[:, 3], of_cell[:, 4])
-        return Solution(cell, force, certainty)
+        moved, shear = parted[: self._wide], parted[self._wide :]
+        n, m = cell = tuple(decide(self._rule, moved.reshape(-1, 2)).tolist())
+        if n < 0 or m < 0:
+            return None
+        press = self._per_press[cell] @ moved
+        if not press > 0:
+            return None
+        gain = shear_gain(shear, self._folding[cell])
+        force = np.append(shear, -normal_force(press, self._stiffness[cell], gain))
+        return Solution(cell, force, self._cones.confidence(cell, moved))
 
 
 def place_scatter(design: SkinDesign, press: Floats, loads: Floats) -> Floats:

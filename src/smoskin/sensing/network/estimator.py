@@ -60,9 +60,6 @@ class NetworkEstimator(SignalEstimator):
         self.model = model
         self._ensemble = Ensemble(model)
 
-    def _forget(self) -> None:
-        """Every reading is taken by itself."""
-
     def _read(self, time: float, signals: Floats, temperature: float) -> Estimate:
         values, covariance, novelty = self._ensemble.predict(signals[None], temperature)
         if not novelty[0] <= 1.0:

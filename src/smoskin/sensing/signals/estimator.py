@@ -14,7 +14,7 @@ from smoskin.mechanics.viscoelasticity import Prony, elastomer_prony
 from smoskin.records import Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.signals.signals import Signals, signal_noise
-from smoskin.sensing.signals.zero import IdleNoise, ZeroTracking
+from smoskin.sensing.signals.zero import IdleNoise, IdleTest, ZeroTracking
 
 FOLLOWING: Final = ZeroTracking(
     hold=0.2, time_constant=2.0, widening_rate=0.1e-6, widening_limit=10e-6
@@ -29,13 +29,17 @@ class SignalEstimator(Estimator):
     ----------
     design : SkinDesign
     chips : sequence of int
-        Whose signals are read.
+        Chips whose signals are read.
     creep : Prony or None
         Solid of the skin's rubber, to undo its creep; None: that of the design's columns.
-    false_alarms : float
-        Chance of a reading of the untouched skin to count as touched.
     tracking : ZeroTracking or None
         How the zero follows drift while nothing touches; None: as `FOLLOWING`.
+    false_alarms : float
+        Chance of a reading of the untouched skin to count as touched by the noise.
+    idle : IdleTest, optional
+        Another decision about which readings are untouched.
+    correction : tuple of Floats, optional
+        Correction of each chip's field, as `Signals` takes it.
 
     Raises
     ------
@@ -49,8 +53,10 @@ class SignalEstimator(Estimator):
         chips: Sequence[int],
         *,
         creep: Prony | None,
-        false_alarms: float,
         tracking: ZeroTracking | None,
+        false_alarms: float = 1e-6,
+        idle: IdleTest | None = None,
+        correction: tuple[Floats, Floats] | None = None,
     ) -> None:
         self.design = design
         self.creep = elastomer_prony(design.columns.material) if creep is None else creep
@@ -58,14 +64,14 @@ class SignalEstimator(Estimator):
         self._chips = list(chips)
         self._signals = Signals(
             design,
+            correction=correction,
             creep=self.creep,
             tracking=tracking or FOLLOWING,
-            idle=IdleNoise(signal_noise(design, chips), chips, false_alarms),
+            idle=idle or IdleNoise(signal_noise(design, chips), chips, false_alarms),
         )
 
-    @abstractmethod
     def _forget(self) -> None:
-        """Nothing touches any more."""
+        """Forget the last touch: nothing touches any more. By default nothing is remembered."""
 
     @abstractmethod
     def _read(self, time: float, signals: Floats, temperature: float) -> Estimate:
@@ -77,13 +83,7 @@ class SignalEstimator(Estimator):
         return self._signals.drift
 
     def zero(self, readings: Sequence[Reading]) -> None:
-        """Take the mean of these readings of the untouched skin as its zero.
-
-        Raises
-        ------
-        ArgumentError
-            If there are none with all chips good.
-        """
+        """Take the mean of these readings of the untouched skin as its zero; all chips count."""
         self._signals.zero(readings)
         self._forget()
 
@@ -93,13 +93,7 @@ class SignalEstimator(Estimator):
         self._forget()
 
     def step(self, reading: Reading) -> Estimate:
-        """What one reading shows.
-
-        Raises
-        ------
-        ArgumentError
-            If the reading has another number of chips than the design.
-        """
+        """What one reading shows."""
         signal = self._signals.step(reading)
         if signal.status is Status.NO_CONTACT:
             self._forget()

@@ -14,11 +14,6 @@ _INSTANT: Final = 1e-100
 class Settling:
     """Undoes creep, one reading after the other.
 
-    Parameters
-    ----------
-    prony : Prony
-        Of the elastomer.
-
     Notes
     -----
     With u the creeping and r the elastic response, u = (1 - sum c_k) r + sum c_k y_k and

@@ -1,23 +1,17 @@
 """From readings to signals, one after the other, and how noisy these are.
 
-A chip reads ``f(T) (B + X) + e``: the field B of its own magnet and X of the others at rest,
-weakened by f as they warm, plus an offset e of electronics and surroundings. A calibration turns
-what a chip reads, as it is mounted, and scales it to the magnet as designed (S6). A signal is
-what is left of B, turned as designed and at reference temperature, less what it is untouched.
 Decides which readings are refused and why, what counts as a temperature, and what is taken off:
 the offset, found while the skin is untouched; the creep of the rubber, undone so that a signal is
-the one at which a touch that stays would settle; and the drift of the idle skin. Source: SI Text
-S11 (5 % per 10 degC).
+the one at which a touch that stays would settle; and the drift of the idle skin.
 """
 
 import functools
 import math
 import operator
 from collections.abc import Sequence
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
@@ -41,30 +35,8 @@ _THERMAL_SMOOTHING: Final = 0.05
 """Share of a new temperature in the rubber's: chips round to a fiftieth of a degree."""
 
 
-class ChipCalibration(Protocol):
-    """What a calibration knows of the chips of one skin."""
-
-    @property
-    def chip_rotation(self) -> ArrayLike:
-        """Rotation vector of each chip against its design, (S, 3), rad."""
-
-    @property
-    def field_factor(self) -> ArrayLike:
-        """Field of the designed magnet over that of the made one, (S,)."""
-
-    @property
-    def field_offset(self) -> ArrayLike:
-        """Field that is added at each chip, (S, 3), T."""
-
-
 class Thermometer:
-    """Temperatures of magnets and rubber, by what the chips report; what cannot be is passed over.
-
-    Parameters
-    ----------
-    chips : int
-        Number of chips, S.
-    """
+    """Temperatures of S magnets and the rubber, by the chips' reports that can be true."""
 
     def __init__(self, chips: int) -> None:
         self._last = [math.nan] * chips
@@ -73,7 +45,7 @@ class Thermometer:
     @property
     def magnets(self) -> list[float]:
         """Last plausible report of each chip, degC; the reference temperature before it."""
-        return [REFERENCE_TEMPERATURE if math.isnan(one) else one for one in self._last]
+        return [REFERENCE_TEMPERATURE if math.isnan(last) else last for last in self._last]
 
     @property
     def rubber(self) -> float:
@@ -87,9 +59,9 @@ class Thermometer:
             now if least < now < most else before
             for now, before in zip(reported.tolist(), self._last, strict=True)
         ]
-        seen = [one for one in self._last if not math.isnan(one)]
-        if seen:
-            mean = sum(seen) / len(seen)
+        plausible = [last for last in self._last if not math.isnan(last)]
+        if plausible:
+            mean = sum(plausible) / len(plausible)
             before = mean if math.isnan(self._rubber) else self._rubber
             self._rubber = before + _THERMAL_SMOOTHING * (mean - before)
 
@@ -109,11 +81,17 @@ class Signal(NamedTuple):
 class Signals:
     """Signals of readings one after the other.
 
+    A chip reads ``f(T) (B + X) + e``: the field B of its own magnet and X of the others at rest,
+    weakened by f as they warm, plus an offset e of electronics and surroundings. A signal is what
+    is left of B, turned as designed and at reference temperature, less what it is untouched.
+    Source: SI Text S11 (5 % per 10 degC).
+
     Parameters
     ----------
     design : SkinDesign
-    calibration : ChipCalibration, optional
-        How the chips are turned and their magnets' strength; as designed by default.
+    correction : tuple of Floats (S, 3, 3) and (S, 3), optional
+        S6 of each chip: what turns and scales a field, in the skin's axes, to that of the magnet
+        as designed, and what is added, T. Chips and magnets are as designed by default.
     creep : Prony, optional
         Solid of the rubber, to undo its creep; by default signals are taken as they come.
     tracking : ZeroTracking, optional
@@ -126,24 +104,19 @@ class Signals:
         self,
         design: SkinDesign,
         *,
-        calibration: ChipCalibration | None = None,
+        correction: tuple[Floats, Floats] | None = None,
         creep: Prony | None = None,
         tracking: ZeroTracking | None = None,
         idle: IdleTest | None = None,
     ) -> None:
         self.rest_field = rest_field(design)
         """Field of each untouched chip's own magnet, (S, 3), T."""
-        # Turn and factor in one; what is added to the field leaves with the cross-talk.
         self._to_field = mlx90393.rotations(design.halls)
-        self._other = rest_cross_talk(design)
-        if calibration is not None:
-            # Here, so that whoever only imports the package does not wait for it.
-            from scipy.spatial.transform import Rotation
-
-            turns = Rotation.from_rotvec(np.array(calibration.chip_rotation)).as_matrix()
-            factor = np.array(calibration.field_factor)[:, None, None]
-            self._to_field = factor * turns @ self._to_field
-            self._other = self._other - np.array(calibration.field_offset)
+        # What is added to the field leaves with the cross-talk.
+        self._ideal = self.rest_field + rest_cross_talk(design)
+        if correction is not None:
+            self._to_field = correction[0] @ self._to_field
+            self._ideal = self._ideal - correction[1]
         setting = design.hall_setting
         # No chip reads more than this.
         self._limit = 1.01 * float(mlx90393.full_scale(setting).max())
@@ -176,12 +149,8 @@ class Signals:
         """
         for reading in readings:
             self._check_chips(reading)
-        offsets = []
-        for reading in readings:
-            if self._fault(reading) is None:
-                self._thermometer.step(reading.temperature)
-                untouched = self.rest_field + self._other
-                offsets.append(self._turned(reading.field) / self._factors() - untouched)
+        good = [reading for reading in readings if self._fault(reading) is None]
+        offsets = [self._own_field(reading) - self._ideal for reading in good]
         if not offsets:
             raise ArgumentError(
                 f"readings must hold at least one with all chips good; got {len(readings)} readings"
@@ -205,10 +174,7 @@ class Signals:
             self._zero.interrupt(reading.time)
             return self._refused(fault)
         self._last_raw = reading.field
-        self._thermometer.step(reading.temperature)
-        untouched = self.rest_field + self._other + self._offset
-        field = self._turned(reading.field) / self._factors()
-        raised = self._settled(reading.time, field - untouched)
+        raised = self._settled(reading.time, self._own_field(reading) - self._untouched)
         values = raised - self._zero.offset
         status = Status.NO_CONTACT if self._zero.step(reading.time, raised) else None
         if not self._zero.believed:
@@ -221,7 +187,7 @@ class Signals:
         It is one at reference temperature: nearly all of it is what a made skin's magnets differ
         from the designed ones, which weakens as they do.
         """
-        self._offset = offset
+        self._untouched = self._ideal + offset
         self._zero = Zero(self._tracking, self._idle, np.zeros_like(self.rest_field))
         self._settled_time = math.inf
         if self._settling is not None:
@@ -270,13 +236,11 @@ class Signals:
                 return Status.SATURATED
         return None
 
-    def _turned(self, field: Floats) -> Floats:
-        """What chips read, (S, 3), as the designed magnet's field in the skin's axes."""
-        return np.asarray((self._to_field @ field[:, :, None])[:, :, 0])
-
-    def _factors(self) -> Floats:
-        """Factor f(T) of each chip's magnet, (S, 1)."""
-        return temperature_factor(self._thermometer.magnets)[:, None]
+    def _own_field(self, reading: Reading) -> Floats:
+        """Fields B + X + e of the chips, (S, 3), turned as designed, at reference temperature."""
+        self._thermometer.step(reading.temperature)
+        turned = (self._to_field @ reading.field[:, :, None])[:, :, 0]
+        return np.asarray(turned / temperature_factor(self._thermometer.magnets)[:, None])
 
 
 def rest_field(design: SkinDesign) -> Floats:

@@ -53,17 +53,12 @@ unseen, T."""
 
 
 class IdleBand:
-    """Takes for idle what changes by less than so much on every axis.
-
-    Parameters
-    ----------
-    field : float
-        T.
+    """Takes for idle what changes by less than a field, T, on every axis.
 
     Raises
     ------
     ArgumentError
-        If it is not positive.
+        If the field is not positive.
     """
 
     def __init__(self, field: float = 40e-6) -> None:
@@ -75,7 +70,7 @@ class IdleBand:
         """Whether every axis changes by less than the band, wider by what moved unseen."""
         band = self._field + unseen
         # Plain numbers: for nine of them NumPy takes longer to start than Python to finish.
-        return all(abs(one) < band for one in change.ravel().tolist())
+        return all(abs(value) < band for value in change.ravel().tolist())
 
 
 class IdleNoise:
@@ -142,6 +137,8 @@ class Zero:
         self.tracking = tracking
         self.offset = offset
         """The present zero, T."""
+        self.believed = True
+        """Whether it has stayed within its bound."""
         self._idle = idle
         self._start = offset
         self._unseen = 0.0
@@ -153,39 +150,32 @@ class Zero:
         """How far it has moved since the start, T."""
         return np.asarray(self.offset - self._start)
 
-    @property
-    def believed(self) -> bool:
-        """Whether it has stayed within its bound."""
-        return float(np.abs(self.drift).max()) <= self.tracking.drift_bound
-
     def step(self, time: float, read: Floats) -> bool:
         """Whether a reading, in T, is idle; the zero follows it once idleness has held."""
-        elapsed = self._elapsed(time)
         if self._idle is None or not self._idle(read - self.offset, self._unseen):
-            self._lose(elapsed)
+            self.interrupt(time)
             return False
+        elapsed = self._elapsed(time)
         if self._idle_since is None:
             self._idle_since = time
         if time - self._idle_since >= self.tracking.hold:
             kept = math.exp(-elapsed / self.tracking.time_constant)
             self.offset = read + kept * (self.offset - read)
+            self.believed = float(np.abs(self.drift).max()) <= self.tracking.drift_bound
             # At the zero's own pace: sooner, and the zero would run out of the band.
             self._unseen *= kept
         return True
 
     def interrupt(self, time: float) -> None:
-        """Begin idleness anew: a reading came that cannot be believed."""
-        self._lose(self._elapsed(time))
+        """Begin idleness anew, as nothing idle was read: the zero may move unseen meanwhile."""
+        elapsed = self._elapsed(time)
+        self._idle_since = None
+        if self.tracking.time_constant < math.inf:
+            wider = self._unseen + self.tracking.widening_rate * elapsed
+            self._unseen = min(wider, self.tracking.widening_limit)
 
     def _elapsed(self, time: float) -> float:
         """Seconds since the last reading of any kind."""
         elapsed = 0.0 if self._last_time is None else time - self._last_time
         self._last_time = time
         return elapsed
-
-    def _lose(self, elapsed: float) -> None:
-        """Widen what counts as idle: nothing did, and the zero may move unseen."""
-        self._idle_since = None
-        if self.tracking.time_constant < math.inf:
-            wider = self._unseen + self.tracking.widening_rate * elapsed
-            self._unseen = min(wider, self.tracking.widening_limit)
