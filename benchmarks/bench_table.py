@@ -5,10 +5,10 @@ made skins is calibrated by 15 touches of a rig, and by touches of a bench with 
 force on all of its 36 cells. Then it is pressed on each cell, with the chips' noise; 360 presses a
 row. A press counts if the estimate is a contact in the right cell.
 
-Result: a table that 15 touches of a rig have calibrated names the right one of 36 cells, with normal
-forces of 0.5 N good to 2 mN. Answers fitted to a press and two drags on every cell alone, without
-the modes in which skins differ, named as many cells, with 10 mN, 23 mN under a drag of 0.3 N; with
-the modes the same touches come to 2.4 mN and 2.5 mN.
+Result: a table that 15 touches of a rig have calibrated names the right one of 36 cells, with
+normal forces of 0.5 N good to 2 mN. Answers fitted to a press and two drags on every cell alone,
+without the modes in which skins differ, named as many cells, with 10 mN, 23 mN under a drag of
+0.3 N; with the modes the same touches come to 2.4 mN and 2.5 mN.
 """
 
 import argparse
