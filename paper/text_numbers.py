@@ -26,7 +26,8 @@ from smoskin.mechanics.reduced.stiffness import cell_layers
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact
 from smoskin.sensing.closed_form.fitting import fit_calibration
-from smoskin.twin.bench import MadeSkin, calibration_loads
+from smoskin.twin.bench import calibration_loads
+from smoskin.twin.reduced import ReducedTwin
 
 PRINTED_V_F: Final = MappingProxyType({"x": (0.6, 0.75, 0.9), "y": (0.9, 1.0, 1.1)})
 """N, of the outer, mid and inner layer, as printed in Text S5."""
@@ -58,16 +59,12 @@ def calibration_rows(design: SkinDesign) -> list[Row]:
 
 def _calibrated_again(design: SkinDesign) -> Coefficients:
     """Coefficients that the bench finds of a skin with the printed v_f, from another guess."""
-    chips = np.zeros((len(design.halls), 3))
     given = replace(
         design.coefficients,
         folding_correction_x=PRINTED_V_F["x"],
         folding_correction_y=PRINTED_V_F["y"],
     )
-    skin = MadeSkin(
-        design=replace(design, coefficients=given), chip_rotation=chips, chip_offset=chips
-    )
-    twin = skin.twin()
+    twin = ReducedTwin(replace(design, coefficients=given), seed=None)
     loads = [[] if load is None else [load] for load in calibration_loads(design)]
     touches = TouchTable(
         position=np.array([load[0].position if load else (np.nan,) * 2 for load in loads]),

@@ -5,17 +5,15 @@ import numpy as np
 from smoskin.magnetics.mlx90393 import HallSample
 from smoskin.records import ChipFlag
 from smoskin.twin.manufacture import draw
-from smoskin.twin.readout import Readout
 from smoskin.twin.reduced import ReducedTwin
 
 
 class MadeTwin(ReducedTwin):
-    """A reduced twin with magnets and chips of its own; its readout can be looked into."""
+    """A reduced twin with magnets and chips of its own."""
 
     def __init__(self, design, seed=0):
         made = draw(design, np.random.default_rng([77, seed]))
         super().__init__(design, seed=seed, deviations=made)
-        self.readout = Readout(design, made)
 
 
 class Saturating(MadeTwin):

@@ -224,7 +224,10 @@ class VirtualSkin(ABC):
         *,
         temperature: ArrayLike = REFERENCE_TEMPERATURE,
     ) -> HallSample:
-        """One conversion of every chip in each of many states, with this generator's noise."""
+        """One conversion of every chip in each state (...), with this generator's noise.
+
+        Counts are (..., S, 3); flags are `ChipFlag.INVALID` in invalid states.
+        """
 
     @abstractmethod
     def sense(

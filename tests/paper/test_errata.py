@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from paper.models.finite_press import exact_change
+from paper.models.ideal_magnet import ideal_field
 from smoskin.design.materials import FILMS
 from smoskin.design.skin import Creases, Magnet, MiuraCell
-from smoskin.magnetics.centripetal import amplitude, ideal_field
+from smoskin.magnetics.centripetal import amplitude
 from smoskin.magnetics.sector import field
 from smoskin.mechanics.reduced.attenuation import cell_change
 from smoskin.mechanics.reduced.stiffness import cell_layers, relative_stiffness_map, shear_gain

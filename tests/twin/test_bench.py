@@ -1,5 +1,7 @@
 """The virtual bench: what is applied, on which skins, and how noisy gauge, stage and chips are."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -10,7 +12,8 @@ from smoskin.magnetics.temperature import temperature_factor
 from smoskin.mechanics.reduced.stiffness import board_stiffness, sheet_stiffness
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact
-from smoskin.twin.bench import MadeSkin, calibration_loads, made_skin, measure, table_loads
+from smoskin.twin.bench import calibration_loads, made_skin, measure, table_loads
+from smoskin.twin.manufacture import as_designed
 from smoskin.twin.reduced import ReducedTwin
 
 
@@ -75,25 +78,18 @@ def test_made_skins_scatter_as_stated(planar):
         assert 0.7 <= c.stiffness_variation <= 1.4
         for stiffness in (board_stiffness, sheet_stiffness):
             assert 0.9 - 1e-9 <= stiffness(made) / stiffness(planar) <= 1.1 + 1e-9
-        assert np.degrees(np.linalg.norm(skin.chip_rotation, axis=1)).max() <= 2.0
-        assert np.abs(skin.chip_offset).max() <= 50e-6
-
-
-def test_an_unturned_skin_reads_as_the_twin(planar):
-    still = np.zeros((3, 3))
-    skin = MadeSkin(design=planar, chip_rotation=still, chip_offset=still)
-    touch = Contact(position=geometry(planar).tops[2, 3], force=(0.1, 0.2, -0.5))
-    np.testing.assert_allclose(
-        skin.twin().read([touch]).field, ReducedTwin(planar, seed=None).read([touch]).field
-    )
+        chips = skin.deviations.chips
+        assert 0 < np.degrees(np.linalg.norm(chips.turn, axis=1)).max() <= 2.0
+        assert 0 < np.abs(chips.zero).max() <= 50e-6
 
 
 def test_turned_chips_with_offsets_read_so(planar):
     turn = np.array([[0.02, 0.0, 0.0], [0.0, -0.03, 0.0], [0.0, 0.0, 0.01]])
     offset = np.array([[40e-6, 0.0, 0.0], [0.0, -30e-6, 0.0], [0.0, 0.0, 20e-6]])
     straight = ReducedTwin(planar, seed=None).read().field
-    skin = MadeSkin(design=planar, chip_rotation=turn, chip_offset=offset)
-    seen = skin.twin().read().field
+    designed = as_designed(planar)
+    deviations = replace(designed, chips=replace(designed.chips, turn=turn, zero=offset))
+    seen = ReducedTwin(planar, seed=None, deviations=deviations).read().field
     mounts = mlx90393.rotations(planar.halls)
     matrices = Rotation.from_rotvec(turn).as_matrix() @ mounts
     in_skin = np.einsum("sij,sj->si", mounts, straight)
@@ -101,7 +97,7 @@ def test_turned_chips_with_offsets_read_so(planar):
 
 
 def test_gauge_and_stage_are_as_noisy_as_asked(planar):
-    twin = made_skin(planar, np.random.default_rng(0)).twin()
+    twin = made_skin(planar, np.random.default_rng(0))
     load = Contact(position=geometry(planar).tops[1, 1], force=(0.5, 0.0, -0.5))
     table = measure(twin, [load] * 2000, np.random.default_rng(1))
     relative = table.force[:, [0, 2]] / 0.5
@@ -113,8 +109,7 @@ def test_gauge_and_stage_are_as_noisy_as_asked(planar):
 
 
 def test_an_untouched_skin_is_measured_as_such(planar):
-    skin = made_skin(planar, np.random.default_rng(0))
-    twin = skin.twin()
+    twin = made_skin(planar, np.random.default_rng(0))
     load = Contact(position=geometry(planar).tops[1, 1], force=(0.0, 0.0, -0.5))
     table = measure(twin, [None, load, None], np.random.default_rng(1))
     assert table.touched.tolist() == [False, True, False]
@@ -122,14 +117,12 @@ def test_an_untouched_skin_is_measured_as_such(planar):
     rest = twin.read().field
     # Magnets at 24 and 27 degC, up to their chips' noise.
     warm = temperature_factor(np.array([24.0, 27.0]))[:, None, None]
-    offset = skin.chip_offset
+    offset = twin.deviations.chips.zero
     np.testing.assert_allclose(table.field[[0, 2]], (rest - offset) * warm + offset, atol=12e-6)
     assert np.abs(table.field[1] - rest).max() > 400e-6
 
 
 def test_wrong_use_is_named(planar):
-    twin = made_skin(planar, np.random.default_rng(0)).twin()
+    twin = made_skin(planar, np.random.default_rng(0))
     with pytest.raises(ArgumentError, match="gauge_noise must be >= 0"):
         measure(twin, [], np.random.default_rng(0), gauge_noise=-1)
-    with pytest.raises(ArgumentError, match="chip_offset must have shape"):
-        MadeSkin(design=planar, chip_rotation=np.zeros((3, 3)), chip_offset=np.zeros((2, 3)))

@@ -42,11 +42,11 @@ def test_the_same_stream_draws_the_same_skin_and_another_does_not(planar):
         ("creases", "crease_stiffness", 1.0),
         ("magnet_place", "magnet_place", 0.0),
         ("magnet_turn", "magnet_tilt", 0.0),
-        ("chip_pose.offset", "chip_place", 0.0),
-        ("chip_pose.turn", "chip_tilt", 0.0),
-        ("chip_errors.sensitivity", "chip_sensitivity", 1.0),
-        ("chip_errors.zero", "chip_zero", 0.0),
-        ("chip_errors.warmth", "chip_warmth", 0.0),
+        ("chips.place", "chip_place", 0.0),
+        ("chips.turn", "chip_tilt", 0.0),
+        ("chips.sensitivity", "chip_sensitivity", 1.0),
+        ("chips.zero", "chip_zero", 0.0),
+        ("chips.warmth", "chip_warmth", 0.0),
     ],
 )
 def test_what_scatters_scatters_by_its_tolerance(planar, of, tolerance, rest):
@@ -156,7 +156,7 @@ def test_a_higher_column_is_softer(planar):
 
 def test_axes_read_of_each_other_not_of_themselves(planar):
     rng = np.random.default_rng(0)
-    cross = np.stack([draw(planar, rng).chip_errors.cross_axis for _ in range(400)])
+    cross = np.stack([draw(planar, rng).chips.cross_axis for _ in range(400)])
     own = np.eye(3, dtype=bool)
     assert not cross[..., own].any()
     assert cross[..., ~own].std() == pytest.approx(Tolerances().chip_cross_axis, rel=0.1)

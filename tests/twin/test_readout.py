@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from magpylib_oracle import magpylib_disc
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
-from smoskin.magnetics.chip import answered
 from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Motion
 from smoskin.twin.manufacture import Tolerances, as_designed, draw
@@ -58,16 +57,16 @@ def magpylib_reading(design, made, around, motion):
     seen = []
     for s, site in enumerate(design.halls):
         chip = magpylib.Sensor(
-            position=geometry(design).chips[s] + made.chip_pose.offset[s],
+            position=geometry(design).chips[s] + made.chips.place[s],
             orientation=Rotation.from_matrix(mlx90393.rotation(site)),
         )
-        chip.rotate(Rotation.from_rotvec(made.chip_pose.turn[s].copy()))
+        chip.rotate(Rotation.from_rotvec(made.chips.turn[s].copy()))
         chip.rotate(yaw, anchor=middle)
         chip.move(slide)
         with np.errstate(all="ignore"):
             field = magpylib.getB(sources, chip, sumup=True)
         seen.append(field + chip.orientation.inv().apply(around.earth.copy()))
-    return answered(np.stack(seen), made.chip_errors)
+    return made.chips.answers(np.stack(seen))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -168,7 +167,7 @@ def test_surroundings_must_be_finite():
 
 def test_each_chip_tells_a_warmth_of_its_own(planar):
     made = draw(planar, np.random.default_rng(1), Tolerances(chip_warmth=2.0))
-    readout, own = Readout(planar, made), made.chip_errors.warmth
+    readout, own = Readout(planar, made), made.chips.warmth
     assert np.abs(own).min() > 0.2
     ideal = readout.read(still(planar), None, temperature=30.0)
     assert_allclose(ideal.temperature, 30.0 + own, rtol=1e-12)

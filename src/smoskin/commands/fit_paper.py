@@ -175,7 +175,7 @@ def write_virtual_bench(
     """
     rng = np.random.default_rng(seed)
     if sheet == "reduced":
-        skin: VirtualSkin = made_skin(design, rng).twin()
+        skin: VirtualSkin = made_skin(design, rng)
         loads = calibration_loads(design)
     elif sheet == "whole":
         from smoskin.twin.whole import Twin

@@ -17,21 +17,9 @@ from smoskin.magnetics import sector
 
 
 def rotation_matrix(vector: ArrayLike) -> Floats:
-    """Rotation matrices of rotation vectors.
+    """Matrices R, (..., 3, 3), with v' = R @ v, of rotation vectors (..., 3): axis by angle, rad.
 
-    Parameters
-    ----------
-    vector : array_like, shape (..., 3)
-        Axis times angle, rad.
-
-    Returns
-    -------
-    Floats, shape (..., 3, 3)
-        R with v' = R @ v; NaN where the vector is not finite.
-
-    Notes
-    -----
-    Rodrigues' formula; exact for any angle, zero included.
+    By Rodrigues' formula; exact for any angle, zero included. NaN where a vector is not finite.
 
     Examples
     --------
@@ -56,7 +44,7 @@ def arrangement_field(
     Parameters
     ----------
     magnets : sequence of Magnet
-        G discs; mount and corner play no part here.
+        G discs, wherever they are mounted.
     places : array_like, shape (..., G, 3)
         Middles of the discs, m.
     rotations : array_like, shape (..., G, 3, 3)

@@ -1,16 +1,15 @@
-"""Ideal centripetal magnet and its closed inverse (S3 to S6).
+"""Closed inverse of the ideal centripetal magnet, corrected for the real one (S4 to S6).
 
-Decides how one field becomes one displacement: the field of the real four-sector magnet is
-corrected axis by axis (S6) towards that of a sinusoidal magnetisation (S4), which inverts in
-closed form (S5). Hides the fit of that correction and its usable range. Magnet frame, but z
-is counted from the face that the chip looks at, negative towards the chip: -z is the distance.
+Decides how one field becomes one displacement: the four-sector magnet's field is corrected axis
+by axis towards that of a sinusoidal magnetisation, which inverts in closed form. Hides the fit of
+that correction. Magnet frame, but z counts from the face that the chip looks at, negative to it.
 """
 
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Any, Final, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,18 +20,10 @@ from smoskin.errors import ArgumentError
 from smoskin.magnetics.sector import VACUUM_PERMEABILITY, field
 
 _N = TypeVar("_N", float, Floats)
-
-
-class _Functions(NamedTuple):
-    """Functions that an equation needs beside arithmetic, for arrays or for plain numbers."""
-
-    arctan2: Callable[..., Any]
-    hypot: Callable[..., Any]
-    log: Callable[..., Any]
-
-
-_OF_ARRAYS: Final = _Functions(np.arctan2, np.hypot, np.log)
-_OF_NUMBERS: Final = _Functions(math.atan2, math.hypot, math.log)
+Functions: TypeAlias = tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]]
+"""Two-argument arctangent, hypotenuse and logarithm, of arrays or of plain numbers."""
+OF_ARRAYS: Final[Functions] = (np.arctan2, np.hypot, np.log)
+OF_NUMBERS: Final[Functions] = (math.atan2, math.hypot, math.log)
 _RAYS: Final = 12
 """Polar angles at which the usable range is searched."""
 _STEPS: Final = 200
@@ -40,21 +31,12 @@ _STEPS: Final = 200
 
 
 def amplitude(remanence: float, wave_number: float, thickness: float) -> float:
-    """Amplitude K of the ideal field at the magnet's face.
+    """Amplitude K = mu_0 m_0 (1 - exp(-k d)) / 2 of the ideal field at the magnet's face, T.
 
     Parameters
     ----------
-    remanence : float
-        m_0, A/m.
-    wave_number : float
-        k, 1/m.
-    thickness : float
-        d, m.
-
-    Returns
-    -------
-    float
-        K = mu_0 m_0 (1 - exp(-k d)) / 2, T.
+    remanence, wave_number, thickness : float
+        m_0, A/m; k, 1/m; d, m.
 
     Raises
     ------
@@ -77,89 +59,23 @@ def amplitude(remanence: float, wave_number: float, thickness: float) -> float:
     return 0.5 * VACUUM_PERMEABILITY * remanence * -math.expm1(-wave_number * thickness)
 
 
-def ideal_field(points: ArrayLike, amplitude: float, wave_number: float) -> Floats:
-    """Flux density of a plate magnetised m = m_0 (sin kx, sin ky, 0), below its lower face.
+def ideal_inverse(bx: _N, by: _N, bz: _N, functions: Functions = OF_ARRAYS) -> tuple[_N, _N, _N]:
+    """Phases kx and ky, rad, and strength abs(K) exp(kz), T, of an ideal field, T.
 
-    Parameters
-    ----------
-    points : array_like, shape (..., 3)
-        Where, m; z = 0 is the plate's lower face.
-    amplitude : float
-        K, T.
-    wave_number : float
-        k, 1/m.
-
-    Returns
-    -------
-    Floats, shape (..., 3)
-        K exp(kz) (-sin kx, -sin ky, cos kx + cos ky), T.
-
-    Raises
-    ------
-    ArgumentError
-        If `points` is not (..., 3).
-
-    Notes
-    -----
-    Source: SI Eqs. (S3), (S4). Valid for z <= 0. With K > 0 the magnetisation printed in S3
-    points away from the axis; towards it, K < 0.
-    """
-    where = floats("points", points, (3,))
-    phase = wave_number * where
-    decay = amplitude * np.exp(phase[..., 2])
-    result = np.empty_like(where)
-    result[..., 0] = -decay * np.sin(phase[..., 0])
-    result[..., 1] = -decay * np.sin(phase[..., 1])
-    result[..., 2] = decay * (np.cos(phase[..., 0]) + np.cos(phase[..., 1]))
-    return result
-
-
-def ideal_inverse(field: ArrayLike) -> tuple[Floats, Floats, Floats]:
-    """Phases and strength of the ideal field from its three components.
-
-    Parameters
-    ----------
-    field : array_like, shape (..., 3)
-        B, T.
-
-    Returns
-    -------
-    phase_x, phase_y : Floats, shape (...)
-        kx and ky, rad.
-    strength : Floats, shape (...)
-        abs(K) exp(kz), T. All three are NaN where Bz = 0.
-
-    Raises
-    ------
-    ArgumentError
-        If `field` is not (..., 3).
+    Components are arrays of one shape or, with `OF_NUMBERS`, plain numbers; Bz is not zero.
 
     Notes
     -----
     Source: SI Eq. (S5), erratum E3: the third line has lost a minus sign. Valid for
     abs(kx) and abs(ky) < pi/2; in two-argument arctangents it holds until Bz vanishes, at
     abs(kx) + abs(ky) = pi.
-
-    Examples
-    --------
-    >>> B = ideal_field([1e-3, -2e-3, -4e-3], amplitude=0.2, wave_number=250.0)
-    >>> x, y, strength = ideal_inverse(B)
-    >>> float(round(x, 9)), float(round(y, 9))
-    (0.25, -0.5)
     """
-    seen = floats("field", field, (3,))
-    bz = seen[..., 2]
-    return _invert(seen[..., 0], seen[..., 1], np.where(bz == 0.0, np.nan, bz), _OF_ARRAYS)
-
-
-def _invert(bx: _N, by: _N, bz: _N, of: _Functions) -> tuple[_N, _N, _N]:
-    """S5 of three components, arrays or plain numbers; Bz is not zero."""
+    arctan2, hypot, _ = functions
     square = bz * bz
     skew = bx * bx - by * by
     q = square + skew  # 2 Bz q; with the other sign 2 Bz p
     twice = -2.0 * bz
-    strength = of.hypot(q / twice, by)
-    return of.arctan2(twice * bx, square - skew), of.arctan2(twice * by, q), strength
+    return arctan2(twice * bx, square - skew), arctan2(twice * by, q), hypot(q / twice, by)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -191,6 +107,12 @@ class LinearCorrection:
                 raise ArgumentError(f"{name} must be positive; got {getattr(self, name)}")
         if not np.all(np.abs(self.side) == 1.0):
             raise ArgumentError(f"side must be -1 (chip below) or +1 (above); got {self.side}")
+
+    @property
+    def numbers(self) -> tuple[Floats, ...]:
+        """All ten numbers, one array () or (S,) each, as `displaced` takes them."""
+        k_c, c_c = np.moveaxis(self.k_c, -1, 0), np.moveaxis(self.c_c, -1, 0)
+        return (*k_c, *c_c, self.wave_number, self.amplitude, self.gap, self.side)
 
 
 def stack_corrections(corrections: Sequence[LinearCorrection]) -> LinearCorrection:
@@ -228,69 +150,30 @@ def displacement(correction: LinearCorrection, field: ArrayLike) -> Floats:
     -----
     Source: SI Eqs. (S5), (S6). Valid for displacements within the `usable_range`.
     """
-    seen = floats("field", field, (3,))
-    result = np.empty_like(seen)
+    bx, by, bz = np.moveaxis(floats("field", field, (3,)), -1, 0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        moved = _displace(
-            seen[..., 0], seen[..., 1], seen[..., 2], _numbers(correction), _OF_ARRAYS
-        )
-    result[..., 0], result[..., 1], result[..., 2] = moved
-    return result
+        return np.stack(displaced(bx, by, bz, correction.numbers), axis=-1)
 
 
-def displacements_of_one(
-    corrections: Sequence[tuple[float, ...]], field: Floats
-) -> list[tuple[float, float, float]] | None:
-    """`displacement` for one reading of S chips, in plain numbers, which are faster for so few.
+def displaced(
+    bx: _N, by: _N, bz: _N, numbers: Sequence[_N], functions: Functions = OF_ARRAYS
+) -> tuple[_N, _N, _N]:
+    """Components of `displacement`, of arrays or, with `OF_NUMBERS`, of plain numbers.
 
-    Parameters
-    ----------
-    corrections : sequence of tuple of float
-        Corrections as `plain_corrections` gives them.
-    field : Floats, shape (S, 3)
-        T.
-
-    Returns
-    -------
-    list of tuple of float, or None
-        m; None where a corrected Bz is zero.
+    Plain numbers are faster for one reading of few chips, and raise where the corrected Bz = 0.
     """
-    try:
-        return [
-            _displace(bx, by, bz, numbers, _OF_NUMBERS)
-            for (bx, by, bz), numbers in zip(field.tolist(), corrections, strict=True)
-        ]
-    except (ArithmeticError, ValueError):
-        return None
-
-
-def plain_corrections(correction: LinearCorrection) -> tuple[tuple[float, ...], ...]:
-    """Stacked corrections as plain numbers, a tuple for each of the S magnets."""
-    return tuple(zip(*(number.tolist() for number in _numbers(correction)), strict=True))
-
-
-def _numbers(correction: LinearCorrection) -> tuple[Floats, ...]:
-    """All numbers of a correction, one after the other."""
-    return (
-        *np.moveaxis(correction.k_c, -1, 0),
-        *np.moveaxis(correction.c_c, -1, 0),
-        correction.wave_number,
-        correction.amplitude,
-        correction.gap,
-        correction.side,
-    )
-
-
-def _displace(bx: _N, by: _N, bz: _N, numbers: tuple[_N, ...], of: _Functions) -> tuple[_N, _N, _N]:
-    """S6, then S5, of arrays or plain numbers."""
     k_x, k_y, k_z, c_x, c_y, c_z, wave_number, amplitude, gap, side = numbers
-    phase_x, phase_y, strength = _invert(k_x * bx + c_x, k_y * by + c_y, k_z * bz + c_z, of)
-    depth = of.log(strength / amplitude) / wave_number
+    corrected = k_x * bx + c_x, k_y * by + c_y, k_z * bz + c_z
+    phase_x, phase_y, strength = ideal_inverse(*corrected, functions)
+    depth = functions[2](strength / amplitude) / wave_number
     return -phase_x / wave_number, -phase_y / wave_number, side * (depth + gap)
 
 
 def fit_correction(magnet: Magnet, gap: float, stroke: float) -> LinearCorrection:
     """Correction that makes the closed inverse true to the exact field, in least squares.
+
+    The wave number has the least displacement error; by symmetry x and y share their factor and
+    have no offset.
 
     Parameters
     ----------
@@ -300,12 +183,6 @@ def fit_correction(magnet: Magnet, gap: float, stroke: float) -> LinearCorrectio
         From the magnet's nearer face to the chip at rest, m.
     stroke : float
         Radius of the ball of displacements that the fit covers, m; less than the gap.
-
-    Returns
-    -------
-    LinearCorrection
-        With the wave number of least displacement error. By symmetry x and y share their
-        factor and have no offset.
 
     Raises
     ------
@@ -358,24 +235,10 @@ def _correction_of(values: Floats, magnet: Magnet, gap: float, side: float) -> L
 def usable_range(
     magnet: Magnet, gap: float, correction: LinearCorrection, tolerance: float
 ) -> float:
-    """Radius about rest within which the corrected inverse errs less than the tolerance.
+    """Radius about rest, m, within which the corrected inverse errs by at most `tolerance`, m.
 
-    Parameters
-    ----------
-    magnet : Magnet
-        Magnet as it is built.
-    gap : float
-        From the magnet's nearer face to the chip at rest, m.
-    correction : LinearCorrection
-        Correction that `fit_correction` gives.
-    tolerance : float
-        Largest error of a displacement, m.
-
-    Returns
-    -------
-    float
-        m; every shorter displacement, in any direction, is found to within `tolerance`. Zero
-        if not even rest is; at most 0.95 of the gap.
+    Every shorter displacement, in any direction, is found so well; zero if not even rest is, and
+    at most 0.95 of the gap. Magnet, gap and correction are those of `fit_correction`.
 
     Raises
     ------

@@ -13,6 +13,7 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.design.skin import Magnet
 from smoskin.errors import ArgumentError
+from smoskin.magnetics import faces
 from smoskin.magnetics.sector import VACUUM_PERMEABILITY
 
 _PLANES: Final = (11, 4)
@@ -23,12 +24,11 @@ _EYE: Final = np.eye(3)
 
 
 def point_charges(magnets: Sequence[Magnet]) -> tuple[Floats, Floats]:
-    """Charges that stand for each magnet, in its own frame.
+    """Charges that stand for each of S magnets, in its own frame.
 
     Parameters
     ----------
     magnets : sequence of Magnet
-        S magnets, usually the one that each chip watches.
 
     Returns
     -------
@@ -64,29 +64,19 @@ def point_charges(magnets: Sequence[Magnet]) -> tuple[Floats, Floats]:
 
 def _charges(magnet: Magnet) -> tuple[Floats, Floats]:
     """Gauss rule over the charged faces of one magnet, coordinates outermost in memory."""
-    half = 0.5 * magnet.height
-    across, width = np.polynomial.legendre.leggauss(_PLANES[0])
-    levels, thickness = np.polynomial.legendre.leggauss(_PLANES[1])
-    line, z = np.meshgrid(magnet.radius * across, half * levels, indexing="ij")
-    still = np.zeros_like(line)
-    planes = [np.stack([line, still, z]), np.stack([still, line, z])]
-    charge = np.sqrt(2.0) * magnet.radius * half * np.multiply.outer(width, thickness)
-    amounts = [charge, charge]
-
-    share, width = np.polynomial.legendre.leggauss(_CURVED[0])
-    levels, thickness = np.polynomial.legendre.leggauss(_CURVED[1])
-    offset = 0.25 * np.pi * share
-    density = -np.cos(offset) * 0.25 * np.pi * width
-    charge = magnet.radius * half * np.multiply.outer(density, thickness)
-    for bisector in 0.25 * np.pi * np.array([1.0, 3.0, 5.0, 7.0]):
-        azimuth, z = np.meshgrid(bisector + offset, half * levels, indexing="ij")
-        planes.append(np.stack([np.cos(azimuth), np.sin(azimuth), z / magnet.radius]))
-        planes[-1] *= magnet.radius
-        amounts.append(charge)
-
-    places = np.concatenate([plane.reshape(3, -1) for plane in planes], axis=1)
+    half = 0.5 * magnet.height / magnet.radius
+    places, amounts = [], []
+    for (lines, charge), count in (
+        (faces.plane_lines(_PLANES[0]), _PLANES[1]),
+        (faces.curved_lines(_CURVED[0]), _CURVED[1]),
+    ):
+        levels, thickness = faces.gauss(count)
+        x, y = np.repeat(lines.T, count, axis=1)
+        places.append(np.stack([x, y, np.tile(half * levels, len(lines))]))
+        amounts.append(np.outer(charge, half * thickness).ravel())
     scale = VACUUM_PERMEABILITY * magnet.remanence * magnet.polarity / (4.0 * np.pi)
-    return places.T, scale * np.concatenate([amount.ravel() for amount in amounts])
+    place = magnet.radius * np.concatenate(places, axis=1)
+    return place.T, scale * magnet.radius**2 * np.concatenate(amounts)
 
 
 def charge_field_and_gradient(
@@ -94,8 +84,7 @@ def charge_field_and_gradient(
 ) -> tuple[Floats, Floats]:
     """Flux density and its gradient at S points, each of its own Q charges.
 
-    The arguments are taken as they are, unchecked: this is the innermost call of a live
-    estimator.
+    Arguments are not checked: this is the innermost call of a live estimator.
 
     Parameters
     ----------
@@ -112,10 +101,6 @@ def charge_field_and_gradient(
         B, T.
     gradient : Floats, shape (..., S, 3, 3)
         dB_i/dx_j at [..., i, j], T/m.
-
-    Notes
-    -----
-    Valid for the gaps named by `point_charges`.
     """
     away = points[..., None, :] - positions
     square = np.einsum("...qi,...qi->...q", away, away)

@@ -1,13 +1,13 @@
 """Field of the magnetic charges on the faces of a disc of four sectors, for points in one octant.
 
-Decides how the charges are integrated, E = sum of q d / |d|^3: the radial faces of neighbouring
-sectors merge into two crossed rectangles of uniform charge (closed form); a curved face is a row of
-vertical line charges (closed form) summed over the azimuth. Hides the choice of nodes by nearness
-and the near-singular transform. Lengths are in radii; a point lies in 0 <= y <= x, 0 <= z; `half`
-is half the disc's height, and `slab` says that all points lie beside the disc, not above it.
+Decides how E = sum of q d / |d|^3 is integrated: neighbouring radial faces merge into two crossed
+rectangles (closed form); a curved face is a row of vertical line charges (closed form) over the
+azimuth. Lengths are in radii; a point lies in 0 <= y <= x, 0 <= z; `half` is half the disc's
+height, and `slab` says that all points lie beside the disc, not above it.
 """
 
 import math
+from collections.abc import Sequence
 from functools import cache
 from typing import Final, NamedTuple
 
@@ -45,11 +45,35 @@ def sums(kind: int, point: Floats, nearness: Floats, half: float, slab: bool, ro
     total = _rectangles(point, half, slab, rows)
     if kind >= len(_SINH):
         count = _PLAIN[kind - len(_SINH)][1]
-        total += _shared(_curved_nodes(count, (0, 1, 2, 3)), point, half, slab, rows)
+        total += _shared(_curved_nodes(count), point, half, slab, rows)
     else:
         total += _shared(_curved_nodes(_OPPOSITE, (1, 2)), point, half, slab, rows)
         total += _nearest(_SINH[kind][1], point, nearness, half, slab, rows)
     return total
+
+
+def curved_lines(count: int, sectors: Sequence[int] = range(4)) -> tuple[Floats, Floats]:
+    """Gauss rule over curved faces of sectors: places of lines (N, 2) and their charges (N,)."""
+    nodes, weights = gauss(count)
+    offset = 0.25 * np.pi * nodes
+    azimuth = np.concatenate([0.25 * np.pi * (1 + 2 * sector) + offset for sector in sectors])
+    charge = np.tile(-np.cos(offset) * 0.25 * np.pi * weights, len(sectors))
+    return np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1), charge
+
+
+def plane_lines(count: int) -> tuple[Floats, Floats]:
+    """Gauss rule over both rectangles of radial faces, as `curved_lines`."""
+    nodes, weights = gauss(count)
+    still = np.zeros_like(nodes)
+    place = np.concatenate([np.stack([nodes, still], axis=1), np.stack([still, nodes], axis=1)])
+    return place, math.sqrt(2.0) * np.tile(weights, 2)
+
+
+@cache
+def gauss(count: int) -> tuple[Floats, Floats]:
+    """Gauss-Legendre nodes and weights on (-1, 1)."""
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    return nodes, weights
 
 
 class _Nodes(NamedTuple):
@@ -63,41 +87,24 @@ class _Nodes(NamedTuple):
     """(6, N): charge q, then q X, q Y, q X X, q Y Y, q X Y."""
 
 
-def _nodes(place: Floats, charge: Floats) -> _Nodes:
+def _nodes(*lines: tuple[Floats, Floats]) -> _Nodes:
     """Shared line charges with their moments."""
+    place, charge = (np.concatenate(parts) for parts in zip(*lines, strict=True))
     x, y = place.T
     moments = charge * np.stack([np.ones_like(x), x, y, x * x, y * y, x * y])
     return _Nodes(place, np.sum(place * place, axis=1, keepdims=True), moments)
 
 
 @cache
-def _gauss(count: int) -> tuple[Floats, Floats]:
-    """Gauss-Legendre nodes and weights on (-1, 1)."""
-    nodes, weights = np.polynomial.legendre.leggauss(count)
-    return nodes, weights
-
-
-@cache
-def _curved_nodes(count: int, sectors: tuple[int, ...]) -> _Nodes:
-    """Gauss rule over the curved faces of these sectors."""
-    nodes, weights = _gauss(count)
-    offset = 0.25 * np.pi * nodes
-    azimuth = np.concatenate([0.25 * np.pi * (1 + 2 * sector) + offset for sector in sectors])
-    charge = np.tile(-np.cos(offset) * 0.25 * np.pi * weights, len(sectors))
-    return _nodes(np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1), charge)
+def _curved_nodes(count: int, sectors: tuple[int, ...] = (0, 1, 2, 3)) -> _Nodes:
+    """Nodes of the curved faces of these sectors."""
+    return _nodes(curved_lines(count, sectors))
 
 
 @cache
 def _far_nodes() -> _Nodes:
-    """Gauss rule over all faces, for points far away."""
-    curved = _curved_nodes(8, (0, 1, 2, 3))
-    nodes, weights = _gauss(8)
-    still = np.zeros_like(nodes)
-    place = np.concatenate(
-        [curved.place, np.stack([nodes, still], axis=1), np.stack([still, nodes], axis=1)]
-    )
-    flat = math.sqrt(2.0) * weights
-    return _nodes(place, np.concatenate([curved.moments[0], flat, flat]))
+    """Nodes of all faces, for points far away."""
+    return _nodes(curved_lines(8), plane_lines(8))
 
 
 class _Line(NamedTuple):
@@ -120,10 +127,8 @@ class _Line(NamedTuple):
 
 
 def _line(square: Floats, up: Floats, half: float, slab: bool) -> _Line:
-    """Field of the line per unit of charge a length, `square` being d^2.
-
-    Both forms of `across` are free of cancellation on their side of the line's upper end.
-    """
+    """Field of the line per unit of charge a length, `square` being d^2."""
+    # Both forms of `across` are free of cancellation on their side of the line's upper end.
     v1 = up + half
     v2 = np.abs(up - half)
     s1 = square + v1 * v1
@@ -186,23 +191,21 @@ def _shared(nodes: _Nodes, point: Floats, half: float, slab: bool, rows: int) ->
     return sums
 
 
+# In t = tan(half the azimuth from the point) all squared distances are quadratics over
+# 1 + t^2 with roots at +-i b or farther, which t = b sinh(s) moves to Im s = pi/2. Turning
+# the point is turning the charge back: the slope along the circle is the field of the
+# charge's own slope, which has no peak near the face for rounding and nodes to miss.
 def _nearest(
     count: int, point: Floats, nearness: Floats, half: float, slab: bool, rows: int
 ) -> Floats:
-    """Curved faces from azimuth -90 to 90 degrees, nodes crowding at the point; (rows, P).
-
-    In t = tan(half the azimuth from the point) all squared distances are quadratics over
-    1 + t^2 with roots at +-i b or farther, which t = b sinh(s) moves to Im s = pi/2. Turning
-    the point is turning the charge back: the slope along the circle is the field of the
-    charge's own slope, which has no peak near the face for rounding and nodes to miss.
-    """
+    """Curved faces from azimuth -90 to 90 degrees, nodes crowding at the point; (rows, P)."""
     x, y, up = point
     radius = np.hypot(x, y)
     cos, sin = x / radius, y / radius
     start = y / (radius + x)
     knots = np.stack([-(1.0 + start) / (1.0 - start), -start, (1.0 - start) / (1.0 + start)])
     knots = np.arcsinh(knots / nearness)
-    nodes, weights = _gauss(count)
+    nodes, weights = gauss(count)
     root = math.sqrt(0.5)
     gap = radius - 1.0
     polar = np.zeros((3 if rows == 3 else 8, len(x)))
@@ -259,11 +262,9 @@ def _steps_of_charge(point: Floats, half: float, slab: bool) -> Floats:
 
 
 def _from_polar(polar: Floats, cos: Floats, sin: Floats, radius: Floats) -> Floats:
-    """Sums along x, y and z from those outwards, along the circle and along z.
-
-    Rows of `polar`: E_o, E_t, E_z; then dE_o/dz, dE_z/dz and the field, outwards, along the circle
-    and along z, of the charge's own slope along the circle.
-    """
+    """Sums along x, y, z from those outwards, along the circle and along z."""
+    # Rows of polar: E_o, E_t, E_z; then dE_o/dz, dE_z/dz and the field, outwards, along the circle
+    # and along z, of the charge's own slope along the circle.
     sums = np.empty_like(polar)
     sums[0] = cos * polar[0] - sin * polar[1]
     sums[1] = sin * polar[0] + cos * polar[1]
@@ -283,11 +284,9 @@ def _from_polar(polar: Floats, cos: Floats, sin: Floats, radius: Floats) -> Floa
 
 
 def _rectangles(point: Floats, half: float, slab: bool, rows: int) -> Floats:
-    """Both crossed rectangles of charge sqrt(2), by their edges and corners; (rows, P).
-
-    Row 0 of each array is the rectangle |x| < 1, |z| < half of the plane y = 0
-    with u = x, w = y, v = z; row 1 that of the plane x = 0 with u = y, w = x.
-    """
+    """Both crossed rectangles of charge sqrt(2), by their edges and corners; (rows, P)."""
+    # Row 0 of each array is the rectangle |x| < 1, |z| < half of the plane y = 0
+    # with u = x, w = y, v = z; row 1 that of the plane x = 0 with u = y, w = x.
     floor = TOUCHING**2
     u, w, v = point[:2], point[1::-1], point[2]
     ww = w * w

@@ -10,13 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from smoskin.arrays import Bools, Floats
-from smoskin.design.skin import HallSite, Magnet, SkinDesign
+from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.centripetal import (
+    OF_NUMBERS,
     LinearCorrection,
+    displaced,
     displacement,
-    displacements_of_one,
     fit_correction,
-    plain_corrections,
     stack_corrections,
     usable_range,
 )
@@ -30,7 +30,6 @@ _FITTED = 0.5e-3
 """m: largest displacement that the ideal field is corrected for."""
 _SETTLED = 2e-6
 """m: a last Newton step longer than this has not converged."""
-_FOUND = np.ones(1, dtype=np.bool_)
 
 
 class Displacements(NamedTuple):
@@ -71,15 +70,18 @@ class FieldInverse:
         self._stroke = stroke
         self._rest = geometry(design).rest
         self._places, self._charges = point_charges(magnets)
-        fitted: dict[tuple[object, ...], tuple[LinearCorrection, float]] = {}
-        for magnet, site in zip(magnets, design.halls, strict=True):
-            if _kind(magnet, site) not in fitted:
+        fitted: dict[object, tuple[LinearCorrection, float]] = {}
+        kinds = [
+            (m.mount, m.radius, m.height, m.remanence, m.polarity, site.gap)
+            for m, site in zip(magnets, design.halls, strict=True)
+        ]
+        for kind, magnet, site in zip(kinds, magnets, design.halls, strict=True):
+            if kind not in fitted:
                 own = fit_correction(magnet, site.gap, min(_FITTED, site.gap / 2))
-                fitted[_kind(magnet, site)] = own, usable_range(magnet, site.gap, own, tolerance)
-        mine = [fitted[_kind(m, site)] for m, site in zip(magnets, design.halls, strict=True)]
-        self._correction = stack_corrections([correction for correction, _ in mine])
-        self._plain_corrections = plain_corrections(self._correction)
-        self._usable_squared = np.array([radius for _, radius in mine]) ** 2
+                fitted[kind] = own, usable_range(magnet, site.gap, own, tolerance)
+        self._correction = stack_corrections([fitted[kind][0] for kind in kinds])
+        self._numbers = np.stack(self._correction.numbers, axis=-1).tolist()
+        self._usable_squared = np.array([fitted[kind][1] for kind in kinds]) ** 2
 
     @property
     def rest_field(self) -> Floats:
@@ -93,13 +95,9 @@ class FieldInverse:
         ----------
         fields : Floats, shape (T, S, 3)
             Fields of each chip's own magnet at reference temperature, in the skin's frame, T.
-
-        Returns
-        -------
-        Displacements
         """
         if len(fields) == 1 and (alone := self._usable_alone(fields[0])) is not None:
-            return Displacements(alone, _FOUND)
+            return Displacements(alone, np.ones(1, dtype=np.bool_))
         # A chip moves against its magnet as the magnet moves against the chip, reversed.
         moved = -displacement(self._correction, fields)
         within = np.einsum("tsk,tsk->ts", moved, moved) <= self._usable_squared
@@ -110,13 +108,19 @@ class FieldInverse:
 
     def _usable_alone(self, fields: Floats) -> Floats | None:
         """Motion of the chips for one reading whose magnets are all within their usable range."""
-        displaced = displacements_of_one(self._plain_corrections, fields)
-        if displaced is None:
-            return None
-        for (x, y, z), limit in zip(displaced, self._usable_squared.tolist(), strict=True):
+        magnets = []
+        limits = self._usable_squared.tolist()
+        for (bx, by, bz), numbers, limit in zip(
+            fields.tolist(), self._numbers, limits, strict=True
+        ):
+            try:
+                x, y, z = displaced(bx, by, bz, numbers, OF_NUMBERS)
+            except (ArithmeticError, ValueError):
+                return None
             if not x * x + y * y + z * z <= limit:
                 return None
-        return -np.array([displaced])
+            magnets.append((x, y, z))
+        return -np.array([magnets])
 
     def _refine(self, fields: Floats, start: Floats) -> tuple[Floats, Bools]:
         """Newton steps on the magnets' own field, and whether they settled within the stroke."""
@@ -128,8 +132,3 @@ class FieldInverse:
             moved += step
         settled = (np.abs(moved) <= self._stroke) & (np.abs(step) <= _SETTLED)
         return moved, np.asarray(settled.all(axis=(-2, -1)))
-
-
-def _kind(magnet: Magnet, site: HallSite) -> tuple[object, ...]:
-    """Numbers on which the correction of a magnet depends."""
-    return (magnet.mount, magnet.radius, magnet.height, magnet.remanence, magnet.polarity, site.gap)

@@ -38,9 +38,8 @@ _ROOM: Final = 46244
 class HallNoise:
     """Noise of one conversion: white in the time of integration, plus a floor.
 
-    The data sheet plots noise against conversion time, whatever OSR and filter it is made of;
-    the plot is not at hand, so the figures are assumptions: a reader of it quotes 10 (which fits
-    10 mG, 1 uT) at 10 ms, and these defaults give 1.07 uT there. Quiet stretches of a published
+    The data sheet's plot of noise is not at hand, so the figures are assumptions: a reader of it
+    quotes 10 mG, 1 uT, at 10 ms, where these defaults give 1.07 uT. Quiet stretches of a published
     recording (five chips, gain 2x, RES 3, filter unknown) show 2.3 uT in x and y and 3.8 in z,
     steps taken off. Measure your board.
     """
@@ -82,17 +81,7 @@ class HallSample:
 
 
 def sensitivity(setting: HallSetting) -> Floats:
-    """Tesla a count.
-
-    Parameters
-    ----------
-    setting : HallSetting
-        Gain and resolution matter.
-
-    Returns
-    -------
-    Floats, shape (3,)
-        T a count in x, y, z.
+    """Tesla a count in x, y, z, shape (3,), by gain and resolution.
 
     Notes
     -----
@@ -109,17 +98,7 @@ def sensitivity(setting: HallSetting) -> Floats:
 
 
 def full_scale(setting: HallSetting) -> Floats:
-    """Field at the end of what can be read.
-
-    Parameters
-    ----------
-    setting : HallSetting
-        Gain and resolution matter.
-
-    Returns
-    -------
-    Floats, shape (3,)
-        T, for x, y, z to either side: beyond it a reading wraps (`wraps`) or stops.
+    """Field in x, y, z, T, beyond which to either side a reading wraps (`wraps`) or stops, (3,).
 
     Notes
     -----
@@ -136,31 +115,15 @@ def full_scale(setting: HallSetting) -> Floats:
 
 
 def wraps(setting: HallSetting) -> bool:
-    """Whether a field past the range comes back as a false value instead of stopping.
-
-    Examples
-    --------
-    >>> wraps(HallSetting(gain_selection=7, resolution=0, oversampling=0, digital_filter=2))
-    True
-    """
+    """Whether a field past the range comes back as a false value instead of stopping."""
     return _WORD << setting.resolution < _RAIL
 
 
 def noise(setting: HallSetting, model: HallNoise | None = None) -> Floats:
-    """Noise of one conversion, before it is rounded to counts.
+    """Standard deviation of one conversion in x, y, z, T, before it is rounded to counts, (3,).
 
-    Parameters
-    ----------
-    setting : HallSetting
-        Oversampling and filter set the samples taken, the gain how much the converter adds.
-        The resolution adds its step's rounding only, which `measure` does.
-    model : HallNoise, optional
-        By default `HallNoise()`.
-
-    Returns
-    -------
-    Floats, shape (3,)
-        T, standard deviation in x, y, z.
+    Oversampling and filter set the samples taken, the gain how much the converter adds. The
+    resolution adds its step's rounding only, which `measure` does.
 
     Examples
     --------
@@ -188,13 +151,11 @@ def measure(
     field : array_like, shape (..., 3)
         B in the chip's own axes, T.
     setting : HallSetting
-        Setting of all chips.
     temperature : array_like, shape (...), optional
         Temperature of the chips, degC; broadcast against the field.
     rng : numpy.random.Generator, optional
-        Source of noise; without one the chips are noiseless.
+        Generator of noise; without one the chips are noiseless.
     model : HallNoise, optional
-        By default `HallNoise()`.
 
     Returns
     -------
@@ -219,34 +180,18 @@ def measure(
     step = sensitivity(setting) / 2.0**setting.resolution
     full = np.rint(np.clip(seen / step, -_RAIL, _RAIL - 1)).astype(np.int64)
     counts = (((full >> setting.resolution) + _WORD) & 0xFFFF) - _WORD
-    flags = np.where(finite, _rail_flags(counts, setting), int(ChipFlag.INVALID))
+    rail = _RAIL >> setting.resolution
+    railed = ((counts >= rail - 1) | (counts <= -rail)).any(axis=-1) & (not wraps(setting))
+    flags = np.where(railed, int(ChipFlag.SATURATED), int(ChipFlag.GOOD))
+    flags = np.where(finite, flags, int(ChipFlag.INVALID))
     warmth = np.broadcast_to(floats("temperature", temperature), finite.shape)
     if rng is not None and law.temperature:
         warmth = warmth + rng.normal(size=warmth.shape) * law.temperature
     return HallSample(counts=counts, temperature_counts=temperature_counts(warmth), flags=flags)
 
 
-def _rail_flags(counts: Ints, setting: HallSetting) -> Ints:
-    """SATURATED where an axis stands at a rail of the converter, if its bits are read."""
-    rail = _RAIL >> setting.resolution
-    railed = ((counts >= rail - 1) | (counts <= -rail)).any(axis=-1) & (not wraps(setting))
-    return np.where(railed, int(ChipFlag.SATURATED), int(ChipFlag.GOOD))
-
-
 def tesla(counts: ArrayLike, setting: HallSetting) -> Floats:
-    """Field that counts stand for.
-
-    Parameters
-    ----------
-    counts : array_like, shape (..., 3)
-        Signed 16-bit numbers.
-    setting : HallSetting
-        Setting under which they were read.
-
-    Returns
-    -------
-    Floats, shape (..., 3)
-        B in the chip's own axes, T; the lower edge of the field's count.
+    """Field, T, in the chip's own axes, that signed counts (..., 3) stand for: their lower edge.
 
     Raises
     ------
@@ -274,13 +219,7 @@ def temperature_counts(temperature: ArrayLike) -> Ints:
 
 
 def degrees(counts: ArrayLike) -> Floats:
-    """Temperature in degC of a temperature word; the inverse of `temperature_counts`.
-
-    Examples
-    --------
-    >>> float(degrees(46696))
-    35.0
-    """
+    """Temperature in degC of a temperature word; the inverse of `temperature_counts`."""
     return np.asarray(REFERENCE_TEMPERATURE + (floats("counts", counts) - _ROOM) / _DEGREE)
 
 
@@ -291,29 +230,18 @@ def settles(setting: HallSetting) -> bool:
     -----
     Source: Melexis MLX90393 getting-started guide: at HALLCONF 0xC the pairs (OSR, DIG_FILT)
     (0, 0), (0, 1) and (1, 0) are not allowed. The chip takes them, and reads falsely.
-
-    Examples
-    --------
-    >>> settles(HallSetting(gain_selection=7, resolution=0, oversampling=0, digital_filter=1))
-    False
     """
     return setting.oversampling + setting.digital_filter >= 2
 
 
 def conversion_time(setting: HallSetting, temperature_oversampling: int | None = None) -> float:
-    """Time of one measurement of x, y and z, s.
+    """Time of one measurement of x, y and z, from the command to the data, s.
 
     Parameters
     ----------
     setting : HallSetting
-        Oversampling and filter matter.
     temperature_oversampling : int, optional
         OSR2, 0..3, where the temperature is measured too; it is not by default.
-
-    Returns
-    -------
-    float
-        s, from the command to the data.
 
     Raises
     ------
@@ -346,23 +274,8 @@ def _samples(setting: HallSetting) -> float:
     return float(2**setting.oversampling * (2 + 2**setting.digital_filter))
 
 
-def rotations(sites: Sequence[HallSite]) -> Floats:
-    """`rotation` of each site, shape (S, 3, 3)."""
-    return np.stack([rotation(site) for site in sites])
-
-
 def rotation(site: HallSite) -> Floats:
-    """Rotation from the chip's axes to the skin's.
-
-    Parameters
-    ----------
-    site : HallSite
-        Its `axes` name the directions of the chip's x, y, z in the skin.
-
-    Returns
-    -------
-    Floats, shape (3, 3)
-        R with B_skin = R @ B_chip; its columns are the chip's axes.
+    """Rotation R from the chip's axes to the skin's, (3, 3): B_skin = R @ B_chip.
 
     Examples
     --------
@@ -374,3 +287,8 @@ def rotation(site: HallSite) -> Floats:
     for column, axis in enumerate(site.axes):
         turned["xyz".index(axis[1]), column] = -1.0 if axis[0] == "-" else 1.0
     return turned
+
+
+def rotations(sites: Sequence[HallSite]) -> Floats:
+    """`rotation` of each site, shape (S, 3, 3)."""
+    return np.stack([rotation(site) for site in sites])

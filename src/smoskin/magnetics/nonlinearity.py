@@ -20,22 +20,11 @@ _FIXED_POINTS: Final = 5
 
 
 def field_curvature(design: SkinDesign) -> Floats:
-    """Product of two readings that each chip adds to their sum, from its own magnet.
+    """Product C_ijk of two readings that each chip adds to their sum, from its own magnet, 1/T.
 
-    Parameters
-    ----------
-    design : SkinDesign
-
-    Returns
-    -------
-    Floats, shape (S, 3, 3, 3)
-        1/T: by change of field under one motion, under the other, and component that is added,
-        all in the skin's frame.
-
-    Notes
-    -----
-    Valid for motions of the magnet along x, y and z, small against the gap; tilts are taken as
-    what they look like.
+    Shape (S, 3, 3, 3): change of field under one motion, under the other, and component that is
+    added, all in the skin's frame. Valid for motions of the magnet along x, y and z, small against
+    the gap; tilts are taken as what they look like.
     """
     magnets = [design.magnet(site.magnet) for site in design.halls]
     places, charges = point_charges(magnets)

@@ -12,13 +12,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Bools, Floats, floats
+from smoskin.arrays import Floats, floats
 from smoskin.design.skin import Magnet
 from smoskin.magnetics import faces
 
 VACUUM_PERMEABILITY: Final = 1.25663706127e-6
 """mu_0, T m/A (CODATA 2022)."""
 
+_SWAPPED: Final = [1, 0, 2, 4, 3, 5, 7, 6]
+"""Rows of sums with x and y swapped."""
 _BLOCK: Final = 512
 """Points at a time, so that working arrays of nodes times points stay in the cache."""
 
@@ -29,7 +31,7 @@ def field(magnet: Magnet, points: ArrayLike) -> Floats:
     Parameters
     ----------
     magnet : Magnet
-        The disc; its mount and corner play no part here.
+        The disc, wherever it is mounted.
     points : array_like, shape (..., 3)
         Points, m, from the disc's centre.
 
@@ -50,52 +52,27 @@ def field(magnet: Magnet, points: ArrayLike) -> Floats:
     Valid for all points, to 1.2e-7 of B; the recoil permeability is taken as one.
     """
     where = floats("points", points, (3,))
-    sums, swapped = _potentials(magnet, where.reshape(-1, 3), rows=3)
-    density = _density(magnet, sums, swapped, where.reshape(-1, 3))
-    return density.reshape(where.shape)
+    return _density(magnet, where, _sums(magnet, where, rows=3))
 
 
 def field_and_gradient(magnet: Magnet, points: ArrayLike) -> tuple[Floats, Floats]:
-    """Flux density and its gradient, in the magnet's own frame.
+    """Flux density B as `field` gives it, T, and its gradient, T/m, at the same points (..., 3).
 
-    Parameters
-    ----------
-    magnet : Magnet
-        The disc.
-    points : array_like, shape (..., 3)
-        Where, m, from the disc's centre.
-
-    Returns
-    -------
-    density : Floats, shape (..., 3)
-        B, T, as `field` gives it.
-    gradient : Floats, shape (..., 3, 3)
-        dB_i/dx_j at [..., i, j], T/m; symmetric and of zero trace.
-
-    Raises
-    ------
-    ArgumentError
-        If `points` is not (..., 3).
-
-    Notes
-    -----
-    Valid as `field`, the gradient to 1e-6 of itself (4e-6 within 1e-6 radii of the rim).
+    The gradient, (..., 3, 3), has dB_i/dx_j at [..., i, j]; it is symmetric and of zero trace, and
+    good to 1e-6 of itself (4e-6 within 1e-6 radii of the rim).
     """
     where = floats("points", points, (3,))
-    flat = where.reshape(-1, 3)
-    sums, swapped = _potentials(magnet, flat, rows=8)
-    density = _density(magnet, sums, swapped, flat)
-    slope = _slope(magnet, sums, swapped, flat)
-    return density.reshape(where.shape), slope.reshape(*where.shape, 3)
+    sums = _sums(magnet, where, rows=8)
+    x, y, z = np.sign(where.reshape(-1, 3)).T
+    xx, yy, xy, xz, yz = sums[3], sums[4], sums[5] * x * y, sums[6] * x * z, sums[7] * y * z
+    slope = np.stack([xx, xy, xz, xy, yy, yz, xz, yz, -xx - yy], axis=-1)
+    slope *= _scale(magnet) / magnet.radius
+    return _density(magnet, where, sums), slope.reshape(*where.shape, 3)
 
 
-def _potentials(magnet: Magnet, flat: Floats, *, rows: int) -> tuple[Floats, Bools]:
-    """Unit-charge sums at the points folded into 0 <= y <= x, 0 <= z.
-
-    Rows are E_x, E_y, E_z and, where 8 are asked for, E_xx, E_yy, E_xy, E_xz, E_yz. The second
-    result says where x and y were swapped.
-    """
-    half = 0.5 * magnet.height / magnet.radius
+def _sums(magnet: Magnet, where: Floats, *, rows: int) -> Floats:
+    """Sums of `faces.sums`, (rows, P), each point's as if all its coordinates were positive."""
+    flat, half = where.reshape(-1, 3), 0.5 * magnet.height / magnet.radius
     finite = np.isfinite(flat).all(axis=1)
     size = np.where(finite, np.abs(flat.T) / magnet.radius, 0.0)
     swapped = size[1] > size[0]
@@ -122,31 +99,16 @@ def _potentials(magnet: Magnet, flat: Floats, *, rows: int) -> tuple[Floats, Boo
     inside = slab & (radius < 1.0)
     sums[:2, inside] -= 4.0 * np.pi / math.sqrt(2.0)
     sums[:, ~finite] = np.nan
-    return sums, swapped
+    sums[:, swapped] = sums[_SWAPPED[:rows]][:, swapped]
+    return sums
 
 
-def _density(magnet: Magnet, sums: Floats, swapped: Bools, flat: Floats) -> Floats:
-    """B (P, 3) from the folded sums; odd components vanish on their symmetry planes."""
-    scale = VACUUM_PERMEABILITY * magnet.remanence * magnet.polarity / (4.0 * np.pi)
-    density = np.empty_like(flat)
-    density[:, 0] = np.where(swapped, sums[1], sums[0])
-    density[:, 1] = np.where(swapped, sums[0], sums[1])
-    density[:, 2] = sums[2]
-    density *= scale * np.sign(flat)
-    density += 0.0  # no negative zeros
-    return density
+def _density(magnet: Magnet, where: Floats, sums: Floats) -> Floats:
+    """B at the points; odd components vanish on their symmetry planes."""
+    components = np.ascontiguousarray(sums[:3].T).reshape(where.shape)
+    return components * (_scale(magnet) * np.sign(where)) + 0.0  # no negative zeros
 
 
-def _slope(magnet: Magnet, sums: Floats, swapped: Bools, flat: Floats) -> Floats:
-    """Gradient (P, 3, 3) from the folded sums."""
-    scale = VACUUM_PERMEABILITY * magnet.remanence * magnet.polarity / (4.0 * np.pi)
-    sign = np.sign(flat).T
-    slope = np.empty((len(flat), 3, 3))
-    slope[:, 0, 0] = np.where(swapped, sums[4], sums[3])
-    slope[:, 1, 1] = np.where(swapped, sums[3], sums[4])
-    slope[:, 2, 2] = -sums[3] - sums[4]
-    slope[:, 0, 1] = slope[:, 1, 0] = sums[5] * sign[0] * sign[1]
-    slope[:, 0, 2] = slope[:, 2, 0] = np.where(swapped, sums[7], sums[6]) * sign[0] * sign[2]
-    slope[:, 1, 2] = slope[:, 2, 1] = np.where(swapped, sums[6], sums[7]) * sign[1] * sign[2]
-    slope *= scale / magnet.radius
-    return slope
+def _scale(magnet: Magnet) -> float:
+    """Field of a unit sum, T."""
+    return VACUUM_PERMEABILITY * magnet.remanence * magnet.polarity / (4.0 * np.pi)

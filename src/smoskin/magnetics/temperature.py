@@ -1,8 +1,8 @@
 """Warmth of magnets and sheet: decides the law of weakening and the bounds of service.
 
 The chip compensates its own sensitivity; what is left in the reading is the magnet, which
-weakens as it warms (Figure S15). Values are those of the magnet mud of the paper. Humidity and
-light had no effect there (SI Text S11), so nothing here depends on them.
+weakens as it warms. Values are those of the paper's magnet mud. Humidity and light had no effect
+there (SI Text S11), so nothing here depends on them.
 """
 
 from typing import Final
@@ -19,27 +19,17 @@ REFERENCE_TEMPERATURE: Final = 25.0
 """degC: temperature at which the factor is one (SI, Text S11)."""
 SERVICE_LIMITS: Final = (-40.0, 75.0)
 """degC: from the chips' lowest temperature to the highest at which magnets were tested and
-hot-pressed layers held (SI, Text S11). Below 25 the law of weakening is carried on."""
-GLUED_LIMIT: Final = 50.0
-"""degC: up to where panels that are glued, not hot-pressed, held for 24 h; at 75 they came off
-(SI, Text S11, Figure S14)."""
+hot-pressed layers held; glued panels came off at 75 and held at 50 for 24 h (SI, Text S11,
+Figure S14). Below 25 the law of weakening is carried on."""
 
 
-def temperature_factor(
-    temperature: ArrayLike,
-    coefficient: float = TEMPERATURE_COEFFICIENT,
-    reference: float = REFERENCE_TEMPERATURE,
-) -> Floats:
+def temperature_factor(temperature: ArrayLike) -> Floats:
     """Field of a magnet over its field at the reference temperature.
 
     Parameters
     ----------
     temperature : array_like, any shape
         Temperature of the magnet, degC.
-    coefficient : float, optional
-        Relative change per degree, 1/degC.
-    reference : float, optional
-        Temperature at which the factor is one, degC.
 
     Returns
     -------
@@ -56,28 +46,17 @@ def temperature_factor(
     >>> float(temperature_factor(35.0))
     0.95
     """
-    return np.asarray(1.0 + coefficient * (floats("temperature", temperature) - reference))
+    warmth = floats("temperature", temperature) - REFERENCE_TEMPERATURE
+    return np.asarray(1.0 + TEMPERATURE_COEFFICIENT * warmth)
 
 
-def check_temperature(temperature: ArrayLike, hottest: float = SERVICE_LIMITS[1]) -> Floats:
-    """The temperatures that somebody sets, if the skin stands them.
-
-    Parameters
-    ----------
-    temperature : array_like, any shape
-        degC.
-    hottest : float, optional
-        degC; `GLUED_LIMIT` for panels that are not hot-pressed.
-
-    Returns
-    -------
-    Floats
-        The same, as an array.
+def check_temperature(temperature: ArrayLike) -> Floats:
+    """The temperatures that somebody sets, degC, as an array of any shape, if the skin stands them.
 
     Raises
     ------
     ArgumentError
-        If one lies outside `SERVICE_LIMITS`, above `hottest`, or is not a number.
+        If one lies outside `SERVICE_LIMITS` or is not a number.
 
     Notes
     -----
@@ -90,9 +69,7 @@ def check_temperature(temperature: ArrayLike, hottest: float = SERVICE_LIMITS[1]
     smoskin.errors.ArgumentError: temperature must lie in -40..75 degC; got 80.0
     """
     degrees = floats("temperature", temperature)
-    most = min(hottest, SERVICE_LIMITS[1])
-    if not ((degrees >= SERVICE_LIMITS[0]) & (degrees <= most)).all():
-        raise ArgumentError(
-            f"temperature must lie in {SERVICE_LIMITS[0]:g}..{most:g} degC; got {degrees}"
-        )
+    least, most = SERVICE_LIMITS
+    if not ((degrees >= least) & (degrees <= most)).all():
+        raise ArgumentError(f"temperature must lie in {least:g}..{most:g} degC; got {degrees}")
     return degrees

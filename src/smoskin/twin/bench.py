@@ -1,21 +1,18 @@
 """A virtual bench: touches of known load on a skin that differs from its design.
 
 Decides which touches a person would measure in an hour, how noisy gauge and stage are, and how a
-made skin of the reduced model differs from the designed one; a made skin of the whole sheet is a
-`smoskin.twin.whole.Twin`. The table that comes out is what a real bench writes.
+made skin of the reduced model differs from the designed one.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from smoskin.arrays import Floats, freeze
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
-from smoskin.magnetics.chip import ChipErrors, ChipPose
 from smoskin.measurement import TouchTable
 from smoskin.mechanics.reduced.stiffness import cell_layers, sheet_stiffness
 from smoskin.mechanics.sheet.touches import touches_of
@@ -48,40 +45,10 @@ _WARMING: Final = (24.0, 27.0)
 """degC, from the first to the last touch."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class MadeSkin:
-    """A skin of the reduced model as it came out of the workshop; S chips."""
+def made_skin(design: SkinDesign, rng: np.random.Generator) -> ReducedTwin:
+    """A skin of the reduced model, with ideal chips, as a workshop might make it from the design.
 
-    design: SkinDesign
-    """The design with the coefficients, stiffnesses and magnets that the skin really has."""
-    chip_rotation: Floats
-    """(S, 3), rad: rotation vectors, in the skin's axes, of the chips off their designed
-    attitude."""
-    chip_offset: Floats
-    """(S, 3), T, in each chip's axes: what it adds to any field."""
-
-    def __post_init__(self) -> None:
-        chips = len(self.design.halls)
-        freeze(self, chip_rotation=(chips, 3), chip_offset=(chips, 3))
-
-    def twin(self, *, seed: int | None = None) -> ReducedTwin:
-        """The virtual skin; the seed is that of its live readings' noise."""
-        chips = len(self.design.halls)
-        deviations = replace(
-            as_designed(self.design),
-            chip_pose=ChipPose(offset=np.zeros((chips, 3)), turn=self.chip_rotation),
-            chip_errors=ChipErrors(
-                sensitivity=np.ones((chips, 3)),
-                cross_axis=np.zeros((chips, 3, 3)),
-                zero=self.chip_offset,
-                warmth=np.zeros(chips),
-            ),
-        )
-        return ReducedTwin(self.design, seed=seed, deviations=deviations)
-
-
-def made_skin(design: SkinDesign, rng: np.random.Generator) -> MadeSkin:
-    """A skin as a workshop might make it from the design.
+    The twin's own design has the coefficients, stiffnesses and magnets that it really has.
 
     v_a (X and Y alike) is anywhere in 0.15..0.5, v_s in 0.7..1.4; v_f are off by up to 20 %,
     K_sf and the sheet's stiffness by 10 %, remanences by 3 %; chips are turned by up to 2
@@ -110,21 +77,20 @@ def made_skin(design: SkinDesign, rng: np.random.Generator) -> MadeSkin:
     frame = replace(design.frame, stiffness=design.frame.stiffness * float(stretched))
     direction = rng.normal(size=(chips, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    return MadeSkin(
-        design=replace(
-            design,
-            coefficients=coefficients,
-            magnets=magnets,
-            shear_layer=pillars,
-            frame=frame,
-        ),
-        chip_rotation=direction * np.radians(rng.uniform(0.0, 2.0, (chips, 1))),
-        chip_offset=rng.uniform(-50e-6, 50e-6, (chips, 3)),
+    made = replace(
+        design, coefficients=coefficients, magnets=magnets, shear_layer=pillars, frame=frame
     )
+    deviations = as_designed(made)
+    turned = replace(
+        deviations.chips,
+        turn=direction * np.radians(rng.uniform(0.0, 2.0, (chips, 1))),
+        zero=rng.uniform(-50e-6, 50e-6, (chips, 3)),
+    )
+    return ReducedTwin(made, seed=None, deviations=replace(deviations, chips=turned))
 
 
 def calibration_loads(design: SkinDesign) -> tuple[Contact | None, ...]:
-    """What a person applies in about an hour to calibrate a skin.
+    """Touches that a person applies in about an hour to calibrate a skin; None is no touch.
 
     First 20 readings of the untouched skin. Then, on one cell of each layer along the diagonal,
     (1,1), (2,2), (3,3) as in the SI: straight presses of 0.2 to 1 N, four times each, and loads
@@ -148,18 +114,11 @@ def calibration_loads(design: SkinDesign) -> tuple[Contact | None, ...]:
             for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1)):
                 slanted = _load(design, cell, force, (x * force, y * force))
                 loads += [slanted] * _SLANTED_REPEATS
-    near = sorted(
-        {
-            (p + n, q + m)
-            for p, q in (magnet.corner for magnet in design.magnets if magnet.mount == "sheet")
-            for n in (-1, 0)
-            for m in (-1, 0)
-            if 0 <= p + n < columns and 0 <= q + m < rows
-        }
-    )
-    for cell in near:
-        if cell not in diagonal:
-            loads += [_load(design, cell, _OTHER_FORCE)] * _OTHER_REPEATS
+    corners = [magnet.corner for magnet in design.magnets if magnet.mount == "sheet"]
+    near = {(p + n, q + m) for p, q in corners for n in (-1, 0) for m in (-1, 0)}
+    for n, m in sorted(near - set(diagonal)):
+        if 0 <= n < columns and 0 <= m < rows:
+            loads += [_load(design, (n, m), _OTHER_FORCE)] * _OTHER_REPEATS
     return tuple(loads)
 
 
@@ -190,16 +149,8 @@ def measure(
 ) -> TouchTable:
     """The table that a bench writes: noisy gauge, noisy stage, noisy chips, slowly warming.
 
-    Parameters
-    ----------
-    skin : VirtualSkin
-    loads : sequence of Contact or None
-        What the bench applies; None leaves the skin untouched. Warmth acts on magnets and chips,
-        not on the rubber.
-    rng : numpy.random.Generator
-        Generator of all noise.
-    gauge_noise : float
-        Standard deviation of force and depth, relative to their size.
+    Warmth acts on magnets and chips, not on the rubber. `gauge_noise` is the standard deviation of
+    force and depth, relative to their size.
 
     Raises
     ------
@@ -218,9 +169,7 @@ def measure(
     field = mlx90393.tesla(sample.counts, skin.design.hall_setting)
     field[(sample.flags & int(ChipFlag.INVALID)) != 0] = np.nan
     return TouchTable(
-        position=np.array(
-            [np.full(2, np.nan) if load is None else load.position for load in loads]
-        ),
+        position=np.array([(np.nan,) * 2 if load is None else load.position for load in loads]),
         force=np.round(force / _FORCE_STEP) * _FORCE_STEP,
         depth=np.round(depth / _DEPTH_STEP) * _DEPTH_STEP,
         field=field,

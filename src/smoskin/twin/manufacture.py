@@ -1,8 +1,7 @@
 """How a made skin differs from its design: tolerances, and one draw from them.
 
-Decides what scatters, by how much and how (normally, cut at three standard deviations, so that no
-skin is absurd); hides the shapes. A draw is data: the twin applies it to its springs, magnets and
-chips.
+Decides what scatters, by how much and how: normally, cut at three standard deviations, so that no
+skin is absurd. A draw is data: the twin applies it to its springs, magnets and chips.
 """
 
 import math
@@ -10,16 +9,26 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from smoskin.arrays import Floats, frozen
+from smoskin.arrays import Floats, freeze
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.magnetics.chip import ChipErrors, ChipPose
+from smoskin.magnetics.chip import MadeChips
 from smoskin.mechanics.sheet.lattice import Lattice, build_lattice, springs_of
 from smoskin.mechanics.viscoelasticity import modulus_factor
 from smoskin.origami.geometry import geometry
 
 _CUT = 3.0
 """Standard deviations beyond which a part is thrown away."""
+_RELATIVE = (
+    "stiffness_variation",
+    "column_stiffness",
+    "crease_stiffness",
+    "frame_stiffness",
+    "remanence",
+    "chip_sensitivity",
+    "chip_cross_axis",
+)
+"""Tolerances of factors, which must not come out negative."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,17 +82,6 @@ class Tolerances:
                 raise ArgumentError(f"{name} must be below {1 / _CUT:.3f}; got {value}")
 
 
-_RELATIVE = (
-    "stiffness_variation",
-    "column_stiffness",
-    "crease_stiffness",
-    "frame_stiffness",
-    "remanence",
-    "chip_sensitivity",
-    "chip_cross_axis",
-)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Deviations:
     """How one made skin differs from its design."""
@@ -102,10 +100,12 @@ class Deviations:
     """(G, 3), m: off the designed place."""
     magnet_turn: Floats
     """(G, 3), rad: rotation vector off the designed attitude, in the skin's axes."""
-    chip_pose: ChipPose
-    """Poses of the S chips, off their sites."""
-    chip_errors: ChipErrors
-    """Errors of the S chips, against their data sheet."""
+    chips: MadeChips
+    """Poses and errors of the S chips."""
+
+    def __post_init__(self) -> None:
+        freeze(self, columns=(None, None), creases=(None,), remanence=(None,))
+        freeze(self, magnet_place=(None, 3), magnet_turn=(None, 3))
 
 
 def as_designed(design: SkinDesign) -> Deviations:
@@ -117,19 +117,7 @@ def as_designed(design: SkinDesign) -> Deviations:
 def draw(
     design: SkinDesign, rng: np.random.Generator, tolerances: Tolerances | None = None
 ) -> Deviations:
-    """One skin out of all that the workshop would make.
-
-    Parameters
-    ----------
-    design : SkinDesign
-    rng : numpy.random.Generator
-        The same state gives the same skin.
-    tolerances : Tolerances, optional
-        By default `Tolerances()`.
-
-    Returns
-    -------
-    Deviations
+    """One skin out of all that the workshop would make; a generator's state gives the same skin.
 
     Examples
     --------
@@ -141,11 +129,10 @@ def draw(
     limits = tolerances or Tolerances()
 
     def scatter(spread: float, *shape: int) -> Floats:
-        values = spread * np.clip(rng.normal(size=shape), -_CUT, _CUT)
-        return frozen("deviation", values, shape)
+        return np.asarray(spread * np.clip(rng.normal(size=shape), -_CUT, _CUT))
 
     def factor(spread: float, *shape: int) -> Floats:
-        return frozen("deviation", 1.0 + scatter(spread, *shape), shape)
+        return 1.0 + scatter(spread, *shape)
 
     sheet = geometry(design).sheet
     chips, magnets = len(design.halls), len(design.magnets)
@@ -153,17 +140,16 @@ def draw(
     height = 1.0 + scatter(limits.column_height, *sheet.columns.shape) / design.columns.height
     columns = rubber * factor(limits.column_stiffness, *sheet.columns.shape) / height
     return Deviations(
-        columns=frozen("columns", columns, sheet.columns.shape),
+        columns=columns,
         shear_layer=rubber,
         creases=factor(limits.crease_stiffness, len(sheet.creases)),
         frame=float(factor(limits.frame_stiffness)),
         remanence=factor(limits.remanence, magnets),
         magnet_place=scatter(limits.magnet_place, magnets, 3),
         magnet_turn=scatter(limits.magnet_tilt, magnets, 3),
-        chip_pose=ChipPose(
-            offset=scatter(limits.chip_place, chips, 3), turn=scatter(limits.chip_tilt, chips, 3)
-        ),
-        chip_errors=ChipErrors(
+        chips=MadeChips(
+            place=scatter(limits.chip_place, chips, 3),
+            turn=scatter(limits.chip_tilt, chips, 3),
             sensitivity=factor(limits.chip_sensitivity, chips, 3),
             cross_axis=scatter(limits.chip_cross_axis, chips, 3, 3) * (1 - np.eye(3)),
             zero=scatter(limits.chip_zero, chips, 3),
@@ -175,14 +161,9 @@ def draw(
 def made_mechanics(
     design: SkinDesign, deviations: Deviations, temperature: float
 ) -> tuple[SkinDesign, Lattice]:
-    """What the made skin's mechanics are solved on, its rubber at this temperature.
+    """The design and lattice that the made skin's mechanics are solved on, its rubber so warm.
 
-    Returns
-    -------
-    design : SkinDesign
-        With the shear layer as stiff as it was made.
-    lattice : Lattice
-        With columns, creases and frame as stiff as they were made.
+    The design has the shear layer as stiff as it was made, the lattice columns, creases and frame.
     """
     layer, springs = design.shear_layer, springs_of(design)
     warmth = float(modulus_factor(design.columns.material, temperature))
@@ -195,7 +176,4 @@ def made_mechanics(
     hinges[whole.panel_hinges :] *= deviations.creases
     # A pillar's stiffness goes with the square of its radius.
     made = replace(layer, radius=layer.radius * math.sqrt(softness))
-    return (
-        replace(design, shear_layer=made),
-        replace(whole, ground=ground, hinge_stiffness=hinges),
-    )
+    return replace(design, shear_layer=made), replace(whole, ground=ground, hinge_stiffness=hinges)

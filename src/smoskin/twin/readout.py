@@ -14,7 +14,6 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics import mlx90393
 from smoskin.magnetics.arrangement import arrangement_field, rotation_matrix
-from smoskin.magnetics.chip import answered, mounting
 from smoskin.magnetics.temperature import (
     REFERENCE_TEMPERATURE,
     check_temperature,
@@ -22,6 +21,7 @@ from smoskin.magnetics.temperature import (
 )
 from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Motion, Reading
+from smoskin.roles import VirtualSkin
 from smoskin.twin.manufacture import Deviations, as_designed
 from smoskin.twin.surroundings import Surroundings
 
@@ -53,9 +53,9 @@ class Readout:
         self._on_base = np.array([magnet.mount == "base" for magnet in design.magnets])
         self._places = geometry(design).magnets + made.magnet_place
         self._turns = rotation_matrix(made.magnet_turn)
-        self._chips = geometry(design).chips + made.chip_pose.offset
-        self._to_skin = mounting(design.halls, made.chip_pose)
-        self._errors = made.chip_errors
+        self._made = made.chips
+        self._chips = geometry(design).chips + made.chips.place
+        self._to_skin = made.chips.rotations(design.halls)
         self._middle = np.append(geometry(design).extent / 2, 0.0)
         self._earth = around.earth
         self._neighbours = [
@@ -65,44 +65,24 @@ class Readout:
         ]
 
     def field(self, motion: Motion, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
-        """Field of all magnets and the surroundings at all chips.
-
-        Parameters
-        ----------
-        motion : Motion
-        temperature : array_like, shape (...), optional
-            Temperature of the magnets, degC.
-
-        Returns
-        -------
-        Floats, shape (..., S, 3)
-            T, in the skin's frame; NaN in invalid states.
-        """
+        """As `VirtualSkin.field`."""
         return self._field(motion, _turn_about_z(motion.board[..., 2]), temperature)
 
     def seen(self, motion: Motion, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
-        """What the chips would say if they had no noise, steps and limits, (..., S, 3), T.
+        """Readings of chips without noise, steps and limits, (..., S, 3), T, in their own axes.
 
-        In their own axes; where they sit and what their axes get wrong is included.
+        Where they sit and what their axes get wrong is included.
         """
         board = _turn_about_z(motion.board[..., 2])
         to_skin = board[..., None, :, :] @ self._to_skin
         field = self._field(motion, board, temperature)
         turned = np.einsum("...sij,...si->...sj", to_skin, field)
-        return answered(turned, self._errors)
+        return self._made.answers(turned)
 
     def risen(self, motion: Motion) -> Floats:
-        """How that differs from a skin untouched, turned as the chips were meant to stand.
+        """Change of `seen` from the untouched skin in (B,) states, (B, S, 3), T.
 
-        Parameters
-        ----------
-        motion : Motion
-            (B,) states.
-
-        Returns
-        -------
-        Floats, shape (B, S, 3)
-            T, in the skin's frame as designed.
+        It is turned to the skin's frame as the chips were meant to stand.
         """
         rest = Motion.rest(len(self._design.magnets))
         turns = mlx90393.rotations(self._design.halls)
@@ -114,22 +94,8 @@ class Readout:
         rng: np.random.Generator,
         temperature: ArrayLike = REFERENCE_TEMPERATURE,
     ) -> mlx90393.HallSample:
-        """One conversion of every chip in every state.
-
-        Parameters
-        ----------
-        motion : Motion
-        rng : numpy.random.Generator
-            Generator of the chips' noise.
-        temperature : array_like, shape (...), optional
-            Temperature of magnets and chips, degC.
-
-        Returns
-        -------
-        HallSample
-            Counts (..., S, 3); `ChipFlag.INVALID` in invalid states.
-        """
-        warmth = np.asarray(temperature, dtype=np.float64)[..., None] + self._errors.warmth
+        """As `VirtualSkin.sample`."""
+        warmth = np.asarray(temperature, dtype=np.float64)[..., None] + self._made.warmth
         seen = self.seen(motion, temperature)
         return mlx90393.measure(seen, self._design.hall_setting, temperature=warmth, rng=rng)
 
@@ -148,7 +114,7 @@ class Readout:
             return Reading(
                 time=time,
                 field=seen,
-                temperature=temperature + self._errors.warmth,
+                temperature=temperature + self._made.warmth,
                 flags=np.where(lost, int(ChipFlag.INVALID), int(ChipFlag.GOOD)),
             )
         sample = self.sample(motion, rng, temperature)
@@ -160,7 +126,7 @@ class Readout:
         )
 
     def _field(self, motion: Motion, board: Floats, temperature: ArrayLike) -> Floats:
-        """The same, with the board's rotation at hand."""
+        """Field of all magnets and the surroundings, with the board's rotation at hand."""
         moved = motion.magnets
         shift = np.zeros((*motion.board.shape[:-1], 1, 3))
         shift[..., 0, :2] = motion.board[..., :2]
@@ -187,6 +153,37 @@ class Readout:
         """Places on the board, (..., P, 3), as the base sees them."""
         turned = (places - self._middle) @ np.swapaxes(board, -1, -2)
         return np.asarray(turned + self._middle + shift)
+
+
+class MagneticSkin(VirtualSkin):
+    """A virtual skin of any mechanics, whose motions its readout turns to what the chips read."""
+
+    deviations: Deviations
+    """Deviations of the made skin from its design."""
+    readout: Readout
+    """Magnets and chips."""
+    noise: np.random.Generator | None
+    """Generator of the noise of live readings; None where the chips are ideal."""
+
+    def field(self, motion: Motion, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
+        """As `VirtualSkin.field`."""
+        return self.readout.field(motion, temperature)
+
+    def sample(
+        self,
+        motion: Motion,
+        rng: np.random.Generator,
+        *,
+        temperature: ArrayLike = REFERENCE_TEMPERATURE,
+    ) -> mlx90393.HallSample:
+        """As `VirtualSkin.sample`."""
+        return self.readout.sample(motion, rng, temperature)
+
+    def sense(
+        self, motion: Motion, *, time: float = 0.0, temperature: float = REFERENCE_TEMPERATURE
+    ) -> Reading:
+        """As `VirtualSkin.sense`."""
+        return self.readout.read(motion, self.noise, time=time, temperature=temperature)
 
 
 def _turn_about_z(angle: Floats) -> Floats:

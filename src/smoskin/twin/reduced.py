@@ -8,11 +8,9 @@ their limits. A touch between top vertices presses the four round it, in shares.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
-from smoskin.magnetics.mlx90393 import HallSample
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, check_temperature
 from smoskin.mechanics.reduced.attenuation import (
     column_displacements,
@@ -30,13 +28,12 @@ from smoskin.mechanics.reduced.stiffness import (
 from smoskin.mechanics.sheet.touches import Touches, touches_of, vertex_shares
 from smoskin.mechanics.viscoelasticity import modulus_factor
 from smoskin.origami.geometry import geometry
-from smoskin.records import Contact, Motion, Reading
-from smoskin.roles import VirtualSkin
-from smoskin.twin.manufacture import Deviations
-from smoskin.twin.readout import Readout
+from smoskin.records import Contact, Motion
+from smoskin.twin.manufacture import Deviations, as_designed
+from smoskin.twin.readout import MagneticSkin, Readout
 
 
-class ReducedTwin(VirtualSkin):
+class ReducedTwin(MagneticSkin):
     """A virtual skin of the SI's reduced model, which knows no radius of touch.
 
     Presses add up; warm rubber is stiffer, so that presses and drags move all the less.
@@ -70,7 +67,7 @@ class ReducedTwin(VirtualSkin):
         self, design: SkinDesign, *, seed: int | None = 0, deviations: Deviations | None = None
     ) -> None:
         self.design = design
-        self._noise = None if seed is None else np.random.default_rng(seed)
+        self.noise = None if seed is None else np.random.default_rng(seed)
         coefficients = design.coefficients
         self._unit_press = profiles(design.cell, design.cells, coefficients.attenuation, -1.0)
         self._stiffness = stiffness_map(design, coefficients)
@@ -84,7 +81,8 @@ class ReducedTwin(VirtualSkin):
             ]
         )
         self._on_sheet = np.array([magnet.mount == "sheet" for magnet in design.magnets])
-        self._readout = Readout(design, deviations)
+        self.deviations = deviations or as_designed(design)
+        self.readout = Readout(design, self.deviations)
 
     def check(self, contacts: Sequence[Contact]) -> None:
         """As `VirtualSkin.check`."""
@@ -118,26 +116,6 @@ class ReducedTwin(VirtualSkin):
         board = np.zeros((len(depths), 3))
         board[:, :2] = drag / board_stiffness(self.design)
         return Motion(magnets=magnets, board=board)
-
-    def field(self, motion: Motion, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
-        """As `VirtualSkin.field`."""
-        return self._readout.field(motion, temperature)
-
-    def sample(
-        self,
-        motion: Motion,
-        rng: np.random.Generator,
-        *,
-        temperature: ArrayLike = REFERENCE_TEMPERATURE,
-    ) -> HallSample:
-        """As `VirtualSkin.sample`."""
-        return self._readout.sample(motion, rng, temperature)
-
-    def sense(
-        self, motion: Motion, *, time: float = 0.0, temperature: float = REFERENCE_TEMPERATURE
-    ) -> Reading:
-        """As `VirtualSkin.sense`."""
-        return self._readout.read(motion, self._noise, time=time, temperature=temperature)
 
     def sheet_vertices(
         self, contacts: Sequence[Contact] = (), *, temperature: float = REFERENCE_TEMPERATURE

@@ -13,20 +13,17 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple, final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.magnetics.mlx90393 import HallSample
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, check_temperature
 from smoskin.mechanics.sheet.holders import holder_matrix
 from smoskin.mechanics.sheet.touches import Grip, Sticking, Touches, patch_shares, touches_of
 from smoskin.origami.geometry import geometry
-from smoskin.records import Contact, Motion, Reading
-from smoskin.roles import VirtualSkin
+from smoskin.records import Contact, Motion
 from smoskin.twin.manufacture import Tolerances, as_designed, draw, made_mechanics
-from smoskin.twin.readout import Readout
+from smoskin.twin.readout import MagneticSkin, Readout
 from smoskin.twin.surroundings import Surroundings
 
 if TYPE_CHECKING:
@@ -52,7 +49,7 @@ class _State(NamedTuple):
 
 
 @final
-class Twin(VirtualSkin):
+class Twin(MagneticSkin):
     """A virtual skin of the whole folded sheet, as designed or as manufactured.
 
     Parameters
@@ -106,8 +103,8 @@ class Twin(VirtualSkin):
             if manufactured
             else as_designed(design)
         )
-        self._noise = None if seed is None else np.random.default_rng(of_noise)
-        self._readout = Readout(design, self.deviations, surroundings)
+        self.noise = None if seed is None else np.random.default_rng(of_noise)
+        self.readout = Readout(design, self.deviations, surroundings)
         holders = holder_matrix(design)
         self._holders = holders.reshape(-1, holders.shape[2] * 3).T.copy()
         self._sheet = geometry(design).sheet
@@ -141,26 +138,6 @@ class Twin(VirtualSkin):
     def motions(self, touches: Touches, *, temperature: float = REFERENCE_TEMPERATURE) -> Motion:
         """As `VirtualSkin.motions`; invalid where no equilibrium was found."""
         return self._motion_of(self._solver(temperature).press(touches))
-
-    def field(self, motion: Motion, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
-        """As `VirtualSkin.field`."""
-        return self._readout.field(motion, temperature)
-
-    def sample(
-        self,
-        motion: Motion,
-        rng: np.random.Generator,
-        *,
-        temperature: ArrayLike = REFERENCE_TEMPERATURE,
-    ) -> HallSample:
-        """As `VirtualSkin.sample`."""
-        return self._readout.sample(motion, rng, temperature)
-
-    def sense(
-        self, motion: Motion, *, time: float = 0.0, temperature: float = REFERENCE_TEMPERATURE
-    ) -> Reading:
-        """As `VirtualSkin.sense`."""
-        return self._readout.read(motion, self._noise, time=time, temperature=temperature)
 
     def sheet_vertices(
         self, contacts: Sequence[Contact] = (), *, temperature: float = REFERENCE_TEMPERATURE

@@ -24,7 +24,8 @@ from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.closed_form.fitting import fit_calibration
 from smoskin.sensing.closed_form.press_model import PressModel, touched_cells
 from smoskin.service.recorder import Recorder, open_recording
-from smoskin.twin.bench import MadeSkin, calibration_loads, made_skin, measure
+from smoskin.twin.bench import calibration_loads, made_skin, measure
+from smoskin.twin.reduced import ReducedTwin
 
 DATE = "2026-01-31"
 SHA = "0" * 64
@@ -34,7 +35,7 @@ def bench(design, seed):
     """A made skin and its table."""
     rng = np.random.default_rng(seed)
     skin = made_skin(design, rng)
-    return skin, measure(skin.twin(), calibration_loads(design), rng)
+    return skin, measure(skin, calibration_loads(design), rng)
 
 
 def fitted(design, table, **options):
@@ -69,7 +70,7 @@ def truth(design, skin):
         "v_f": np.array([*c.folding_correction_x, *c.folding_correction_y]),
         "K_sf": np.array([board_stiffness(made)]),
         "sheet": np.array([sheet_stiffness(made)]),
-        "rotation": np.ravel(skin.chip_rotation),
+        "rotation": np.ravel(skin.deviations.chips.turn),
         "k_c": np.array(factor),
     }
 
@@ -111,11 +112,10 @@ def test_a_scattered_skin_is_found_within_its_own_uncertainty(planar, skin_and_f
 
 def test_the_paper_s_v_f_are_found_again(planar):
     rng = np.random.default_rng(3)
-    chips = np.zeros((3, 3))
     design = replace(planar, coefficients=replace(planar.coefficients, stiffness_variation=1.3))
     assert design.coefficients.folding_correction_x == (0.6, 0.75, 0.9)
     assert design.coefficients.folding_correction_y == (0.9, 1.0, 1.1)
-    skin = MadeSkin(design=design, chip_rotation=chips, chip_offset=chips)
+    skin = ReducedTwin(design, seed=None)
     guess = replace(
         planar,
         coefficients=replace(
@@ -124,16 +124,14 @@ def test_the_paper_s_v_f_are_found_again(planar):
             folding_correction_y=(1.0, 1.0, 1.0),
         ),
     )
-    c = fitted(guess, measure(skin.twin(), calibration_loads(planar), rng)).calibration.coefficients
+    c = fitted(guess, measure(skin, calibration_loads(planar), rng)).calibration.coefficients
     np.testing.assert_allclose(c.folding_correction_x, (0.6, 0.75, 0.9), rtol=0.06)
     np.testing.assert_allclose(c.folding_correction_y, (0.9, 1.0, 1.1), rtol=0.06)
 
 
 def test_with_a_perfect_gauge_little_is_off(planar):
     skin = made_skin(planar, np.random.default_rng(11))
-    quiet = measure(
-        skin.twin(), calibration_loads(planar), np.random.default_rng(0), gauge_noise=0.0
-    )
+    quiet = measure(skin, calibration_loads(planar), np.random.default_rng(0), gauge_noise=0.0)
     c = fitted(planar, quiet).calibration
     for name, (values, _) in found(c).items():
         rtol, atol = (0, 1e-3) if name in ("rotation", "v_a") else (5e-3, 0)
@@ -147,8 +145,8 @@ def test_separate_attenuations_are_told_apart(planar):
     design = replace(
         skin.design, coefficients=replace(skin.design.coefficients, attenuation=(0.3, 0.2))
     )
-    made = MadeSkin(design=design, chip_rotation=skin.chip_rotation, chip_offset=skin.chip_offset)
-    table = measure(made.twin(), calibration_loads(planar), np.random.default_rng(4))
+    made = ReducedTwin(design, seed=None, deviations=skin.deviations)
+    table = measure(made, calibration_loads(planar), np.random.default_rng(4))
     fit = fitted(planar, table, attenuation="separate")
     np.testing.assert_allclose(fit.calibration.coefficients.attenuation, (0.3, 0.2), atol=2e-3)
 
@@ -199,7 +197,7 @@ def test_derivatives_are_those_of_differences(planar):
 
 def force_errors(skin, estimator, touches, seed):
     """Relative errors of the force vector on known touches, after zeroing."""
-    twin = skin.twin(seed=seed)
+    twin = ReducedTwin(skin.design, seed=seed, deviations=skin.deviations)
     estimator.zero([twin.read(time=-1.0 + 0.01 * k) for k in range(20)])
     errors = []
     for k, touch in enumerate(touches):
@@ -375,7 +373,7 @@ def test_200_skins_are_found_as_well_as_stated(planar):
 def test_readings_come_from_a_recording_too(planar, tmp_path):
     """A table that says when touches were held, and a recording, are the table with readings."""
     skin = made_skin(planar, np.random.default_rng(3))
-    whole = measure(skin.twin(), calibration_loads(planar), np.random.default_rng(4))
+    whole = measure(skin, calibration_loads(planar), np.random.default_rng(4))
     rows = len(whole.depth)
     held = np.stack([np.arange(rows) + 0.2, np.arange(rows) + 0.8], axis=1)
     with Recorder(tmp_path / "bench.mcap", planar) as recorder:

@@ -196,7 +196,7 @@ def made_limits(
     left = clearances(design, motion)
     for s, site in enumerate(design.halls):
         g = names.index(site.magnet)
-        shift = float(made.magnet_place[g, 2] - made.chip_pose.offset[s, 2])
+        shift = float(made.magnet_place[g, 2] - made.chips.place[s, 2])
         left[s] += shift if design.magnets[g].mount == "sheet" else -shift
     return [
         stands,
