@@ -2,16 +2,17 @@
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 from typer import Argument, Option
 
-from smoskin.cli.frame import Design, Json, app, progress_bar, show
+from smoskin.cli.frame import Design, Json, app, progress_bar, tell
 from smoskin.errors import ArgumentError
-
-if TYPE_CHECKING:
-    from smoskin.sensing.response.table import ResponseTable
+from smoskin.feasibility import load_design
+from smoskin.measurement import read_touches
+from smoskin.sensing.response.table import load_response_table
+from smoskin.twin.rig import open_rig
 
 touches = typer.Typer(no_args_is_help=True, help="Plan the touches of a calibration by hand.")
 app.add_typer(touches, name="touches")
@@ -74,8 +75,6 @@ def calibrate(
     of touches to make by hand, and --sheet reads it once it is filled in.
     """
     from smoskin.commands import calibrate as work
-    from smoskin.feasibility import load_design
-    from smoskin.twin.rig import open_rig
 
     until = None if until_mm is None else 1e-3 * until_mm
     orders = {"count": touches, "until": until, "force": force, "drag": drag}
@@ -90,7 +89,7 @@ def calibrate(
     options["design"] = skin = load_design(design)
     options["place_spread"] = None if place_mm is None else 1e-3 * place_mm
     options["force_spread"] = None if force_mn is None else 1e-3 * force_mn
-    start = _table(design, table)
+    start = load_response_table(table or design)
     if sheet is not None:
         done = work.calibrate(start, sheet, recording=recording, **options)
     else:
@@ -98,11 +97,8 @@ def calibrate(
             options["progress"] = lambda step: bar(step.sentence, step.number / step.asked)
             done = work.calibrate(start, presser, **options)
     done.save(out)
-    if as_json:
-        typer.echo(json.dumps(done.as_json() | {"file": str(out)}))
-    else:
-        for rows in done.tables():
-            show(rows)
+    tell(done, as_json, file=str(out))
+    if not as_json:
         typer.echo(f"Now: smoskin run SOURCE --calibration {out}", err=True)
 
 
@@ -130,14 +126,12 @@ def plan_touches(
     touch has settled, or from when until when it was held while a recording ran.
     """
     from smoskin.commands.calibrate import plan_by_hand, write_plan
-    from smoskin.feasibility import load_design
-    from smoskin.measurement import read_touches
 
     skin = load_design(design)
     filled = None if after is None else read_touches(after)[0]
     targets = plan_by_hand(
         skin,
-        _table(design, table),
+        load_response_table(table or design),
         count=count,
         until=1e-3 * (until_mm or 0.0),
         force=force,
@@ -181,7 +175,6 @@ def fit_paper(
     import datetime as dt
 
     from smoskin.commands import fit_paper as work
-    from smoskin.feasibility import load_design
 
     result = work.fit_paper(
         load_design(design),
@@ -193,11 +186,7 @@ def fit_paper(
     )
     if plot is not None:
         work.residual_figure(result.fit).savefig(plot)
-    if as_json:
-        typer.echo(json.dumps(result.as_json()))
-        return
-    for rows in result.tables():
-        show(rows)
+    tell(result, as_json)
 
 
 @app.command()
@@ -214,17 +203,9 @@ def virtual_bench(
 ) -> None:
     """Measure a virtual skin as a person would measure a real one for calibration."""
     from smoskin.commands.fit_paper import write_virtual_bench
-    from smoskin.feasibility import load_design
 
     write_virtual_bench(load_design(design), out, seed=seed, sheet=sheet)
     if sheet == "whole":
         typer.echo(f"Now: smoskin calibrate {design} --sheet {out} --out skin.table", err=True)
     else:
         typer.echo(f"Now: smoskin fit-paper {out} --out calibration.toml", err=True)
-
-
-def _table(design: str, given: str | None) -> "ResponseTable":
-    """The response table to start from: that given, or the one that ships with the design."""
-    from smoskin.sensing.response.table import load_response_table
-
-    return load_response_table(given or design)

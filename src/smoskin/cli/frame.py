@@ -5,12 +5,13 @@ done, 1 the asked-for thing failed or was missed, 2 wrong use, 130 interrupted. 
 what JAX compiles is kept in the user's cache folder, so that a second run starts at once.
 """
 
+import json
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, Protocol
 
 import typer
 from typer import Argument, Option
@@ -70,10 +71,6 @@ app = typer.Typer(
 
 Json = Annotated[bool, Option("--json", help="Print JSON for machines.")]
 Design = Annotated[str, Argument(help="A shipped design or the path of a TOML document.")]
-Seconds = Annotated[float | None, Option(min=0.0, help="Stop after so many seconds.")]
-Record = Annotated[
-    Path | None, Option(help="Write everything to this new MCAP file.", dir_okay=False)
-]
 
 
 def main() -> None:
@@ -126,26 +123,31 @@ def _options(
 def progress_bar() -> Iterator[Callable[[str, float], None]]:
     """A bar on standard error; called with what is being done and the share that is done."""
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        TaskProgressColumn,
-        TextColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import Progress
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(),
-               TimeRemainingColumn())  # fmt: skip
     console = Console(stderr=True)
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
-    ) as bar:
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=1.0)
+        yield lambda what, share: bar.update(task, description=what, completed=share)
 
-        def report(what: str, share: float) -> None:
-            bar.update(task, description=what, completed=share)
 
-        yield report
+class Report(Protocol):
+    """What a command has to say, for machines and for people."""
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain values."""
+
+    def tables(self) -> "Sequence[Table]":
+        """The same in tables."""
+
+
+def tell(report: Report, as_json: bool, **more: object) -> None:
+    """Print a report, as JSON with these keys more or as tables."""
+    if as_json:
+        typer.echo(json.dumps(report.as_json() | more))
+        return
+    for table in report.tables():
+        show(table)
 
 
 def show(table: "Table") -> None:

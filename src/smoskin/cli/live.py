@@ -1,17 +1,20 @@
 """Commands that run a skin: the demonstration, and any source of readings."""
 
-import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from typer import Argument, Option
 
-from smoskin.cli.frame import Design, Json, Record, Seconds, app, show
+from smoskin.cli.frame import Design, Json, app, tell
+from smoskin.feasibility import load_design
+from smoskin.sensing.response.table import load_response_table
 
-if TYPE_CHECKING:
-    from smoskin.commands.demo import DemoResult
+Seconds = Annotated[float | None, Option(min=0.0, help="Stop after so many seconds.")]
+Record = Annotated[
+    Path | None, Option(help="Write everything to this new MCAP file.", dir_okay=False)
+]
 
 
 @app.command()
@@ -42,8 +45,6 @@ def demo(
     touch of the hand is listed beside its estimate; the exit code is 1 if one was missed.
     """
     from smoskin.commands.demo import run_demo
-    from smoskin.feasibility import load_design
-    from smoskin.sensing.response.table import load_response_table
 
     seconds = 15.0 if headless and seconds is None else seconds
 
@@ -66,10 +67,10 @@ def demo(
         on_start=announce,
         say=lambda sentence: typer.echo(sentence, err=True),
     )
-    if as_json:
-        typer.echo(json.dumps(result.as_json()))
-    else:
-        _print_demo(result)
+    tell(result, as_json)
+    if not as_json:
+        for name, value in asdict(result.summary).items():
+            typer.echo(f"{name}: {value}")
     if result.summary.found < result.summary.touches:
         raise typer.Exit(1)
 
@@ -97,32 +98,9 @@ def run(
 ) -> None:
     """Estimate touches from a source of readings and print them as they come."""
     from smoskin.commands.run import estimate_line, watch
-    from smoskin.feasibility import load_design
 
     skin = None if design is None else load_design(design)
     for estimate in watch(
         source, skin, calibration=calibration, zero=zero, seconds=seconds, record=record
     ):
         typer.echo(estimate_line(estimate, as_json=as_json))
-
-
-def _print_demo(result: "DemoResult") -> None:
-    """Every touch beside its estimate, and the summary."""
-    from rich.table import Table
-
-    table = Table(title="Touches of the hand")
-    for heading in ("true x, y (mm)", "estimated", "true Fx, Fy, Fz (N)", "estimated", "off"):
-        table.add_column(heading, justify="right")
-    for touch in result.touches:
-        true, seen = touch.true, touch.estimated
-        table.add_row(
-            f"{true.x_mm:.1f}, {true.y_mm:.1f}",
-            f"{seen.x_mm:.1f}, {seen.y_mm:.1f}" if seen else touch.status,
-            f"{true.fx_N:.2f}, {true.fy_N:.2f}, {true.fz_N:.2f}",
-            f"{seen.fx_N:.2f}, {seen.fy_N:.2f}, {seen.fz_N:.2f}" if seen else "",
-            f"{touch.position_error_mm:.1f} mm, {touch.force_error_percent:.1f} %" if seen else "",
-            style="" if touch.found else "red",
-        )
-    show(table)
-    for name, value in asdict(result.summary).items():
-        typer.echo(f"{name}: {value}")

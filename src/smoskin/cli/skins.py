@@ -7,21 +7,16 @@ from typing import Annotated, Literal
 import typer
 from typer import Option
 
-from smoskin.cli.frame import Design, Json, app, progress_bar, show
+from smoskin.cli.frame import Design, Json, app, progress_bar, tell
+from smoskin.feasibility import load_design
 
 
 @app.command()
 def info(design: Design = "planar", as_json: Json = False) -> None:
     """Print a design: what is built, where each value comes from, and what follows from it."""
     from smoskin.commands.info import describe
-    from smoskin.feasibility import load_design
 
-    sheet = describe(load_design(design))
-    if as_json:
-        typer.echo(json.dumps(sheet.as_json()))
-        return
-    for table in sheet.tables():
-        show(table)
+    tell(describe(load_design(design)), as_json)
 
 
 Mechanics = Annotated[
@@ -58,7 +53,6 @@ def simulate(
     The exit code is 1 if the skin finds no equilibrium.
     """
     from smoskin.commands.simulate import simulate_press
-    from smoskin.feasibility import load_design
 
     press = simulate_press(
         load_design(design),
@@ -70,11 +64,7 @@ def simulate(
         manufactured=manufactured,
         seed=seed,
     )
-    if as_json:
-        typer.echo(json.dumps(press.as_json()))
-    else:
-        for table in press.tables():
-            show(table)
+    tell(press, as_json)
     if not press.valid:
         typer.echo("The skin has no equilibrium under these touches.", err=True)
         raise typer.Exit(1)
@@ -123,7 +113,6 @@ def sweep(
     code is 1 if rows are missing or damaged.
     """
     from smoskin.commands import sweep as sweeps
-    from smoskin.feasibility import load_design
 
     if summary is not None:
         report = sweeps.summarise(summary)

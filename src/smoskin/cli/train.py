@@ -9,6 +9,7 @@ import typer
 from typer import Argument, Option
 
 from smoskin.cli.frame import Design, Json, app, progress_bar, show
+from smoskin.feasibility import load_design
 
 
 @app.command("table")
@@ -36,7 +37,6 @@ def make_table(
     start from this file. The table of the planar design comes with the package.
     """
     from smoskin.commands import table as making
-    from smoskin.feasibility import load_design
 
     usual = making.Effort(seed=seed)
     effort = replace(
@@ -89,7 +89,6 @@ def train(
     stands beside the model, in a file that ends on .curve.jsonl.
     """
     from smoskin.commands import train as training
-    from smoskin.feasibility import load_design
 
     checkpoint = training.checkpoint_of(out, resume=resume)
     curve = out.with_name(out.name + ".curve.jsonl")

@@ -15,13 +15,13 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from functools import partial
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.commands.calibrate import TouchCalibration, TouchStep, calibrate
-from smoskin.commands.hand import Hand, JudgedTouch, scripted_hand
+from smoskin.commands.hand import Hand, JudgedTouch, Touch, scripted_hand
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.origami.geometry import geometry
@@ -31,13 +31,16 @@ from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst, load_estimator
 from smoskin.sensing.response.table import ResponseTable, load_response_table
-from smoskin.service.loop import Counters, Loop
+from smoskin.service.loop import Loop
 from smoskin.service.page.view import View
 from smoskin.service.recorder import Recorder
 from smoskin.service.source import TwinSource
 from smoskin.twin.creep import Creep
 from smoskin.twin.rig import VirtualRig
 from smoskin.twin.whole import Twin
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 BAYES: Final = "Bayes"
 CLOSED_FORM: Final = "closed form"
@@ -79,12 +82,34 @@ class DemoResult:
     touches: tuple[JudgedTouch, ...]
     summary: Summary
 
-    def as_json(self) -> dict[str, object]:
+    def as_json(self) -> dict[str, Any]:
         """Plain values for machines: ``{"touches": [...], "summary": {...}}``."""
-        return {
-            "touches": [asdict(touch) for touch in self.touches],
-            "summary": asdict(self.summary),
-        }
+        return asdict(self)
+
+    def tables(self) -> "list[Table]":
+        """Every touch beside its estimate."""
+        from rich.table import Table
+
+        table = Table(title="Touches of the hand")
+        for heading in ("true x, y (mm)", "estimated", "true Fx, Fy, Fz (N)", "estimated", "off"):
+            table.add_column(heading, justify="right")
+        for touch in self.touches:
+            place, force = _words(touch.true)
+            if touch.estimated is None:
+                table.add_row(place, touch.status, force, "", "", style="red")
+                continue
+            seen, felt = _words(touch.estimated)
+            off = f"{touch.position_error_mm:.1f} mm, {touch.force_error_percent:.1f} %"
+            table.add_row(place, seen, force, felt, off, style="" if touch.found else "red")
+        return [table]
+
+
+def _words(touch: Touch) -> tuple[str, str]:
+    """Place and force of a touch."""
+    return (
+        f"{touch.x_mm:.1f}, {touch.y_mm:.1f}",
+        f"{touch.fx_N:.2f}, {touch.fy_N:.2f}, {touch.fz_N:.2f}",
+    )
 
 
 def run_demo(
@@ -103,7 +128,9 @@ def run_demo(
     say: Callable[[str], None] = lambda sentence: None,
     stop: threading.Event | None = None,
 ) -> DemoResult:
-    """Run the demonstration and judge every touch of the hand.
+    """Run the demonstration and judge every touch that the hand finished.
+
+    Touches met by the mouse, by a new zero or read by another estimator are left out.
 
     Parameters
     ----------
@@ -111,7 +138,7 @@ def run_demo(
     seconds : float, optional
         How long; without it until interrupted, with the hand starting over every minute.
     page : bool
-        Serve the live page, on which the mouse presses the skin too.
+        Whether to serve the live page, on which the mouse presses the skin too.
     port : int
         TCP port of the page; 0 takes a free one.
     rate : float
@@ -125,19 +152,12 @@ def run_demo(
     others : sequence of path
         Files of more estimators to choose from on the page, as `smoskin.load_estimator` reads them.
     record : path, optional
-        Write readings and estimates to this MCAP file.
-    on_start : callable
-        Function called once with the page's address, or None without a page.
-    say : callable
-        Function called with a sentence before each step that takes time.
+        MCAP file for readings and estimates.
+    on_start, say : callable
+        Functions called once with the page's address, or None without a page; and with a sentence
+        before each step that takes time.
     stop : threading.Event, optional
         Ends the demonstration when it is set.
-
-    Returns
-    -------
-    DemoResult
-        Touches that the hand finished; those met by the mouse, by a new zero or read by another
-        estimator are left out.
 
     Raises
     ------
@@ -149,7 +169,8 @@ def run_demo(
         If the extra ``demo`` is not installed.
     """
     begun = time.monotonic()
-    _check_rate(rate)
+    if not 0.0 < rate < math.inf:
+        raise ArgumentError(f"rate must be positive and finite; got {rate} Hz")
     script = scripted_hand(design, seconds or 60.0, seed, start=_ZEROS / rate)
     hand = Hand(script, repeat=seconds is None)
     table = load_response_table(design.name) if table is None else table
@@ -157,15 +178,14 @@ def run_demo(
         os.fspath(path): partial(load_estimator, path, design) for path in others
     }
     with ExitStack() as stack:
-        shown = None
-        if page:
-            shown = stack.enter_context(_Page(design, hand, port, (BAYES, CLOSED_FORM, *makers)))
-        on_start(None if shown is None else shown.url)
+        names = (BAYES, CLOSED_FORM, *makers)
+        shown = stack.enter_context(_Page(design, hand, port, names)) if page else None
+        on_start(None if shown is None else shown.view.url)
 
         def tell(word: str, sentence: str) -> None:
             say(sentence)
             if shown is not None:
-                shown.announce(word, sentence)
+                shown.view.announce(word, sentence)
 
         tell("Making a skin", "A workshop makes a virtual skin of the whole folded sheet.")
         twin = Twin(design, seed=seed, manufactured=True)
@@ -181,24 +201,13 @@ def run_demo(
         source = TwinSource(twin, rate=rate, creep=Creep(design))
         sinks: list[Sink] = [] if record is None else [Recorder(record, design)]
         if shown is not None:
-            shown.announce()
+            shown.view.announce()
             sinks.append(shown)
         loop = stack.enter_context(Loop(source, readers, sinks=sinks))
-        first: float | None = None
-        try:
-            for estimate in loop:
-                if first is None and estimate.status is Status.CONTACT:
-                    first = time.monotonic() - begun
-                _follow(hand, estimate, readers)
-                if shown is not None:
-                    shown.serve(estimate.time, loop, readers)
-                if (seconds is not None and estimate.time >= seconds) or (stop and stop.is_set()):
-                    break
-                source.touch(hand.contacts(estimate.time + 1 / rate))
-        except KeyboardInterrupt:
-            if seconds is not None:
-                raise
-        return _result(hand.judge(), done.used, loop.counters, first)
+        end = math.inf if seconds is None else seconds
+        located = _play(loop, source, hand, readers, shown, step=1 / rate, end=end, stop=stop)
+        after = None if located is None else round(located - begun, 2)
+        return _result(hand.judge(), done.used, loop, after)
 
 
 def _calibrated(
@@ -222,19 +231,44 @@ def _calibrated(
     return calibrate(table, rig, design=twin.design, count=count, progress=follow)
 
 
-def _follow(hand: Hand, estimate: Estimate, readers: "Readers") -> None:
-    """Let the hand begin once there is a zero, and keep what is said of its touches."""
-    if estimate.status is not Status.NOT_CALIBRATED:
-        hand.begin(estimate.time)
-    hand.note(estimate)
-    if readers.name != BAYES:
-        hand.spoil(estimate.time)
+def _play(
+    loop: Loop,
+    source: TwinSource,
+    hand: Hand,
+    readers: "Readers",
+    shown: "_Page | None",
+    *,
+    step: float,
+    end: float,
+    stop: threading.Event | None,
+) -> float | None:
+    """Let the hand touch the skin until the end; the moment in which it was first located."""
+    located: float | None = None
+    try:
+        for estimate in loop:
+            if located is None and estimate.status is Status.CONTACT:
+                located = time.monotonic()
+            if estimate.status is not Status.NOT_CALIBRATED:
+                hand.begin(estimate.time)
+            hand.note(estimate)
+            if readers.name != BAYES:
+                hand.spoil(estimate.time)
+            if shown is not None:
+                shown.serve(estimate.time, loop, readers)
+            if estimate.time >= end or (stop is not None and stop.is_set()):
+                break
+            source.touch(hand.contacts(estimate.time + step))
+    except KeyboardInterrupt:
+        if end < math.inf:
+            raise
+    return located
 
 
 def _result(
-    touches: tuple[JudgedTouch, ...], used: int, counters: Counters, first: float | None
+    touches: tuple[JudgedTouch, ...], used: int, loop: Loop, after: float | None
 ) -> DemoResult:
     """The judged touches with their summary."""
+    counters = loop.counters
     return DemoResult(
         touches=touches,
         summary=Summary(
@@ -246,15 +280,9 @@ def _result(
             mean_force_error_percent=_mean([touch.force_error_percent for touch in touches]),
             rate_hz=round(counters.rate, 2),
             latency_us_median=round(counters.latency_median * 1e6, 1),
-            first_touch_after_s=None if first is None else round(first, 2),
+            first_touch_after_s=after,
         ),
     )
-
-
-def _check_rate(rate: float) -> None:
-    """Refuse a rate before seconds are spent on a skin."""
-    if not 0.0 < rate < math.inf:
-        raise ArgumentError(f"rate must be positive and finite; got {rate} Hz")
 
 
 def _mean(errors: Sequence[float | None]) -> float | None:
@@ -264,12 +292,9 @@ def _mean(errors: Sequence[float | None]) -> float | None:
 
 
 class Readers(Estimator):
-    """One of several estimators at a time, each made when it is first chosen.
+    """One of several estimators at a time, each made by its function when it is first chosen.
 
-    Parameters
-    ----------
-    makers : mapping of str to callable
-        Functions that make each estimator, by its name; the first one is chosen.
+    The first of the names is chosen at the start.
     """
 
     def __init__(self, makers: Mapping[str, Callable[[], Estimator]]) -> None:
@@ -322,11 +347,11 @@ class _Page(Sink):
         self._latency = math.nan
         self._served = 0
         self._zero_at = math.inf
-        self._twin: Twin | None = None
+        self._twin: Twin
         self._zero_asked = threading.Event()
         self._choices: deque[str] = deque(maxlen=1)
         self._latest: deque[Reading] = deque(maxlen=1000)
-        self._view = View(
+        self.view = View(
             design,
             port=port,
             on_press=self._press,
@@ -334,29 +359,17 @@ class _Page(Sink):
             estimators=names,
             on_choose=self._choices.append,
         )
-        self.announce = self._view.announce
-
-    @property
-    def url(self) -> str:
-        """Address of the page."""
-        return self._view.url
-
-    @property
-    def dropped(self) -> int:
-        """How many readings the page did not draw."""
-        return self._view.dropped
 
     def begin(self, twin: Twin) -> None:
         """Show this skin, once somebody looks or after some patience."""
         self._twin = twin
         end = time.monotonic() + _PATIENCE
-        while not self._view.watched and time.monotonic() < end:
+        while not self.view.watched and time.monotonic() < end:
             time.sleep(0.05)
         self._show(())  # the curves begin with the untouched skin
 
     def show_touch(self, contact: Contact) -> None:
         """Show a touch of the rig for a moment."""
-        assert self._twin is not None, "begin comes first"
         # The rig reports its own place, which may lie off the rim by its stage's error.
         place = np.clip(contact.position, 0.0, geometry(self._twin.design).extent)
         self._show((Contact(position=place, force=contact.force),))
@@ -365,8 +378,7 @@ class _Page(Sink):
 
     def _show(self, contacts: tuple[Contact, ...]) -> None:
         """Show the skin under these contacts, with no estimate of them, until it is drawn."""
-        assert self._twin is not None, "begin comes first"
-        self._view.write(
+        self.view.write(
             self._twin.read(contacts, time=time.monotonic()),
             truth=contacts,
             vertices=self._twin.sheet_vertices(contacts),
@@ -375,10 +387,9 @@ class _Page(Sink):
 
     def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
         """Show a reading, its estimate and the true touch."""
-        assert self._twin is not None, "begin comes first"
         self._latest.append(reading)
         truth = self._hand.contacts(reading.time)
-        self._view.write(
+        self.view.write(
             reading,
             estimate,
             truth=truth,
@@ -393,18 +404,19 @@ class _Page(Sink):
             self._latency = loop.counters.latency_median
         if self._choices:
             readers.choose(self._choices.popleft())
-            self.announce()
+            self.view.announce()
         if self._zero_asked.is_set():
             self._zero_asked.clear()
             self._zero_at = now + _LIFT
             self._hand.lift(self._zero_at)
         if now >= self._zero_at:
-            readers.zero([one for one in self._latest if one.time >= now - _LIFT / 2])
+            latest = [reading for reading in self._latest if reading.time >= now - _LIFT / 2]
+            readers.zero(latest)
             self._zero_at = math.inf
 
     def close(self) -> None:
         """End the page."""
-        self._view.close()
+        self.view.close()
 
     def _press(self, contact: Contact | None) -> None:
         self._hand.mouse = contact
