@@ -28,7 +28,7 @@ from smoskin.sensing.response.calibrate import calibrate_touches, plan_touches
 from smoskin.sensing.response.pair_point import PairPoint
 from smoskin.sensing.response.table import ResponseTable, load_response_table
 from smoskin.sensing.signals.signals import signal_noise
-from smoskin.twin.creep import creeping
+from smoskin.twin.creep import Creep
 from smoskin.twin.whole import Twin
 
 ZEROS = 20
@@ -73,7 +73,7 @@ def readings(
             begin = 1 + (there - 1) * count
             state[ZEROS + place :: len(moments)] = np.arange(begin, begin + count)
     steps = np.diff(times, prepend=times[0])
-    motion = creeping(twin.design, steps, states[state])
+    motion = Creep(twin.design).steps(steps, states[state])
     sample = twin.sample(motion, rng, temperature=np.full(total, temperature))
     field = mlx90393.tesla(sample.counts, twin.design.hall_setting)
     walk = Disturbance().drift * np.sqrt(steps)[:, None, None] * rng.normal(size=field.shape)

@@ -6,7 +6,7 @@ import pytest
 from smoskin.errors import ArgumentError
 from smoskin.mechanics.viscoelasticity import creep, elastomer_prony
 from smoskin.records import Motion
-from smoskin.twin.creep import creeping
+from smoskin.twin.creep import Creep
 
 
 def held(rows, magnets):
@@ -19,7 +19,7 @@ def held(rows, magnets):
 def test_a_history_is_what_each_rubber_makes_of_it(planar):
     steps = np.array([0.0, 0.02, 0.3, 0.02, 5.0])
     motion = held(len(steps), len(planar.magnets))
-    moved = creeping(planar, steps, motion)
+    moved = Creep(planar).steps(steps, motion)
     for rubber, elastic, found in [
         (planar.columns.material, motion.magnets, moved.magnets),
         (planar.shear_layer.material, motion.board, moved.board),
@@ -32,11 +32,11 @@ def test_a_history_is_what_each_rubber_makes_of_it(planar):
 def test_a_state_that_is_none_leaves_the_later_ones_alone(planar):
     motion = held(4, len(planar.magnets))
     motion.magnets[1], motion.valid[1] = np.nan, False
-    moved = creeping(planar, np.full(4, 0.1), motion)
+    moved = Creep(planar).steps(np.full(4, 0.1), motion)
     assert np.isfinite(moved.magnets[[0, 2, 3]]).all()
     np.testing.assert_array_equal(moved.valid, motion.valid)
 
 
 def test_time_does_not_run_backwards(planar):
     with pytest.raises(ArgumentError, match="duration"):
-        creeping(planar, [0.0, -0.1], held(2, len(planar.magnets)))
+        Creep(planar).steps([0.0, -0.1], held(2, len(planar.magnets)))

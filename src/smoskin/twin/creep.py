@@ -16,10 +16,7 @@ from smoskin.records import Motion
 class Creep:
     """Turns the motions that a skin would come to rest in into those it goes through.
 
-    Parameters
-    ----------
-    design : SkinDesign
-        Untouched for long.
+    It begins with a skin of this design that has long been untouched.
 
     Examples
     --------
@@ -59,32 +56,7 @@ class Creep:
             board=self._board.step(duration, motion.board),
         )
 
-
-def creeping(design: SkinDesign, durations: ArrayLike, motion: Motion) -> Motion:
-    """What an untouched skin goes through while one motion after the other holds it.
-
-    Parameters
-    ----------
-    design : SkinDesign
-    durations : array_like, shape (T,)
-        s from the state before to each state.
-    motion : Motion
-        (T,) states in which the skin would come to rest.
-
-    Returns
-    -------
-    Motion
-        (T,).
-
-    Raises
-    ------
-    ArgumentError
-        If time runs backwards.
-    """
-    memory = Creep(design)
-    return Motion.stack(
-        [
-            memory.step(duration, motion[row])
-            for row, duration in enumerate(floats("durations", durations).tolist())
-        ]
-    )
+    def steps(self, durations: ArrayLike, motions: Motion) -> Motion:
+        """The motions after each `step` of (T,) durations, s, and (T,) states, one by one."""
+        seconds = floats("durations", durations).tolist()
+        return Motion.stack([self.step(time, motions[row]) for row, time in enumerate(seconds)])

@@ -22,22 +22,14 @@ from smoskin.twin.whole import Twin
 _RIG: Final = 7
 """Tells a rig's randomness from all else that a seed begins."""
 _RATE: Final = 50.0
-"""Hz at which chips are read while something happens."""
-_RAMP: Final = 0.02
-"""s in which a touch comes and goes."""
-_REST: Final = 0.2
-"""s of rest that are read before a touch."""
-_HOLD: Final = 0.3
-"""s that it is held."""
-_PERIOD: Final = 1.0
-"""s from touch to touch."""
+"""Rate at which chips are read while something happens, Hz."""
+_RAMP, _REST, _HOLD, _PERIOD = 0.02, 0.2, 0.3, 1.0
+"""Times in s: a touch comes and goes; rest is read before it; it is held; from touch to touch."""
 
 
 @final
 class VirtualRig(Rig):
-    """A rig with a virtual skin on it.
-
-    Time is the skin's: no touch takes longer than it takes to compute.
+    """A rig with a virtual skin on it; time is the skin's.
 
     Parameters
     ----------
@@ -52,9 +44,9 @@ class VirtualRig(Rig):
     creep : bool
         Whether the rubber creeps.
     drift : float
-        T: how far each axis of the chips walks in a second, at random.
+        Random walk of each axis of the chips in a second, T.
     stage, gauge : float
-        m and N: standard deviations of where the stage stands and what the gauge reads.
+        Standard deviations of where the stage stands, m, and what the gauge reads, N.
 
     Raises
     ------
@@ -110,29 +102,13 @@ class VirtualRig(Rig):
         return self._gauge
 
     def press(self, contact: Contact, timeout: float = 30.0) -> HeldTouch:
-        """Touch the skin so, hold still, let go.
-
-        Raises
-        ------
-        ArgumentError
-            If the contact lies off the skin or pulls at it.
-        SourceError
-            If a touch takes longer than `timeout` seconds of the skin's time.
-        """
+        """As `Rig.press`; `timeout` is in seconds of the skin's time."""
         if timeout < _PERIOD:
             raise SourceError(f"no touch is over within {timeout} s; one takes {_PERIOD:g} s")
         return self.hold(contact, self._twin.motion((contact,), temperature=self._temperature))
 
     def hold(self, contact: Contact, motion: Motion) -> HeldTouch:
-        """The same for whoever has solved the touch already.
-
-        Parameters
-        ----------
-        contact : Contact
-            As it really is.
-        motion : Motion
-            One state, in which it would hold the skin for good.
-        """
+        """Touch the skin so, where the state in which the contact would hold it is known."""
         start = self._begun * _PERIOD
         self._begun += 1
         rest = start - np.linspace(_REST, 0.0, round(_REST * _RATE) + 1)
@@ -158,13 +134,10 @@ class VirtualRig(Rig):
         steps = np.diff(times, prepend=self._time)
         self._time = float(times[-1])
         still = Motion.rest(len(motion.magnets))
-        states = []
-        for step, touched in zip(steps.tolist(), pressed.tolist(), strict=True):
-            state = motion if touched else still
-            states.append(state if self._creep is None else self._creep.step(step, state))
+        states = Motion.stack([still, motion])[pressed.astype(int)]
         readings, self._walked = drifting_readings(
             self._twin,
-            Motion.stack(states),
+            states if self._creep is None else self._creep.steps(steps, states),
             times,
             steps,
             self._rng,
@@ -186,31 +159,23 @@ def drifting_readings(
     drift: float,
     walked: Floats | float = 0.0,
 ) -> tuple[tuple[Reading, ...], Floats]:
-    """What a skin's chips read in one state after the other, while they drift.
+    """Readings of a skin's chips in T states, one after the other, while they drift.
 
     Parameters
     ----------
     twin : VirtualSkin
     motion : Motion
         Batch of T states.
-    times : Floats, shape (T,)
-        s, of the readings.
-    durations : Floats, shape (T,)
-        s, from the reading before to each.
+    times, durations : Floats, shape (T,)
+        Time of each reading, and time since the one before, s.
     rng : numpy.random.Generator
         Generator of noise and drift.
     temperature : float
-        degC, of skin and chips.
+        Temperature of skin and chips, degC.
     drift : float
-        T: how far each axis walks in a second, at random.
+        Random walk of each axis in a second, T.
     walked : Floats, shape (S, 3), optional
-        T, already.
-
-    Returns
-    -------
-    readings : tuple of Reading
-    walked : Floats, shape (S, 3)
-        T, by the last of them.
+        Walk before the first reading, T; that by the last is returned after the readings.
     """
     sample = twin.sample(motion, rng, temperature=np.full(len(times), temperature))
     field = mlx90393.tesla(sample.counts, twin.design.hall_setting)
@@ -225,15 +190,10 @@ def drifting_readings(
 
 
 def open_rig(name: str, design: SkinDesign) -> VirtualRig:
-    """The rig that a name with options asks for.
+    """The rig that a name with options asks for, with a skin made for it from the design.
 
-    Parameters
-    ----------
-    name : str
-        ``virtual``, with ``seed`` (0) and ``temperature`` in degC (25) as options, such as
-        ``virtual?seed=3&temperature=30``.
-    design : SkinDesign
-        Design of the skin that is made for the rig.
+    The name is ``virtual``, with ``seed`` (0) and ``temperature`` in degC (25) as options, such as
+    ``virtual?seed=3&temperature=30``.
 
     Raises
     ------

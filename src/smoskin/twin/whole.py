@@ -1,10 +1,8 @@
 """The digital twin of a skin: any touch becomes what the chips read, by the whole folded sheet.
 
-Decides how the parts join: contacts to the sheet's nonlinear equilibrium
-(`smoskin.mechanics.sheet.model`), vertices to magnets on their holders, motion to readings; and
-what of a made skin's deviations goes into which part. Hides the solvers, one a temperature, and
-what they remember between live touches. `smoskin.twin.reduced` answers the same by the SI's
-closed forms.
+Decides how contacts, the sheet's nonlinear equilibrium (`smoskin.mechanics.sheet.model`) and
+magnets on their holders join. Hides the solvers, one a temperature, and what they remember between
+live touches. `smoskin.twin.reduced` answers the same by the SI's closed forms.
 """
 
 import functools
@@ -32,7 +30,8 @@ if TYPE_CHECKING:
 _LIVE_TOLERANCE = 1e-6
 """Relative residual of a live touch: a nanometre, far below what a chip can see."""
 _SLOTS = 2
-"""Live touches for which the solver is compiled at once."""
+"""Live touches for which the solver is compiled at once; more are filled to a power of two."""
+_NO_TOUCH = Contact(position=(0.0, 0.0), force=(0.0, 0.0, 0.0))
 _REMEMBERED = 8
 """Live states: what is shown runs a few readings behind what is read."""
 _SOLVERS = 4
@@ -66,7 +65,6 @@ class Twin(MagneticSkin):
     grip : Grip, optional
         How touches hold on to the skin; by default they stick.
     surroundings : Surroundings, optional
-        By default none.
 
     Raises
     ------
@@ -161,24 +159,21 @@ class Twin(MagneticSkin):
         for solved, state in remembered:
             if solved == key:
                 return state
-        live = touches_of([[*contacts, *_fillers(len(contacts))]])
+        slots = max(_SLOTS, 1 << (len(contacts) - 1).bit_length())
+        live = touches_of([[*contacts, *[_NO_TOUCH] * (slots - len(contacts))]])
         if live.pressed.any():
             start = remembered[-1][1].displacements[None] if remembered else None
             pressed = solver.press(live, tolerance=_LIVE_TOLERANCE, start=start)
             state = _State(pressed.displacements[0], self._motion_of(pressed)[0])
         else:
             patch_shares(self.design, live)
-            state = _State(
-                np.zeros_like(self._sheet.vertices), Motion.rest(len(self.design.magnets))
-            )
+            still = Motion.rest(len(self.design.magnets))
+            state = _State(np.zeros_like(self._sheet.vertices), still)
         self._states.append((key, state))
         return state
 
     def _motion_of(self, pressed: "Pressed") -> Motion:
-        """Magnets on their holders, (B,) states.
-
-        Valid where there is an equilibrium in which every column still stands on its base.
-        """
+        """Magnets on their holders; valid at rest with every column standing on its base."""
         moved = pressed.displacements.reshape(len(pressed.board), -1) @ self._holders
         motion = Motion(magnets=moved.reshape(len(moved), -1, 6), board=pressed.board)
         return motion.where(pressed.converged & ~pressed.pulled)
@@ -190,9 +185,3 @@ class Twin(MagneticSkin):
         degrees = float(check_temperature(temperature))
         made, lattice = made_mechanics(self.design, self.deviations, degrees)
         return BarHinge(made, lattice=lattice, grip=self._grip)
-
-
-def _fillers(count: int) -> list[Contact]:
-    """Touches of no force that make `count` a power of two, so that few shapes compile."""
-    slots = max(_SLOTS, 1 << (count - 1).bit_length())
-    return [Contact(position=(0.0, 0.0), force=(0.0, 0.0, 0.0))] * (slots - count)

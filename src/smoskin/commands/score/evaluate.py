@@ -20,7 +20,7 @@ from smoskin.records import Contact, Motion, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.response.calibrate import LabelledTouches, Target
 from smoskin.sensing.response.labels import Labeller, labelled_touches
-from smoskin.twin.creep import creeping
+from smoskin.twin.creep import Creep
 from smoskin.twin.rig import VirtualRig, drifting_readings
 from smoskin.twin.whole import Twin
 
@@ -183,7 +183,7 @@ def readings(
     rest = Motion.rest(len(twin.design.magnets), (1,))
     motion = Motion.concatenate([session.motion, rest])[state]
     if disturbance.creep:
-        motion = creeping(twin.design, steps, motion)
+        motion = Creep(twin.design).steps(steps, motion)
     walk = {"temperature": session.temperature, "drift": disturbance.drift}
     return list(drifting_readings(twin, motion, times, steps, rng, **walk)[0])
 
