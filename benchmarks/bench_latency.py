@@ -28,7 +28,7 @@ from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.bayes.priors import TouchPriors
 from smoskin.sensing.network.estimator import NetworkEstimator
 from smoskin.sensing.network.model import load_network
-from smoskin.sensing.response.calibrate import calibrate_touches, plan_touches
+from smoskin.sensing.response.calibrate import TouchPlanner, calibrate_touches
 from smoskin.sensing.response.table import ResponseTable, load_response_table
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.whole import Twin
@@ -71,7 +71,9 @@ def calibrated(table: ResponseTable, twin: Twin, chips: Sequence[int]) -> Respon
     """The skin's own table."""
     used = table.of_chips(chips)
     noise = signal_noise(twin.design, used.chips)
-    touches = label(twin, plan_touches(used, 60, noise), np.random.default_rng(1), chips=used.chips)
+    touches = label(
+        twin, TouchPlanner(used, noise).plan(60), np.random.default_rng(1), chips=used.chips
+    )
     return calibrate_touches(used, touches, noise)
 
 

@@ -30,7 +30,7 @@ from smoskin.sensing.network.estimator import NetworkEstimator
 from smoskin.sensing.network.model import Ensemble, NetworkModel, load_network
 from smoskin.sensing.network.samples import TouchSpread, TrainingEffort
 from smoskin.sensing.network.training import train_network
-from smoskin.sensing.response.calibrate import calibrate_touches, plan_touches
+from smoskin.sensing.response.calibrate import TouchPlanner, calibrate_touches
 from smoskin.sensing.response.table import load_response_table
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.whole import Twin
@@ -102,7 +102,7 @@ def main() -> None:
     design = load_design("planar")
     table = load_response_table(asked.table).of_chips(parse_chips(asked.chips))
     noise, rubber = signal_noise(design, table.chips), elastomer_prony(design.columns.material)
-    plan = plan_touches(table, asked.touches, noise)
+    plan = TouchPlanner(table, noise).plan(asked.touches)
     start = None if asked.start is None else load_network(asked.start)
     by_force: dict[str, Judged] = {}
     for seed in range(1, asked.skins + 1):

@@ -24,8 +24,7 @@ from smoskin.records import Motion, Reading, Status
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.bayes.priors import TouchPriors
 from smoskin.sensing.bayes.solver import TouchSolver
-from smoskin.sensing.response.calibrate import calibrate_touches, plan_touches
-from smoskin.sensing.response.pair_point import PairPoint
+from smoskin.sensing.response.calibrate import TouchPlanner, calibrate_touches
 from smoskin.sensing.response.table import ResponseTable, load_response_table
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.creep import Creep
@@ -123,13 +122,13 @@ def judge(
 
 def bounds(table: ResponseTable, noise: Floats, pairs: Touches, *, known: bool) -> Floats:
     """Root mean square error of each place that no estimator can go below, (B, 2), m."""
-    point = PairPoint(table, table.point_table())
+    point = table.point_table()
     misfit = TouchSolver(table, noise).misfit + table.pair_misfit
     prior = np.diag(np.tile([*12 / table.basis.extent**2, 1e-6], 2))
     out = np.empty((len(pairs), 2))
     for row, (place, force) in enumerate(zip(pairs.position, pairs.force, strict=True)):
         spread = noise if known else noise + float((force[:, 2] ** 2).sum()) * misfit
-        slopes = point.at(place, -force[:, 2]).slopes
+        slopes = point.pair(place, -force[:, 2])[1]
         told = slopes @ np.linalg.solve(spread, slopes.T) + prior
         out[row] = np.sqrt(np.diag(np.linalg.inv(told)).reshape(2, 3)[:, :2].sum(axis=1))
     return out
@@ -162,7 +161,7 @@ def main() -> None:
     design = load_design("planar")
     table = load_response_table(asked.table).of_chips(tuple(asked.chips))
     noise = signal_noise(design, table.chips)
-    plan = plan_touches(table, asked.touches, noise)
+    plan = TouchPlanner(table, noise).plan(asked.touches)
     ways = {"at once": AT_ONCE, "one then two": ONE_THEN_TWO}
     found: dict[str, list[Found]] = {name: [] for name in ways}
     best: dict[bool, list[Floats]] = {True: [], False: []}

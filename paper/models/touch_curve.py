@@ -22,8 +22,8 @@ from smoskin.sensing.response.bound import bound_map
 from smoskin.sensing.response.calibrate import (
     LabelledTouches,
     Target,
+    TouchPlanner,
     calibrate_touches,
-    plan_touches,
 )
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.signals import signal_noise
@@ -127,7 +127,7 @@ def touch_curve(
     """
     asked = effort or CurveEffort()
     noise = signal_noise(design, table.chips)
-    plan = plan_touches(table, asked.counts[-1], noise)
+    plan = TouchPlanner(table, noise).plan(asked.counts[-1])
     skins = []
     for number, seed in enumerate(asked.seeds):
         progress(f"skin {number + 1} of {len(asked.seeds)}", number / len(asked.seeds))

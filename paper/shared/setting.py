@@ -18,7 +18,7 @@ from smoskin.errors import ArgumentError, ModelError
 from smoskin.feasibility import load_design
 from smoskin.magnetics import mlx90393
 from smoskin.records import Motion
-from smoskin.sensing.response.calibrate import DEFAULT_COUNT, calibrate_touches, plan_touches
+from smoskin.sensing.response.calibrate import TouchPlanner, calibrate_touches
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.readout import Readout
@@ -28,6 +28,8 @@ EFFORT: Final = Effort(presses=4000, pairs=200, skins=16, draws=3, presses_a_ski
 """Effort for a table of the paper alone; rougher than what a skin that is used deserves."""
 SEEDS: Final = (1, 2)
 """Seeds of the made skins; tables are made of others."""
+_TOUCHES: Final = 60
+"""Touches that calibrate each of them."""
 CELLS: Final = (6, 6)
 """Cells of the paper's skin: nine zones of two by two (Figure S5)."""
 _UNTOUCHED: Final = 20
@@ -81,7 +83,7 @@ class Setting:
     def skins(self) -> tuple[TrialSkin, ...]:
         """Skins of `SEEDS`, each touched by a virtual rig."""
         noise = signal_noise(self.design)
-        plan = plan_touches(self.table, DEFAULT_COUNT, noise)
+        plan = TouchPlanner(self.table, noise).plan(_TOUCHES)
         skins = []
         for seed in SEEDS:
             twin = Twin(self.design, seed=seed, manufactured=True)

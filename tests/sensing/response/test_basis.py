@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from smoskin.errors import ArgumentError
 from smoskin.mechanics.sheet.touches import FINGERTIP, Touches, patch_shares
-from smoskin.sensing.response.basis import PointLine, TouchBasis
+from smoskin.sensing.response.basis import TouchBasis
 from tables_of_response import BASIS, plain, random_touches
 
 PLACES = np.array([-0.004, 0.0, 0.006, 0.0101, 0.0152, 0.0231, 0.028, 0.0329, 0.0451, 0.049, 0.06])
@@ -101,21 +101,6 @@ def test_slopes_of_sums_are_derivatives():
         )
         difference = (ahead - behind) / (2 * step[k])
         assert_allclose(slopes[:, k], difference, rtol=1e-5, atol=1e-5)
-
-
-@pytest.mark.parametrize("lines", [BASIS.lines_x, BASIS.lines_y, np.array([0.02])])
-def test_one_place_at_a_time_has_the_same_functions(lines):
-    basis = TouchBasis(extent=(0.06, 0.06), lines_x=lines, lines_y=lines, radius=BASIS.radius)
-    line, n = PointLine(lines, basis.radius), len(lines)
-    vertices = (lines[:, None] + basis.radius * np.array([-1.0, -0.999, 0.0, 0.999, 1.0])).ravel()
-    for x in np.concatenate([PLACES, vertices]):
-        expected = np.stack(basis.along_x(np.array(x)))
-        assert_allclose(line.shares(x), expected[:, :n], atol=1e-10)
-        first, rows = line.near(x)
-        width = rows.shape[1] // 2
-        assert_allclose(rows[:, ::2], expected[:, first : first + width + 1], atol=1e-10)
-        assert_allclose(rows[:, 1::2], expected[:, n + first : n + first + width], atol=1e-10)
-        assert np.delete(expected[0, :n], range(first, first + width + 1)) == pytest.approx(0)
 
 
 def test_what_is_no_basis_is_refused():

@@ -13,7 +13,6 @@ from smoskin.sensing.response.calibrate import (
     LabelledTouches,
     TouchPlanner,
     calibrate_touches,
-    plan_touches,
 )
 from smoskin.sensing.response.fit import table_curvature
 from smoskin.sensing.signals.signals import signal_noise
@@ -51,7 +50,7 @@ def made_signals(skin, where, push, noise, seed=0):
 
 
 def touch_planned(skin, table, noise, count, seed=0):
-    plan = plan_touches(table, count, noise)
+    plan = TouchPlanner(table, noise).plan(count)
     where = np.stack([one.position for one in plan])
     push = np.stack([one.force for one in plan])
     said, _ = made_signals(skin, where, push, noise, seed)
@@ -105,7 +104,7 @@ def test_what_stays_open_shrinks_with_every_touch(skin, noise):
 
 def test_each_planned_touch_lowers_the_expected_error(skin, noise):
     table = table_with_modes(skin)
-    plan = plan_touches(table, 8, noise)
+    plan = TouchPlanner(table, noise).plan(8)
     errors = [one.error for one in plan]
     assert errors == sorted(errors, reverse=True)
     assert TouchPlanner(table, noise).next().error == pytest.approx(errors[0])
@@ -308,7 +307,7 @@ def test_the_usual_rig_is_a_good_one_that_presses_with_0_8_newton():
     table = random_table(seed=2)
     usual = TouchPlanner(table, FLOOR)
     stated = TouchPlanner(table, FLOOR, force=0.8, drag=0.3, place_spread=20e-6, force_spread=2e-3)
-    for target, plan in zip(plan_touches(table, 4, FLOOR), (usual, stated, usual, stated),
+    for target, plan in zip(TouchPlanner(table, FLOOR).plan(4), (usual, stated, usual, stated),
                             strict=True):  # fmt: skip
         assert plan.next().error == target.error
         for planner in (usual, stated):
@@ -398,7 +397,7 @@ def test_wrong_use_is_refused(skin, noise):
     with pytest.raises(ArgumentError, match="with 2 chips; got 1 with 3"):
         calibrate_touches(table.of_chips((1, 2)), LabelledTouches(**good), noise)
     with pytest.raises(ArgumentError, match="count must be positive"):
-        plan_touches(table, 0, noise)
+        TouchPlanner(table, noise).plan(0)
     for wrong in ("drag", "place_spread", "force_spread"):
         with pytest.raises(ArgumentError, match="force must be positive, drag and spreads"):
             TouchPlanner(table, noise, **{wrong: -1e-9})

@@ -49,21 +49,6 @@ def test_slopes_are_derivatives(skin):
         assert slopes[..., k] == pytest.approx(change / (2 * step), rel=1e-4, abs=1e-6)
 
 
-@pytest.mark.parametrize("temperature", [REFERENCE_TEMPERATURE, 15.0])
-def test_one_touch_at_a_time_says_the_same_as_a_batch(skin, temperature):
-    table = reduced_table(skin)
-    table = replace(table, warmth=0.001 * table.mean)
-    batch = table.signals(AT, PUSH, temperature)
-    point = table.point_table(temperature)
-    one = [point.at(*p, f) for p, f in zip(AT, PUSH, strict=True)]
-    assert np.stack([value for value, _ in one]) == pytest.approx(batch, abs=1e-12)
-    said, slopes = point.scan(AT[:, 0], AT[:, 1], PUSH[0])
-    for k, place in enumerate(AT):
-        value, slope = point.at(*place, PUSH[0])
-        assert said[k] == pytest.approx(value, abs=1e-12)
-        assert slopes[k] == pytest.approx(slope, abs=1e-10)
-
-
 def test_presses_held_out_are_met_to_the_chips_noise(skin):
     table = reduced_table(skin)
     where, push = presses(skin, 200, seed=7)
@@ -232,19 +217,6 @@ def test_signals_are_the_sums_of_softened_forces_and_warmth():
     for k in range(3):
         mode = rows @ table.modes[k].reshape(-1, 9)
         assert_allclose(table.mode_signals(place, force)[:, k], mode, rtol=1e-9, atol=1e-15)
-
-
-def test_a_point_has_the_slopes_of_its_signals_on_any_skin():
-    table = random_table()
-    place, force = random_touches(8, seed=2)
-    point = table.point_table()
-    slopes = table.slopes(place, force)
-    for k in range(8):
-        value, slope = point.at(*place[k], force[k])
-        assert_allclose(slope, slopes[k].T, rtol=1e-9, atol=1e-12)
-        many = point.scan(place[:, 0], place[:, 1], force[k])
-        assert_allclose(many[0][k], value, rtol=1e-9, atol=1e-15)
-        assert_allclose(many[1][k], slope, rtol=1e-9, atol=1e-12)
 
 
 def test_chips_left_out_take_everything_of_theirs_along():

@@ -40,7 +40,7 @@ from smoskin.sensing.learned.gaussian_process import LearnedEstimator, LearnedMo
 from smoskin.sensing.network.estimator import NetworkEstimator
 from smoskin.sensing.network.model import NetworkModel
 from smoskin.sensing.response.bound import bound_map
-from smoskin.sensing.response.calibrate import Target, calibrate_touches, plan_touches
+from smoskin.sensing.response.calibrate import Target, TouchPlanner, calibrate_touches
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.whole import Twin
@@ -214,7 +214,7 @@ def candidate(given: Scored, design: SkinDesign, exam: Exam) -> Candidate:
         design.check_own("table", reader.design_hash)
         table = reader if exam.chips is None else reader.of_chips(exam.chips)
         noise = signal_noise(design, table.chips)
-        plan = tuple(plan_touches(table, exam.touches, noise)) if exam.touches else ()
+        plan = tuple(TouchPlanner(table, noise).plan(exam.touches)) if exam.touches else ()
         return Candidate(
             kind="response table", chips=table.chips, reader=table, plan=plan, file_sha256=digest
         )

@@ -13,8 +13,8 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.errors import ArgumentError
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
-from smoskin.sensing.response.pair_point import PairPoint
-from smoskin.sensing.response.table import PointTable, ResponseTable
+from smoskin.sensing.response.point import PointTable
+from smoskin.sensing.response.table import ResponseTable
 
 _STEPS: Final = 40
 _SETTLED: Final = 1e-3
@@ -41,7 +41,7 @@ class Descent(NamedTuple):
     squared: float
     """Squared force by which the misfit is weighed, N^2."""
     slopes: Floats
-    """Whitened slopes W J, (U, C)."""
+    """Whitened slopes J W^T, (U, C)."""
     misfit: float
     """Squared length of the whitened residual, and of drags in their prior's spread."""
     cost: float
@@ -59,10 +59,8 @@ class TouchProblem:
         Number of touches, K.
     table : ResponseTable
         Table of the skin, for its extent and forces.
-    noise : Floats, shape (C, C)
-        Covariance N of signals of a skin at rest, T^2.
-    misfit : Floats, shape (C, C)
-        Covariance M of what the table misses, T^2/N^2.
+    noise, misfit : Floats, shape (C, C)
+        Covariances N, of signals at rest, T^2, and M, of what the table misses, T^2/N^2.
     priors : TouchPriors
 
     Raises
@@ -94,44 +92,38 @@ class TouchProblem:
         misfit: Floats,
         priors: TouchPriors,
     ) -> None:
-        self._answer = answer
-        drags = touches == 1 and priors.drag_spread > 0
+        self._answer, self._count = answer, touches
+        self._drags = drags = touches == 1 and priors.drag_spread > 0
         self.rows = np.array([0, 1, 2, 3, 4] if drags else [0, 1, 4])
         """Which of (x, y, Fx, Fy, Fz) are unknown."""
-        self._count, each = touches, len(self.rows)
-        self._drags = [2, 3] if drags else []
-        self._presses = [each * k + each - 1 for k in range(touches)]
         # Along these axes noise and misfit are both apart, so that a force only scales them.
-        sign, log_det = np.linalg.slogdet(2 * math.pi * noise)
+        sign, log_det_noise = np.linalg.slogdet(2 * math.pi * noise)
         if sign <= 0:
             raise ArgumentError("noise must be a covariance that is positive definite")
         white = np.linalg.inv(np.linalg.cholesky(noise))
         power, axes = np.linalg.eigh(white @ misfit @ white.T)
         self._axes, self._power = axes.T @ white, np.maximum(power, 0.0)
-        self._set_prior(table, priors, log_det)
-
-    def _set_prior(self, table: ResponseTable, priors: TouchPriors, log_det_noise: float) -> None:
-        """What is known before a reading, per unknown."""
         extent, (least, most) = table.basis.extent, table.forces
-        drags = [1.0, 1.0] if self._drags else []
-        free, level = [math.inf for _ in drags], [0.0 for _ in drags]
-        low, high = math.log(least / 5), math.log(most * 3)
-        self._low = np.tile([0.0, 0.0, *(-one for one in free), low], self._count)
-        self._high = np.tile([*extent, *free, high], self._count)
-        self._stride = np.tile([_STRIDE[0], _STRIDE[0], *free, _STRIDE[1]], self._count)
         precision = priors.drag_spread**-2 if drags else 0.0
-        self._drag_precision = np.tile([0.0, 0.0, *(precision * np.array(drags)), 0.0], self._count)
-        self._level = np.tile([*12 / extent**2, *level, _BLUR], self._count)
-        self._curvature = self._level + self._drag_precision
+
+        def each(*values: float) -> Floats:
+            """The values of (x, y, Fx, Fy, log press) of every touch's unknowns."""
+            return np.tile(np.array(values)[self.rows], touches)
+
+        self._low = each(0.0, 0.0, -math.inf, -math.inf, math.log(least / 5))
+        self._high = each(*extent, math.inf, math.inf, math.log(most * 3))
+        self._stride = each(_STRIDE[0], _STRIDE[0], math.inf, math.inf, _STRIDE[1])
+        self._drag_precision = each(0.0, 0.0, precision, precision, 0.0)
+        self._curvature = each(*12 / extent**2, precision, precision, _BLUR)
         # All of the evidence that depends on neither signals nor unknowns.
         volume = math.log(float(np.prod(extent)) * math.log(most / least))
         self._constant = (
             -0.5 * log_det_noise
-            - self._count * volume
-            + math.lgamma(self._count + 1)
-            + math.log(priors.chances[self._count] or 1e-300)
+            - touches * volume
+            + math.lgamma(touches + 1)
+            + math.log(priors.chances[touches] or 1e-300)
             + 0.5 * len(self._low) * math.log(2 * math.pi)
-            - 0.5 * len(drags) * math.log(2 * math.pi / (precision or 1.0))
+            - (math.log(2 * math.pi / precision) if drags else 0.0)
         )
 
     def whitener(self, squared: float) -> Floats:
@@ -214,7 +206,10 @@ class TouchProblem:
 
     def _squared(self, at: Floats) -> float:
         """Squared force F^2 of all touches, N^2."""
-        forces = [math.exp(at[k]) for k in self._presses] + [at[k] for k in self._drags]
+        last = len(self.rows) - 1
+        forces = [math.exp(log) for log in at[last :: last + 1]]
+        if self._drags:
+            forces += [at[2], at[3]]
         return float(sum(force * force for force in forces))
 
     def _cost(self, residual: Floats, at: Floats, standing: Standing | None) -> tuple[float, float]:
@@ -241,14 +236,14 @@ def single_answer(point: PointTable, *, straight: bool) -> Answer:
     return answer
 
 
-def pair_answer(pair: PairPoint) -> Answer:
+def pair_answer(point: PointTable) -> Answer:
     """Signals of two straight touches by x, y and the logarithm of the press of each."""
 
     def answer(at: Floats) -> tuple[Floats, Floats]:
         each = at.reshape(2, 3)
         press = np.exp(each[:, 2])
-        both = pair.at(each[:, :2], press)
-        both.slopes[[2, 5]] *= press[:, None]
-        return both.values, both.slopes
+        values, slopes = point.pair(each[:, :2], press)
+        slopes[[2, 5]] *= press[:, None]
+        return values, slopes
 
     return answer

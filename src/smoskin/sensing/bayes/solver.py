@@ -12,15 +12,9 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.origami.geometry import places_to_the_rim
-from smoskin.sensing.bayes.posterior import (
-    Descent,
-    TouchProblem,
-    pair_answer,
-    single_answer,
-)
+from smoskin.sensing.bayes.posterior import Descent, TouchProblem, pair_answer, single_answer
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
 from smoskin.sensing.bayes.starts import TYPICAL, Starts, pair_starts, single_starts
-from smoskin.sensing.response.pair_point import PairPoint
 from smoskin.sensing.response.table import ResponseTable
 
 _FITS: Final = 4.0
@@ -44,7 +38,7 @@ _SEARCHES: Final = {1: _Search(3, 1, 2.0), 2: _Search(14, 3, 0.5)}
 
 
 class TouchSolver:
-    """Solves single readings of one skin.
+    """Solves single readings of one skin (`smoskin.sensing.bayes.posterior.TouchProblem`).
 
     Parameters
     ----------
@@ -58,10 +52,6 @@ class TouchSolver:
     ------
     ArgumentError
         If the noise is no covariance.
-
-    Notes
-    -----
-    See `smoskin.sensing.bayes.posterior.TouchProblem` for what is solved.
     """
 
     def __init__(
@@ -92,16 +82,9 @@ class TouchSolver:
     def two(
         self, signals: Floats, guess: Floats | None = None, standing: Standing | None = None
     ) -> TouchPosterior:
-        """The two straight touches that explain signals (C,) best.
+        """The two straight touches that explain signals (C,) best; from a guess (2, 5), if given.
 
-        Parameters
-        ----------
-        signals : Floats, shape (C,)
-            T.
-        guess : Floats, shape (2, 5), optional
-            The touches a moment ago; the first of them is the one that stands.
-        standing : Standing, optional
-            What is known of one of them from when it was alone; then it comes first.
+        What is known of one from when it was alone stands for the first of them.
         """
         if self._pair is None:
             self._pair = self._problem(2)
@@ -115,9 +98,8 @@ class TouchSolver:
         if touches == 1:
             answer = single_answer(self._point, straight=priors.drag_spread == 0)
             return TouchProblem(answer, 1, table, self._noise, self.misfit, priors)
-        answer = pair_answer(PairPoint(table, self._point))
         misfit = self.misfit + table.pair_misfit
-        return TouchProblem(answer, 2, table, self._noise, misfit, priors)
+        return TouchProblem(pair_answer(self._point), 2, table, self._noise, misfit, priors)
 
     def _solve(
         self,

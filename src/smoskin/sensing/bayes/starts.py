@@ -15,7 +15,8 @@ from smoskin.origami.geometry import middles_of_fields, places_to_the_rim
 from smoskin.sensing.bayes.posterior import APART, TouchProblem
 from smoskin.sensing.bayes.priors import Standing
 from smoskin.sensing.response.pairs import mutual_drags
-from smoskin.sensing.response.table import PointTable, ResponseTable
+from smoskin.sensing.response.point import PointTable
+from smoskin.sensing.response.table import ResponseTable
 
 TYPICAL: Final = 0.5
 """Force at which answers are compared, N."""
@@ -59,13 +60,9 @@ class Starts:
         self._places, self._whiten, self._curvature = places, whiten, curvature
         self._least, count = least, answers.shape[2]
         loads = answers.shape[1]
-        columns = np.concatenate(
-            [
-                np.swapaxes(answers @ whiten.T, 1, 2),
-                np.broadcast_to(np.diag(ridge), (len(places), loads, loads)),
-            ],
-            axis=1,
-        )
+        white = np.swapaxes(answers @ whiten.T, 1, 2)
+        ridges = np.broadcast_to(np.diag(ridge), (len(places), loads, loads))
+        columns = np.concatenate([white, ridges], axis=1)
         bases, coordinates = np.linalg.qr(columns)
         self._bases = np.swapaxes(bases[:, :count], 1, 2).reshape(-1, count)
         self._loads = np.linalg.inv(coordinates)
@@ -123,15 +120,9 @@ def pair_starts(table: ResponseTable, problem: TouchProblem) -> Starts:
     by_drag = (flat[:, 1::2] - flat[:, 2::2]) / (2 * _TUG)
     pairs = np.array(list(combinations(range(len(grid)), 2)))
     pairs = pairs[np.hypot(*(grid[pairs[:, 0]] - grid[pairs[:, 1]]).T) > APART]
-    shares = table.vertex_shares(grid)[pairs]
-    answers = []
-    for k in (0, 1):
-        press = np.zeros((len(pairs), 2))
-        press[:, k] = 1.0
-        drags = mutual_drags(table.grip, shares, press)
-        pulled = np.einsum("gkd,gkdc->gc", drags, by_drag[pairs])
-        answers.append(by_press[pairs[:, k]] + pulled)
+    shares = table.basis.vertex_shares(grid)[pairs][:, :, None]
+    _, drags = mutual_drags(table.grip, shares, np.ones((len(pairs), 2)))
+    answer = by_press[pairs] + np.einsum("glkd,gkdc->glc", drags[:, :, 0], by_drag[pairs])
     whiten = problem.whitener(2 * TYPICAL**2)
     least = table.forces[0] / 2
-    answer = np.stack(answers, axis=1)
     return Starts(grid[pairs], answer, np.zeros(2), whiten, least, table.curvature)

@@ -1,15 +1,11 @@
 """Smooth functions of where and how hard a skin is touched, in which its signals are written.
 
-A touch loads the vertices round it in linear shares (`smoskin.mechanics.sheet.touches`), past the
-outermost by a lever over the last two, and a patch of some radius takes the mean over its disc.
-What chips read is then nearly a sum over vertices of shares times force; products of neighbouring
-shares and of forces carry what is left. Decides the functions phi_p(x), psi_q(y) and g_d(F) of
-the section "The table" in `docs/derivations.md`; hides their slopes, and how they are summed for
-many touches at once or for one.
+Decides the functions phi_p(x), psi_q(y) and g_d(F) of "The table" in `docs/derivations.md`: a
+touch loads the vertices round it in linear shares, means over a disc, and products of neighbouring
+shares and of forces carry what is left. Hides their slopes, and how many touches are summed.
 """
 
 import math
-from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -39,8 +35,7 @@ _AT_ONCE: Final = 2048
 class TouchBasis:
     """Functions of place and force for one size of skin and of touch.
 
-    Every signal is a sum ``s(x, y, F) = sum_pqd A_pqd phi_p(x) psi_q(y) g_d(F)``: "The table" in
-    `docs/derivations.md`.
+    Every signal is a sum ``s(x, y, F) = sum_pqd A_pqd phi_p(x) psi_q(y) g_d(F)``.
 
     Raises
     ------
@@ -81,13 +76,9 @@ class TouchBasis:
     @classmethod
     def of(cls, design: SkinDesign, radius: float = FINGERTIP) -> "TouchBasis":
         """The functions for a design."""
-        places = geometry(design).tops
-        return cls(
-            extent=geometry(design).extent,
-            lines_x=places[:, 0, 0],
-            lines_y=places[0, :, 1],
-            radius=radius,
-        )
+        solid = geometry(design)
+        x, y = solid.tops[:, 0, 0], solid.tops[0, :, 1]
+        return cls(extent=solid.extent, lines_x=x, lines_y=y, radius=radius)
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -108,10 +99,7 @@ class TouchBasis:
         return _line(y, self.lines_y, self.radius)
 
     def products(self, force: Floats) -> tuple[Floats, Floats]:
-        """Products of forces (..., 3), N, and their slopes by each force, (..., D) and (..., 3, D).
-
-        The slopes' axis before the last is that of Fx, Fy and Fz.
-        """
+        """Products (..., D) of forces (..., 3), N, and their slopes by Fx, Fy, Fz, (..., 3, D)."""
         e = self.exponents
         powers = force[..., None] ** np.arange(e.max() + 1)
         fx, fy, fz = (powers[..., axis, e[:, axis]] for axis in range(3))
@@ -119,14 +107,20 @@ class TouchBasis:
         dx, dy, dz = (powers[..., axis, lower[:, axis]] * e[:, axis] for axis in range(3))
         return fx * fy * fz, np.stack([dx * fy * fz, fx * dy * fz, fx * fy * dz], axis=-2)
 
+    def vertex_shares(self, position: Floats) -> Floats:
+        """Share of each vertex in touches at (..., 2), shape (..., H)."""
+        n, m = len(self.lines_x), len(self.lines_y)
+        x, y = self.along_x(position[..., 0])[0], self.along_y(position[..., 1])[0]
+        shares = x[..., :n, None] * y[..., None, :m]
+        return np.asarray(shares.reshape(*position.shape[:-1], n * m))
+
     def rows(self, position: ArrayLike, force: ArrayLike) -> Floats:
         """All functions of B touches, (B, 2) m and (B, 3) N, side by side: (B, P Q D)."""
         place, push = touch_arrays(position, force)
         phi, psi = self.along_x(place[:, 0])[0], self.along_y(place[:, 1])[0]
-        p, q, d = self.shape
-        places = (phi[:, :, None] * psi[:, None, :]).reshape(len(place), p * q)
-        products = places[:, :, None] * self.products(push)[0][:, None, :]
-        return np.asarray(products.reshape(len(place), p * q * d))
+        places = phi[:, :, None, None] * psi[:, None, :, None]
+        rows = places * self.products(push)[0][:, None, None]
+        return np.asarray(rows.reshape(len(place), math.prod(self.shape)))
 
     def sums(self, coefficients: Floats, position: ArrayLike, force: ArrayLike) -> Floats:
         """Sums of the functions with coefficients (P, Q, D, V) for B touches, (B, V)."""
@@ -154,13 +148,7 @@ class TouchBasis:
 
 
 def touch_arrays(position: ArrayLike, force: ArrayLike) -> tuple[Floats, Floats]:
-    """Places (B, 2), m, and forces (B, 3), N, of B touches.
-
-    Raises
-    ------
-    ArgumentError
-        If they have other shapes.
-    """
+    """Places (B, 2), m, and forces (B, 3), N, of B touches; `ArgumentError` at other shapes."""
     place, push = floats("position", position, (None, 2)), floats("force", force, (None, 3))
     if place.ndim != 2 or push.shape != (len(place), 3):
         raise ArgumentError(
@@ -168,78 +156,6 @@ def touch_arrays(position: ArrayLike, force: ArrayLike) -> tuple[Floats, Floats]
             f"{push.shape}"
         )
     return place, push
-
-
-class PointLine:
-    """The functions along one axis, for one place at a time.
-
-    Parameters
-    ----------
-    lines : Floats, shape (N,)
-        m.
-    radius : float
-        m.
-    """
-
-    def __init__(self, lines: Floats, radius: float) -> None:
-        self._lines: list[float] = lines.tolist()
-        self._pitch: list[float] = np.diff(lines).tolist()
-        self._radius = radius
-
-    def near(self, x: float) -> tuple[int, Floats]:
-        """Shares of the few vertices that a touch at `x` loads, and products of neighbours.
-
-        Returns
-        -------
-        first : int
-            The first of those vertices.
-        rows : Floats, shape (2, 2 n - 1)
-            Shares and products in turn, and their slopes. Plain numbers start faster than arrays.
-        """
-        lines, radius = self._lines, self._radius
-        if len(lines) == 1:
-            return 0, np.array([[1.0], [0.0]])
-        first = min(max(bisect_right(lines, x - radius) - 1, 0), len(lines) - 2)
-        last = max(min(bisect_left(lines, x + radius), len(lines) - 1), first + 1)
-        # Before the first ramps are straight, at the last none has begun; so it is at the end
-        # vertices, which carry on as levers.
-        ramp, slope = x - lines[first], 1.0
-        shares, slopes = [1.0], [0.0]
-        for k in range(first, last):
-            next_ramp, next_slope = (
-                _point_ramp(x - lines[k + 1], radius) if k + 1 < last else (0.0, 0.0)
-            )
-            rise = (ramp - next_ramp) / self._pitch[k]
-            tilt = (slope - next_slope) / self._pitch[k]
-            shares[-1] -= rise
-            slopes[-1] -= tilt
-            shares += (0.0, rise)
-            slopes += (0.0, tilt)
-            ramp, slope = next_ramp, next_slope
-        for k in range(1, len(shares), 2):
-            shares[k] = shares[k - 1] * shares[k + 1]
-            slopes[k] = slopes[k - 1] * shares[k + 1] + shares[k - 1] * slopes[k + 1]
-        return first, np.array([shares, slopes])
-
-    def shares(self, x: float) -> Floats:
-        """Shares of all vertices and their slopes, (2, N)."""
-        first, rows = self.near(x)
-        out = np.zeros((2, len(self._lines)))
-        out[:, first : first + rows.shape[1] // 2 + 1] = rows[:, ::2]
-        return out
-
-
-def _point_ramp(distance: float, radius: float) -> tuple[float, float]:
-    """One value and slope of `_ramp`, in m."""
-    if distance >= radius:
-        return distance, 1.0
-    if distance <= -radius:
-        return 0.0, 0.0
-    u = distance / radius
-    root = math.sqrt(1 - u * u)
-    angle = math.asin(u)
-    mean = u / 2 + (u * angle + root - root**3 / 3) / math.pi
-    return radius * mean, 0.5 + (u * root + angle) / math.pi
 
 
 def _line(x: Floats, lines: Floats, radius: float) -> tuple[Floats, Floats]:
@@ -263,10 +179,8 @@ def _line(x: Floats, lines: Floats, radius: float) -> tuple[Floats, Floats]:
 
 
 def _ramp(u: Floats) -> tuple[Floats, Floats]:
-    """Mean of max(u + t, 0) over a disc of radius 1 with t one of its coordinates, and its slope.
-
-    A disc's coordinate has the density (2 / pi) sqrt(1 - t^2).
-    """
+    """Mean of max(u + t, 0) over the coordinate t of a disc of radius 1, and its slope."""
+    # A disc's coordinate has the density (2 / pi) sqrt(1 - t^2).
     inside = np.clip(u, -1.0, 1.0)
     root = np.sqrt(1 - inside * inside)
     angle = np.arcsin(inside)

@@ -1,11 +1,8 @@
 """How well any estimator could do: the Cramer-Rao bound over the skin.
 
-The bound is the inverse of the information that the signals of one reading carry about a touch's
-place, drag and normal force; it needs the signals' slopes, from a response table or from whoever
-knows them for a design without one. Decides what is unknown and what counts as noise, and calls
-places blind where the signals leave the place open. Noise alone bounds far below what scatter of
-manufacture leaves after a calibration: a table's own misfit can be counted as noise too. The
-equations are those of "The bound" in `docs/derivations.md`.
+Decides what is unknown and what counts as noise, and calls places blind where signals leave the
+place open. Noise alone bounds far below what scatter of manufacture leaves after a calibration; so
+a table's own misfit can count as noise too. Equations: "The bound" in `docs/derivations.md`.
 """
 
 from dataclasses import dataclass
@@ -53,12 +50,8 @@ def figures(bound: Floats) -> Figures:
     >>> figures(np.linspace(0.0, 1.0, 201))
     Figures(mean=0.5, median=0.5, worst=0.99, maximum=1.0)
     """
-    return Figures(
-        float(np.mean(bound)),
-        float(np.median(bound)),
-        float(np.percentile(bound, _WORST)),
-        float(np.max(bound)),
-    )
+    values = np.mean(bound), np.median(bound), np.percentile(bound, _WORST), np.max(bound)
+    return Figures(*map(float, values))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -118,7 +111,7 @@ def bound_map(
     ----------
     table : ResponseTable
     noise : Floats, shape (C, C)
-        T^2: covariance of signals (`smoskin.sensing.signals.signals.signal_noise`).
+        Covariance of signals, T^2 (`smoskin.sensing.signals.signals.signal_noise`).
     force : float
         Normal force of the touch, which has no drag, N.
     drags : bool
@@ -153,48 +146,20 @@ def bound_map(
     return bound_of_slopes(x, y, slopes, covariance.reshape(*places, *noise.shape), drags=drags)
 
 
-def bound_of_slopes(
-    x: Floats, y: Floats, slopes: Floats, noise: Floats, *, drags: bool = True
-) -> BoundMap:
-    """Bounds over the skin from the signals' slopes, wherever these come from.
+def information(slopes: Floats, noise: Floats) -> Floats:
+    """Information J^T N^-1 J of signals about a touch, (..., 5, 5); it adds up over chips.
 
     Parameters
     ----------
-    x : Floats, shape (L,)
-        m, from rim to rim; two or more.
-    y : Floats, shape (W,)
-        m, likewise.
-    slopes : Floats, shape (L, W, C, 5)
-        J of the C signals of C / 3 chips, by x and y, T/m, and by Fx, Fy and Fz, T/N.
-    noise : Floats, shape (C, C) or (L, W, C, C)
+    slopes : Floats, shape (..., C, 5)
+        J of the signals by x and y, T/m, and by Fx, Fy and Fz, T/N.
+    noise : Floats, shape (C, C) or (..., C, C)
         T^2: covariance of the signals.
-    drags : bool
-        Whether the drags are unknown too.
 
     Raises
     ------
     ArgumentError
         If shapes do not fit each other.
-    """
-    slopes = floats("slopes", slopes, (len(x), len(y), None, 5))
-    fisher = information(slopes, noise)
-    return bound_of_information(x, y, fisher, slopes.shape[2] // 3, drags=drags)
-
-
-def information(slopes: Floats, noise: Floats) -> Floats:
-    """Information of signals about a touch's five numbers; it adds up over independent chips.
-
-    Parameters
-    ----------
-    slopes : Floats, shape (..., C, 5)
-        J, as for `bound_of_slopes`.
-    noise : Floats, shape (C, C) or (..., C, C)
-        T^2: covariance of the signals.
-
-    Returns
-    -------
-    Floats, shape (..., 5, 5)
-        J^T N^-1 J, by x, y, Fx, Fy and Fz.
     """
     slopes = floats("slopes", slopes, (None, 5))
     noise = floats("noise", noise, (slopes.shape[-2], slopes.shape[-2]))
@@ -205,7 +170,18 @@ def information(slopes: Floats, noise: Floats) -> Floats:
 def bound_of_information(
     x: Floats, y: Floats, fisher: Floats, chips: int, *, drags: bool = True
 ) -> BoundMap:
-    """Bounds over the skin from the information (L, W, 5, 5) of so many chips.
+    """Bounds at places x (L,) and y (W,), m, from rim to rim, wherever information comes from.
+
+    Parameters
+    ----------
+    x, y : Floats
+        Two places or more each.
+    fisher : Floats, shape (L, W, 5, 5)
+        Information of all chips, as `information` gives it.
+    chips : int
+        Their number.
+    drags : bool
+        Whether the drags are unknown too.
 
     Raises
     ------
@@ -221,11 +197,13 @@ def bound_of_information(
     covariance = np.linalg.inv(known + np.diag(np.array([*12 / extent**2, *[_PRIOR] * 3])[free]))
     deviations = np.zeros((*shape, 5))
     deviations[..., free] = np.sqrt(np.einsum("...ii->...i", covariance))
-    return BoundMap(
-        x=x,
-        y=y,
-        place=deviations[..., :2],
-        drag=deviations[..., 2:4],
-        force=deviations[..., 4],
-        chips=chips,
-    )
+    place, drag, force = deviations[..., :2], deviations[..., 2:4], deviations[..., 4]
+    return BoundMap(x=x, y=y, place=place, drag=drag, force=force, chips=chips)
+
+
+def bound_of_slopes(
+    x: Floats, y: Floats, slopes: Floats, noise: Floats, *, drags: bool = True
+) -> BoundMap:
+    """Bounds from slopes (L, W, C, 5) of signals of C / 3 chips, as `information` takes them."""
+    fisher = information(slopes, noise)
+    return bound_of_information(x, y, fisher, slopes.shape[-2] // 3, drags=drags)

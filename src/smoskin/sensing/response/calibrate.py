@@ -1,11 +1,9 @@
 """Calibration of one skin from a few labelled touches, and where to touch it next.
 
-Skins of a design differ in the modes of its response table, each with a weight that is normal
-before anything is known. A labelled touch measures a mix of them, so that the weights' posterior
-is linear regression; the calibrated table is the likeliest one, its modes what is still open. The
-next touch is the one after which straight touches all over the skin are located and weighed best.
-Decides which touches are proposed and what is made of them; the equations are those of
-"Calibration by a few touches" and "The next touch" in `docs/derivations.md`.
+A labelled touch measures a mix of the modes in which skins of a design differ: linear regression.
+The calibrated table is the likeliest one, its modes what is still open. Decides which touches are
+proposed and what is made of them; equations: "Calibration by a few touches" and "The next touch"
+in `docs/derivations.md`.
 """
 
 from dataclasses import dataclass, field, replace
@@ -21,8 +19,6 @@ from smoskin.origami.geometry import places_to_the_rim
 from smoskin.sensing.response.fit import table_curvature
 from smoskin.sensing.response.table import ResponseTable
 
-DEFAULT_COUNT: Final = 60
-"""Touches of a calibration."""
 _ROUNDS: Final = 4
 """Rounds in which weights and misfit are found from each other."""
 _LEAST: Final = 0.25
@@ -82,7 +78,7 @@ class LabelledTouches:
                 raise ArgumentError(f"{name} must be finite; got NaN or infinity")
         if not (self.force[:, 2] < 0).all():
             raise ArgumentError("force must press, with z < 0 N, in every labelled touch")
-        if not (0 <= self.place_spread < np.inf and 0 <= self.force_spread < np.inf):
+        if not all(0 <= spread < np.inf for spread in (self.place_spread, self.force_spread)):
             raise ArgumentError(
                 f"place_spread and force_spread must be finite and >= 0; got {self.place_spread} m "
                 f"and {self.force_spread} N"
@@ -107,7 +103,7 @@ class Target(NamedTuple):
 def calibrate_touches(
     table: ResponseTable, touches: LabelledTouches, noise: Floats
 ) -> ResponseTable:
-    """The table of the skin that was touched.
+    """The likeliest table of the skin that was touched; its modes are what the touches left open.
 
     Parameters
     ----------
@@ -115,12 +111,7 @@ def calibrate_touches(
         Table of the design, with modes; or one that was calibrated and shall be so further.
     touches : LabelledTouches
     noise : Floats, shape (C, C)
-        T^2: covariance of the signals' noise.
-
-    Returns
-    -------
-    ResponseTable
-        The likeliest table; its modes are what the touches left open.
+        Covariance of the signals' noise, T^2.
 
     Raises
     ------
@@ -129,8 +120,11 @@ def calibrate_touches(
 
     Notes
     -----
-    With weights w ~ N(w*, P) after the touches: ``mean + sum_k w*_k modes_k``, and new modes
-    ``sqrt(P) modes``; the curvature of the field moves as far as that of single touches does.
+    After the touches the modes' weights are ``N(w, P)``: ``P = (1 + sum_n M_n R_n^-1 M_n^T)^-1``
+    and ``w = P sum_n M_n R_n^-1 (y_n - s_n)``, with ``R_n = N + J_n L J_n^T + |F_n|^2 D E D``. The
+    diagonal D >= 1 makes the mean square of what each signal misses, and of what is open of it,
+    what R says. The table is ``mean + sum_k w_k modes_k``, with modes ``sqrt(P) modes``; the
+    curvature of the field moves as far as that of single touches does.
     """
     if not len(touches) or touches.signals.shape[1] != len(table.chips):
         raise ArgumentError(
@@ -157,20 +151,13 @@ def calibrate_touches(
 def _posterior_weights(
     table: ResponseTable, touches: LabelledTouches, noise: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Weights of the modes (K,), their covariance (K, K), and the misfit (C, C) that explains both.
-
-    Notes
-    -----
-    ``P = (1 + sum_n M_n R_n^-1 M_n^T)^-1`` and ``w = P sum_n M_n R_n^-1 (y_n - s_n)``, with
-    ``R_n = N + J_n L J_n^T + |F_n|^2 D E D``. The diagonal D makes the mean square of what each
-    signal misses, and of what is open of it, what R says; it is at least 1.
-    """
+    """Weights w (K,) of the modes, their covariance P (K, K), and the misfit D E D (C, C)."""
     y = touches.signals.reshape(len(touches), -1)
     residual = y - table.signals(touches.position, touches.force, touches.temperature)
     modes = table.mode_signals(touches.position, touches.force)
     squared = (touches.force**2).sum(axis=1)
-    variances = _label_variances(touches.place_spread, touches.force_spread)
-    noise = noise + _label_noise(table, touches.position, touches.force, variances)
+    spreads = touches.place_spread, touches.force_spread
+    noise = noise + _label_noise(table, touches.position, touches.force, spreads)
     stretch = np.ones(table.count)
     for _ in range(_ROUNDS):
         misfit = stretch[:, None] * table.misfit * stretch
@@ -195,13 +182,13 @@ class TouchPlanner:
     Parameters
     ----------
     table : ResponseTable
-        A table whose modes are what is open: the design's, or one calibrated with earlier touches.
+        Its modes are what is open: the design's, or one calibrated with earlier touches.
     noise : Floats, shape (C, C)
-        T^2: covariance of the signals' noise.
+        Covariance of the signals' noise, T^2.
     force, drag : float
-        N: largest normal and sideways force that the rig may use.
+        Largest normal and sideways force that the rig may use, N.
     place_spread, force_spread : float
-        m and N: standard deviations of the rig's places and forces along each axis; by default
+        Standard deviations of the rig's places, m, and forces, N, along each axis; by default
         those of a good stage and gauge.
 
     Raises
@@ -235,9 +222,8 @@ class TouchPlanner:
             )
         if not len(table.modes):
             raise ArgumentError("table must have modes, in which made skins differ; got none")
-        self._table = table
-        self._noise = noise
-        self._variances = _label_variances(place_spread, force_spread)
+        self._table, self._noise = table, noise
+        self._spreads = place_spread, force_spread
         self._places, self._forces = _candidates(table.basis.extent, force, drag)
         self._harder = np.zeros(len(self._places), dtype=bool)
         self._allowed, self._new = ~self._harder, ~self._harder
@@ -252,8 +238,7 @@ class TouchPlanner:
         self._aim = axes * np.sqrt(np.maximum(power, 0.0))
         place = shifts[:, :, :2]
         self._place_aim = np.tensordot(place, place, ([0, 2], [0, 2])) / len(shifts)
-        # W^T P W and W^T P A of each candidate.
-        across = np.swapaxes(self._modes, 1, 2)
+        across = np.swapaxes(self._modes, 1, 2)  # W^T P W and W^T P A of each candidate
         self._inner = across @ self._modes
         self._cross = across @ self._aim
 
@@ -268,13 +253,7 @@ class TouchPlanner:
         return not self._allowed.any()
 
     def next(self) -> Target:
-        """The touch to make next.
-
-        Raises
-        ------
-        ArgumentError
-            If all have been barred.
-        """
+        """The touch to make next; `ArgumentError` if all have been barred."""
         if self.exhausted:
             raise ArgumentError("no touch is left that is not barred")
         seen = np.eye(self._table.count) + self._inner
@@ -285,6 +264,24 @@ class TouchPlanner:
         taken = self._taken(self._modes[best])
         left = self._error(self._covariance - taken @ taken.T)
         return Target(self._places[best], self._forces[best], left)
+
+    def plan(self, count: int, until: float = 0.0) -> list[Target]:
+        """So many next touches, each taken for made; fewer if `error` falls to so many metres.
+
+        What a touch tells does not depend on what it reads, so that all can be planned beforehand.
+
+        Raises
+        ------
+        ArgumentError
+            If the count is not positive.
+        """
+        if count < 1:
+            raise ArgumentError(f"count must be positive; got {count}")
+        targets: list[Target] = []
+        while len(targets) < count and self.error > until:
+            targets.append(self.next())
+            self.made(targets[-1].position, targets[-1].force)
+        return targets
 
     def made(self, position: ArrayLike, force: ArrayLike) -> None:
         """A touch was made, (2,) m and (3,) N, and its signals are known."""
@@ -327,7 +324,7 @@ class TouchPlanner:
         """W, modes' signals of touches in standard deviations of what spoils them, (B, K, C)."""
         table = self._table
         squared = (forces**2).sum(axis=1)[:, None, None]
-        labels = _label_noise(table, places, forces, self._variances)
+        labels = _label_noise(table, places, forces, self._spreads)
         white = np.linalg.inv(np.linalg.cholesky(self._noise + squared * table.misfit + labels))
         return np.asarray(table.mode_signals(places, forces) @ np.swapaxes(white, 1, 2))
 
@@ -341,26 +338,6 @@ class TouchPlanner:
         return float(np.sqrt(self._floor + np.sum(self._place_aim * covariance)))
 
 
-def plan_touches(table: ResponseTable, count: int, noise: Floats) -> list[Target]:
-    """As many touches as asked for, each the one that tells most after those before it.
-
-    What a touch tells does not depend on what it reads, so that all can be planned beforehand.
-
-    Raises
-    ------
-    ArgumentError
-        If the count is not positive, and as `TouchPlanner`, whose defaults hold.
-    """
-    if count < 1:
-        raise ArgumentError(f"count must be positive; got {count}")
-    planner = TouchPlanner(table, noise)
-    targets = []
-    for _ in range(count):
-        targets.append(planner.next())
-        planner.made(targets[-1].position, targets[-1].force)
-    return targets
-
-
 def _candidates(extent: Floats, force: float, drag: float) -> tuple[Floats, Floats]:
     """Places (B, 2) and forces (B, 3) of the touches that may be proposed."""
     pushes = [(0.0, 0.0, -force), (0.0, 0.0, -_LIGHT * force)]
@@ -371,27 +348,17 @@ def _candidates(extent: Floats, force: float, drag: float) -> tuple[Floats, Floa
     return np.tile(grid, (len(pushes), 1)), np.repeat(np.array(pushes), len(grid), axis=0)
 
 
-def _label_variances(place_spread: float, force_spread: float) -> Floats:
-    """L, variances of a label's x, y, Fx, Fy and Fz, (5,), m^2 and N^2."""
-    return np.array([place_spread] * 2 + [force_spread] * 3) ** 2
-
-
-def _label_noise(table: ResponseTable, places: Floats, forces: Floats, variances: Floats) -> Floats:
-    """Covariance J L J^T of signals whose labels are off by these variances, (B, C, C)."""
+def _label_noise(
+    table: ResponseTable, places: Floats, forces: Floats, spreads: tuple[float, float]
+) -> Floats:
+    """Covariance J L J^T of signals of labels whose places and forces spread so, (B, C, C)."""
     slopes = table.slopes(places, forces)
+    variances = np.repeat(spreads, [2, 3]) ** 2
     return np.asarray((slopes * variances) @ np.swapaxes(slopes, 1, 2))
 
 
 def _shifts(table: ResponseTable, noise: Floats) -> tuple[Floats, float]:
-    """How each mode shifts estimates all over the skin, and their error without any.
-
-    Returns
-    -------
-    shifts : Floats, shape (E, K, 3)
-        m: H^T at each place, of x, of y, and of the normal force as `_WEIGHT` weighs it.
-    floor : float
-        m^2, mean square of the place's error.
-    """
+    """Shifts H^T (E, K, 3), m, of x, y and weighed force at places, and the errors' floor, m^2."""
     places = places_to_the_rim(table.basis.extent, _JUDGED)
     forces = np.tile([0.0, 0.0, -_TYPICAL], (len(places), 1))
     slopes = table.slopes(places, forces)[..., [0, 1, 4]]

@@ -1,11 +1,9 @@
 """Response tables from presses: least squares with what is already known as the prior.
 
-The first fit, of the likeliest skin, knows nothing and needs many presses. From it comes how large
-each kind of coefficient is, and with that as prior every further answer (how made skins differ,
-what warmth changes) needs few. Presses are arrays, wherever they come from: a twin, a data set or
-a bench. Decides how tables come from presses and what is kept of the modes in which skins differ;
-what misses the presses held out becomes the table's misfit. The equations are those of "Fit",
-"Modes" and "Pairs" in `docs/derivations.md`.
+The first fit, of the likeliest skin, needs many presses; the size of its coefficients is the prior
+with which every further answer needs few. Decides how tables come from presses and what is kept of
+the modes in which skins differ; what misses the presses held out becomes the table's misfit. The
+equations are those of "Fit", "Modes" and "Pairs" in `docs/derivations.md`.
 """
 
 from dataclasses import replace
@@ -70,7 +68,7 @@ def fit_response_table(
     Parameters
     ----------
     design : SkinDesign
-        The skin's design, with S chips.
+        Design of the skin, with S chips.
     position : array_like, shape (B, 2)
         m.
     force : array_like, shape (B, 3)
@@ -78,13 +76,18 @@ def fit_response_table(
     signals : array_like, shape (B, S, 3)
         T, as `ResponseTable` defines them.
     radius : float
-        m, of what presses.
+        Radius of what presses, m.
 
     Raises
     ------
     ArgumentError
         If shapes disagree, a number is not finite, or there are fewer presses than twice the
         functions that the table is made of.
+
+    Notes
+    -----
+    With rows X of functions and Y of signals: ``A = (X^T X + ridge)^-1 X^T Y``; the misfit is the
+    mean of ``r r^T / |F|^2`` over what it leaves of presses held out, r.
     """
     chips = len(design.halls)
     values = floats("signals", signals, (chips, 3)).reshape(-1, 3 * chips)
@@ -118,11 +121,7 @@ def fit_response_table(
 
 
 def _first_fit(rows: Floats, values: Floats, strength: Floats) -> tuple[Floats, Floats]:
-    """Coefficients A (P Q D, C) of presses, and the misfit E (C, C) of those held out.
-
-    With rows X of functions and Y of signals: ``A = (X^T X + ridge)^-1 X^T Y``; the misfit is the
-    mean of ``r r^T / |F|^2`` over what is left, r.
-    """
+    """Coefficients A (P Q D, C) of presses, and the misfit E (C, C) of those held out."""
     held_out = np.arange(len(rows)) % _HELD_OUT == 0
     gram = rows[~held_out].T @ rows[~held_out]
     size = np.diag(gram)
@@ -155,7 +154,7 @@ def add_modes(
     *,
     least: float = 0.5e-6,
 ) -> ResponseTable:
-    """The table with the modes in which made skins differ from it.
+    """The table with the modes in which made skins differ from it, and the skins' mean.
 
     Parameters
     ----------
@@ -168,11 +167,6 @@ def add_modes(
         m/N: grip of each of the skins; by default that of the table's skin.
     least : float
         T: modes that change signals by less, root mean square over presses, go into the misfit.
-
-    Returns
-    -------
-    ResponseTable
-        Its mean that of the skins, its misfit with what the modes leave over.
 
     Raises
     ------
@@ -209,15 +203,7 @@ def add_modes(
 
 
 def _principal(deviations: Floats, least: float) -> tuple[Floats, Floats]:
-    """Principal modes of skins (L, B, C) that change signals by `least` or more.
-
-    Returns
-    -------
-    modes : Floats, shape (K, B, C)
-        Each by one standard deviation.
-    scores : Floats, shape (L, K)
-        Weights with which the skins' other properties add up to what goes with each mode.
-    """
+    """Principal modes (K, B, C) of skins (L, B, C), by one deviation, and their mix (L, K)."""
     flat = deviations.reshape(len(deviations), -1)
     # The skins are few and presses many: the skins' own products give both.
     power, mixes = np.linalg.eigh(flat @ flat.T)
@@ -227,10 +213,7 @@ def _principal(deviations: Floats, least: float) -> tuple[Floats, Floats]:
 
 
 def _missed(skins: Floats, others: Floats, strength: Floats, least: float) -> Floats:
-    """What modes of some skins, (L, B, C), miss of other skins, (C, C), T^2/N^2.
-
-    The others' weights are found from a few presses, what is missed in the rest.
-    """
+    """What modes of skins (L, B, C) miss of others known by a few presses, (C, C), T^2/N^2."""
     seen = np.arange(len(strength)) % _SEEN == 0
     modes, _ = _principal(skins - skins.mean(axis=0), least)
     deviations = others - skins.mean(axis=0)
@@ -284,10 +267,7 @@ def add_coupling(
 
 
 def table_curvature(table: ResponseTable) -> Floats:
-    """The curvature that a table of single touches shows, (S, 3, 3, 3), 1/T.
-
-    Two forces at one place are one touch with their sum.
-    """
+    """The curvature (S, 3, 3, 3), 1/T, that a table shows: two forces at a place are their sum."""
     grid = middles_of_fields(table.basis.extent, _BENT_AT)
     one, other = np.triu_indices(len(_BENT_BY))
 
@@ -306,44 +286,27 @@ def table_curvature(table: ResponseTable) -> Floats:
 def _fit_curvature(
     one: Floats, other: Floats, missing: Floats, prior: Floats, blur: float
 ) -> Floats:
-    """Curvature whose products of signals make what is missing in their sums, (S, 3, 3, 3).
-
-    Parameters
-    ----------
-    one, other : Floats, shape (B, C)
-        T: signals of each touch.
-    missing : Floats, shape (B, C)
-        T.
-    prior : Floats, shape (S, 3, 3, 3)
-        Curvature from which it differs little.
-    blur : float
-        Relative error of the signals, of each chip's root mean square.
-    """
+    """Curvature near a prior whose products of signals (B, C) make what their sums miss."""
     curvature = np.array(prior)
     left = missing - cross_signals(prior, one, other)
-    pairs = [(i, j) for i in range(3) for j in range(i + 1)]
     for chip in range(len(prior)):
         part = slice(3 * chip, 3 * chip + 3)
         a, b = one[:, part], other[:, part]
-        rows = np.stack([a[:, i] * b[:, j] + a[:, j] * b[:, i] for i, j in pairs], axis=1)
         size = (a**2).mean(axis=0) + (b**2).mean(axis=0)
         if not size.any():
             continue
+        products = a[:, :, None] * b[:, None, :]
+        rows = (products + products.swapaxes(1, 2)).reshape(-1, 9) / 2
         # Signals that are off blur their products: faint ones say little of theirs.
-        ridge = len(a) * blur**2 * size.mean() * np.array([size[i] + size[j] for i, j in pairs])
-        parts = np.linalg.solve(rows.T @ rows + np.diag(ridge), rows.T @ left[:, part])
-        for (i, j), row in zip(pairs, parts, strict=True):
-            curvature[chip, i, j] += row
-            curvature[chip, j, i] += row
+        ridge = len(a) * blur**2 * size.mean() * np.add.outer(size, size) / (2 + 2 * np.eye(3))
+        gram = rows.T @ rows + np.diag(ridge.ravel())
+        curvature[chip] += np.linalg.solve(gram, rows.T @ left[:, part]).reshape(3, 3, 3)
     return curvature
 
 
 def _deviation_fit(table: ResponseTable, place: Floats, push: Floats, values: Floats) -> Floats:
-    """Coefficients (P Q D, V) of small changes (B, V), of a size like the likeliest skin's own.
-
-    With S the sizes, X the functions and B fewer presses than functions:
-    ``S^2 X^T (X S^2 X^T + noise^2)^-1 values``.
-    """
+    """Coefficients ``S^2 X^T (X S^2 X^T + noise^2)^-1 values`` (P Q D, V) of changes (B, V)."""
+    # S are sizes like those of the likeliest skin's coefficients, by kind of function.
     p, q, _ = table.basis.shape
     sizes = np.empty(table.mean.shape[:3])
     x_kinds, y_kinds = ((slice(0, k // 2 + 1), slice(k // 2 + 1, k)) for k in (p, q))

@@ -85,15 +85,9 @@ class Labeller:
 def labelled_touches(
     labels: Sequence[Label], chips: tuple[int, ...], *, place_spread: float, force_spread: float
 ) -> LabelledTouches:
-    """The labels that can be used, of these chips alone.
+    """The labels that can be used, with the signals of these chips alone.
 
-    Parameters
-    ----------
-    labels : sequence of Label
-    chips : tuple of int
-        Chips of the table that they shall calibrate.
-    place_spread, force_spread : float
-        m and N: standard deviations of the labels' places and forces along each axis.
+    Spreads are standard deviations of their places, m, and forces, N, along each axis.
 
     Raises
     ------

@@ -1,9 +1,8 @@
-"""What two touches at once do to each other: drags.
+"""What two touches at once do to each other: drags ("Pairs" in `docs/derivations.md`).
 
 Each touch that sticks holds the sheet in the plane under it, so that the other one drags it. How
 much follows from how vertices give way (`ResponseTable.grip`), and a table of single touches knows
-what drags do. What else keeps two touches from adding up is that fields are not linear in motion
-(`smoskin.magnetics.nonlinearity`). The equations are those of "Pairs" in `docs/derivations.md`.
+what drags do.
 """
 
 from typing import Final
@@ -12,42 +11,68 @@ import numpy as np
 
 from smoskin.arrays import Floats
 
-PAD: Final = 1e-12
+_PAD: Final = 1e-12
 """m/N: how much a touch gives way by itself, so that two on one place share what they hold."""
+_TOUCHES: Final = np.arange(2)
 
 
-def mutual_drags(grip: Floats, shares: Floats, press: Floats) -> Floats:
+def mutual_drags(grip: Floats, shares: Floats, press: Floats) -> tuple[Floats, Floats]:
     """What two straight touches that stick pull at each other.
 
     Parameters
     ----------
     grip : Floats, shape (H, 2, H, 3)
         G, m/N, as `ResponseTable.grip`.
-    shares : Floats, shape (B, 2, H)
-        Share a of each vertex in each touch.
+    shares : Floats, shape (B, 2, R, H)
+        Share a of each vertex in each touch; with R = 3 its slopes along x and y, 1/m, as well.
     press : Floats, shape (B, 2)
         Normal forces p, N, positive.
 
     Returns
     -------
-    Floats, shape (B, 2, 2)
+    drags : Floats, shape (B, 2, 2)
         N: the sideways force t of each on the sheet beyond that which it has alone.
+    slopes : Floats, shape (B, 2, R, 2, 2)
+        Derivatives of the drags by x and y, where these slopes are given, and press of each touch.
 
     Notes
     -----
     ``t_i = (-C^-1 S p)_i + C_ii^-1 S_ii p_i`` with ``C = a G a`` in the plane, ``S = a G a`` down.
     """
-    rows = len(shares)
-    flat = grip.reshape(len(grip), -1)
-    half = (shares.reshape(2 * rows, -1) @ flat).reshape(rows, 2, 2, len(grip), 3)
-    moved = np.einsum("bidke,bjk->bidje", half, shares)
-    c, s = moved[..., :2], moved[..., 2]
-    alone = [
-        np.linalg.solve(
-            c[:, k, :, k] + PAD * np.eye(2), (s[:, k, :, k] * press[:, k, None])[..., None]
-        )[..., 0]
-        for k in (0, 1)
-    ]
-    pushed = np.einsum("bidj,bj->bid", s, press).reshape(rows, 4, 1)
-    both = np.linalg.solve(c.reshape(rows, 4, 4) + PAD * np.eye(4), pushed)
-    return np.asarray(np.stack(alone, axis=1) - both.reshape(rows, 2, 2))
+    batch, _, rates, vertices = shares.shape
+    rows = shares.reshape(batch, 2 * rates, vertices)
+    half = (rows.reshape(-1, vertices) @ grip.reshape(vertices, -1)).reshape(
+        batch, 2 * rates, 2, vertices, 3
+    )
+    moved = half.swapaxes(-1, -2) @ rows.swapaxes(1, 2)[:, None, None]
+    moved = moved.reshape(batch, 2, rates, 2, 3, 2, rates)
+    drags, slopes = _holding_forces(moved, press)
+    # Each touch alone is a batch of its own.
+    own = moved[:, _TOUCHES, ..., _TOUCHES, :].reshape(2 * batch, 1, rates, 2, 3, 1, rates)
+    alone, alone_slopes = _holding_forces(own, press.T.reshape(-1, 1))
+    drags -= alone.reshape(2, batch, 2).swapaxes(0, 1)
+    slopes[:, _TOUCHES, :, _TOUCHES] -= alone_slopes.reshape(2, batch, rates, 2)
+    return drags, slopes
+
+
+def _holding_forces(moved: Floats, press: Floats) -> tuple[Floats, Floats]:
+    """Forces t = -C^-1 S p (B, K, 2) of touches that stick, and slopes (B, K, R, K, 2).
+
+    `moved` (B, K, R, 2, 3, K, R) is the motion of one patch by a force on another, m/N.
+    """
+    batch, count = press.shape
+    middle = moved[:, :, 0, ..., 0]
+    c = middle[:, :, :, :2].swapaxes(3, 4).reshape(batch, 2 * count, 2 * count)
+    s = middle[:, :, :, 2]
+    inverse = np.linalg.inv(c + _PAD * np.eye(2 * count))
+    pushed = s.reshape(batch, 2 * count, count) @ press[..., None]
+    drags = -(inverse @ pushed).reshape(batch, count, 2)
+    load = np.concatenate([drags, press[..., None]], axis=-1)
+    # What moves where a touch is elsewhere: all patches by its force, its own by all forces.
+    gaps = np.einsum("bkdejr,bje->bjrkd", moved[:, :, 0, ..., 1:], load)
+    own = np.einsum("bkrdej,bje->bkrd", moved[:, :, 1:, ..., 0], load)
+    for k in range(count):
+        gaps[:, k, :, k] += own[:, k]
+    gaps = np.concatenate([gaps, np.moveaxis(s, -1, 1)[:, :, None]], axis=2)
+    slopes = gaps.reshape(batch, -1, 2 * count) @ inverse.swapaxes(1, 2)
+    return drags, -slopes.reshape(gaps.shape)

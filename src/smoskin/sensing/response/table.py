@@ -1,10 +1,7 @@
 """What a skin's chips read under a touch, as a table: smooth in place and force, with slopes.
 
 A table is made from presses (`smoskin.sensing.response.fit`) of a twin or a real skin, and is all
-that an estimator knows of the skin. Besides the likeliest answer it carries the modes in which
-skins of the design differ from it, the change with the rubber's temperature, and what two touches
-at once do beyond adding up. Decides what a table holds and its file; hides the fast evaluation of
-single touches. Files carry no code; they need `safetensors`.
+that an estimator knows of the skin. Decides what it holds, and its file, which carries no code.
 """
 
 import os
@@ -17,31 +14,22 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Floats, Ints, floats, freeze
+from smoskin.arrays import Floats, floats, freeze
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.nonlinearity import cross_signals
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.sensing.files import RESPONSE_TABLE, TensorFile
-from smoskin.sensing.response.basis import PointLine, TouchBasis, touch_arrays
+from smoskin.sensing.response.basis import TouchBasis, touch_arrays
 from smoskin.sensing.response.pairs import mutual_drags
+from smoskin.sensing.response.point import PointTable
 
 _FILE: Final = TensorFile("a response table", RESPONSE_TABLE, 3, older=(2,))
-_TENSORS: Final = (
-    "mean",
-    "warmth",
-    "modes",
-    "grip",
-    "grip_modes",
-    "curvature",
-    "misfit",
-    "pair_misfit",
-)
-_LINES: Final = ("extent", "lines_x", "lines_y")
 _HALVES: Final = ("modes", "grip_modes")
-"""Arrays that files hold in half precision, each in steps of its own: they fill the file, and what
-rounding changes, 0.03 uT of 200, is a hundredth of the misfit."""
+"""Arrays that files hold in half precision, each in steps of its own: they fill the file."""
+_TENSORS: Final = ("mean", "warmth", *_HALVES, "grip", "curvature", "misfit", "pair_misfit")
+_LINES: Final = ("extent", "lines_x", "lines_y")
 _LARGEST_HALF: Final = 6e4
-"""Steps of the largest number, near the largest that half precision knows."""
+"""Steps of the largest number: half precision ends at 65504."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -82,39 +70,37 @@ class ResponseTable:
     modes: Floats
     """(K, P, Q, D, C): coefficients of the modes m, each by one standard deviation of skins."""
     grip: Floats
-    """G, (H, 2, H, 3), H = N M vertices, m/N: motion of each in the plane by a force on each, along
-    x, y and down (`mechanics.sheet.compliance`); zero where touches are taken not to hold the
-    sheet."""
+    """G, (H, 2, H, 3), m/N: motion of each vertex in the plane by a force on each, along x, y and
+    down (`mechanics.sheet.compliance`); zero where touches do not hold the sheet."""
     grip_modes: Floats
     """(K, H, 2, H, 3): change of the grip with each of the modes."""
     curvature: Floats
     """kappa, (S, 3, 3, 3), 1/T: what two touches add to the sum of their signals at a chip; by
-    signal of one, signal of the other (in either order), and signal that it adds to."""
+    signal of one, signal of the other, and signal that it adds to."""
     misfit: Floats
     """E, (C, C), T^2/N^2: covariance of what the table misses, for a touch of a newton."""
     pair_misfit: Floats
     """(C, C), T^2/N^2: what it misses more with two touches, for a newton of both squared."""
     origin: Mapping[str, Any] = field(default_factory=dict)
-    """How the table was made, in plain values: version of the package, effort, seed; empty where
-    nobody said."""
+    """How the table was made, in plain values: version of the package, effort, seed."""
 
     def __post_init__(self) -> None:
         functions, count, vertices = self.basis.shape, 3 * len(self.chips), self.basis.vertices
+        shapes: dict[str, tuple[int | None, ...]] = {
+            "mean": (*functions, count),
+            "warmth": (*functions, count),
+            "modes": (None, *functions, count),
+            "grip": (vertices, 2, vertices, 3),
+            "grip_modes": (len(self.modes), vertices, 2, vertices, 3),
+            "curvature": (len(self.chips), 3, 3, 3),
+            "misfit": (count, count),
+            "pair_misfit": (count, count),
+        }
         try:
-            freeze(
-                self,
-                mean=(*functions, count),
-                warmth=(*functions, count),
-                modes=(None, *functions, count),
-                grip=(vertices, 2, vertices, 3),
-                grip_modes=(len(self.modes), vertices, 2, vertices, 3),
-                curvature=(len(self.chips), 3, 3, 3),
-                misfit=(count, count),
-                pair_misfit=(count, count),
-            )
+            freeze(self, **shapes)
         except ArgumentError as error:
             raise ModelError(f"response table: {error}") from error
-        for name in _TENSORS:
+        for name in shapes:
             if not np.isfinite(getattr(self, name)).all():
                 raise ModelError(f"response table: {name} must be finite")
         if not self.chips or not 0 < self.forces[0] < self.forces[1]:
@@ -123,7 +109,7 @@ class ResponseTable:
     def signals(
         self, position: ArrayLike, force: ArrayLike, temperature: ArrayLike = REFERENCE_TEMPERATURE
     ) -> Floats:
-        """What the chips read under each of B touches, s + Delta u.
+        """What the chips read under each of B touches, ``s + D u``, shape (B, C), T.
 
         Parameters
         ----------
@@ -133,20 +119,13 @@ class ResponseTable:
             N, on the skin; pressing is negative z.
         temperature : array_like, shape (B,) or (), optional
             Rubber temperature, degC.
-
-        Returns
-        -------
-        Floats, shape (B, C)
-            T.
         """
         place, push = touch_arrays(position, force)
-        warmer = np.broadcast_to(
-            floats("temperature", temperature) - REFERENCE_TEMPERATURE, len(place)
-        )
-        push = push / (1 + self.softening * warmer)[:, None]
+        warmer = floats("temperature", temperature) - REFERENCE_TEMPERATURE
+        warmer = np.broadcast_to(warmer, len(place))[:, None]
         both = np.concatenate([self.mean, self.warmth], axis=-1)
-        out = self.basis.sums(both, place, push)
-        return np.asarray(out[:, : self.count] + warmer[:, None] * out[:, self.count :])
+        out = self.basis.sums(both, place, push / (1 + self.softening * warmer))
+        return np.asarray(out[:, : self.count] + warmer * out[:, self.count :])
 
     def mode_signals(self, position: ArrayLike, force: ArrayLike) -> Floats:
         """What each mode adds to that, m_k, shape (B, K, C), T."""
@@ -158,10 +137,10 @@ class ResponseTable:
         return self.basis.sums_and_slopes(self.mean, position, force)[1].swapaxes(1, 2)
 
     def together(self, position: ArrayLike, force: ArrayLike) -> Floats:
-        """What B pairs of touches read at once, (B, 2, 2) m and (B, 2, 3) N; shape (B, C).
+        """What B pairs of touches read at once, (B, 2, 2) m and (B, 2, 3) N; shape (B, C), T.
 
-        Each touch that sticks holds the sheet in the plane under the other, so that they drag each
-        other, and the field is not linear in motion: "Pairs" in `docs/derivations.md`.
+        Touches that stick drag each other, and the field is not linear in motion ("Pairs" in
+        `docs/derivations.md`): ``y = s_1 + s_2 + kappa(s_1, s_2)``.
         """
         one, other = self.dragged(position, force)
         return np.asarray(one + other + cross_signals(self.curvature, one, other))
@@ -169,16 +148,10 @@ class ResponseTable:
     def dragged(self, position: ArrayLike, force: ArrayLike) -> Floats:
         """What each touch of B pairs reads with the drags of the other, shape (2, B, C)."""
         place, push = floats("position", position, (2, 2)), floats("force", force, (2, 3))
-        drags = mutual_drags(self.grip, self.vertex_shares(place), -push[..., 2])
+        shares = self.basis.vertex_shares(place)[:, :, None]
+        drags, _ = mutual_drags(self.grip, shares, -push[..., 2])
         push = np.concatenate([push[..., :2] + drags, push[..., 2:]], axis=-1)
         return np.stack([self.signals(place[:, k], push[:, k]) for k in (0, 1)])
-
-    def vertex_shares(self, position: Floats) -> Floats:
-        """Share of each vertex in touches at (..., 2), shape (..., H)."""
-        n, m = len(self.basis.lines_x), len(self.basis.lines_y)
-        x = self.basis.along_x(position[..., 0])[0][..., :n]
-        y = self.basis.along_y(position[..., 1])[0][..., :m]
-        return (x[..., :, None] * y[..., None, :]).reshape(*position.shape[:-1], n * m)
 
     @property
     def count(self) -> int:
@@ -186,45 +159,35 @@ class ResponseTable:
         return 3 * len(self.chips)
 
     def of_chips(self, chips: Sequence[int]) -> "ResponseTable":
-        """The table of these chips alone.
-
-        Raises
-        ------
-        ArgumentError
-            If the table has not all of them.
-        """
+        """The table of these chips alone; `ArgumentError` if it has not all of them."""
         if not chips or not set(chips) <= set(self.chips):
             raise ArgumentError(f"chips must be among {self.chips}; got {tuple(chips)}")
-        at = [3 * self.chips.index(chip) + axis for chip in chips for axis in range(3)]
+        places = [self.chips.index(chip) for chip in chips]
+        at = [3 * place + axis for place in places for axis in range(3)]
         return replace(
             self,
             chips=tuple(chips),
             mean=self.mean[..., at],
             warmth=self.warmth[..., at],
             modes=self.modes[..., at],
-            curvature=self.curvature[[self.chips.index(chip) for chip in chips]],
+            curvature=self.curvature[places],
             misfit=self.misfit[np.ix_(at, at)],
             pair_misfit=self.pair_misfit[np.ix_(at, at)],
         )
 
-    def point_table(self, temperature: float = REFERENCE_TEMPERATURE) -> "PointTable":
-        """The same for one touch at a time, fast, with the rubber at this temperature."""
+    def point_table(self, temperature: float = REFERENCE_TEMPERATURE) -> PointTable:
+        """The same for one reading at a time, fast, with the rubber at this temperature."""
         warmer = temperature - REFERENCE_TEMPERATURE
         order = self.basis.exponents.sum(axis=1)[:, None]
         both = self.mean + warmer * self.warmth
-        return PointTable(self.basis, both / (1 + self.softening * warmer) ** order)
+        softened = both / (1 + self.softening * warmer) ** order
+        return PointTable(self.basis, softened, self.grip, self.curvature)
 
     def save(self, path: Path | str) -> None:
-        """Write the table's file.
-
-        Raises
-        ------
-        MissingExtraError
-            If `safetensors` is not installed.
-        """
+        """Write the table's file; `MissingExtraError` if `safetensors` is not installed."""
         arrays = {name: np.asarray(getattr(self, name)) for name in _TENSORS}
-        steps = {name: float(np.abs(arrays[name]).max(initial=0.0)) for name in _HALVES}
-        steps = {name: (size or 1.0) / _LARGEST_HALF for name, size in steps.items()}
+        sizes = {name: float(np.abs(arrays[name]).max(initial=0.0)) for name in _HALVES}
+        steps = {name: (size or 1.0) / _LARGEST_HALF for name, size in sizes.items()}
         halves = {name: (arrays[name] / step).astype(np.float16) for name, step in steps.items()}
         lines = {name: getattr(self.basis, name) for name in _LINES}
         header = {
@@ -294,66 +257,3 @@ def _table(arrays: dict[str, Any], header: dict[str, Any]) -> ResponseTable:
         origin=header.get("origin", {}),
         **{name: arrays[name] for name in _TENSORS},
     )
-
-
-class PointTable:
-    """Coefficients laid out for one touch at a time.
-
-    Parameters
-    ----------
-    basis : TouchBasis
-    coefficients : Floats, shape (P, Q, D, C)
-    """
-
-    def __init__(self, basis: TouchBasis, coefficients: Floats) -> None:
-        self.basis = basis
-        self._coefficients = coefficients
-        self._lines = PointLine(basis.lines_x, basis.radius), PointLine(basis.lines_y, basis.radius)
-        # Vertices and products of neighbours in turn: what a touch needs stands together.
-        orders = [_in_turn(len(line)) for line in (basis.lines_x, basis.lines_y)]
-        p, q, *_ = coefficients.shape
-        self._block = np.ascontiguousarray(coefficients[np.ix_(*orders)].reshape(p, q, -1))
-        # Which powers make each product and its slopes by each force, and their factors.
-        e = basis.exponents
-        self._highest = int(e.max())
-        lower = np.repeat(e[None], 4, axis=0)
-        self._factors = np.ones((4, len(e)))
-        for axis in range(3):
-            lower[axis + 1, :, axis] = np.maximum(e[:, axis] - 1, 0)
-            self._factors[axis + 1] = e[:, axis]
-        self._powers = np.stack(
-            [axis * (self._highest + 1) + lower[..., axis] for axis in range(3)]
-        )
-
-    def at(self, x: float, y: float, force: Floats) -> tuple[Floats, Floats]:
-        """Signals (C,) and their slopes by x, y, Fx, Fy, Fz, (5, C)."""
-        (i, phi), (j, psi) = self._lines[0].near(x), self._lines[1].near(y)
-        a, b, d = phi.shape[1], psi.shape[1], len(self.basis.exponents)
-        part = self._block[2 * i : 2 * i + a, 2 * j : 2 * j + b].reshape(a, -1)
-        here, steep = (phi @ part).reshape(2, b, -1)
-        value, by_y = (psi @ here).reshape(2, d, -1)
-        by_x = (psi[0] @ steep).reshape(d, -1)
-        powers = []
-        for component in force.tolist():
-            power = 1.0
-            powers.append(power)
-            for _ in range(self._highest):
-                power *= component
-                powers.append(power)
-        g = self._factors * np.array(powers)[self._powers].prod(axis=0)
-        both = g @ value
-        out = np.empty((5, both.shape[1]))
-        out[0], out[1], out[2:] = g[0] @ by_x, g[0] @ by_y, both[1:]
-        return both[0], out
-
-    def scan(self, x: Floats, y: Floats, force: Floats) -> tuple[Floats, Floats]:
-        """Signals (B, C) and slopes (B, 5, C) at many places under one force."""
-        return self.basis.sums_and_slopes(
-            self._coefficients, np.stack([x, y], axis=-1), np.broadcast_to(force, (len(x), 3))
-        )
-
-
-def _in_turn(vertices: int) -> Ints:
-    """Order of a line's functions in which each vertex is followed by its product with the next."""
-    order = np.arange(2 * vertices - 1)
-    return np.where(order % 2 == 0, order // 2, vertices + order // 2)

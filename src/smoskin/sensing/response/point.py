@@ -1,0 +1,173 @@
+"""What chips read under one touch or two, one reading at a time and fast, with slopes.
+
+Gives the answers of `ResponseTable.signals` and `together` at one temperature of the rubber, with
+the derivatives that a descent needs. Decides nothing; hides in which order coefficients lie so
+that the few which a touch needs stand together.
+"""
+
+import math
+from bisect import bisect_left, bisect_right
+
+import numpy as np
+
+from smoskin.arrays import Floats, Ints
+from smoskin.sensing.response.basis import TouchBasis
+from smoskin.sensing.response.pairs import mutual_drags
+
+
+class PointTable:
+    """Signals s of one touch, and ``s_1 + s_2 + kappa(s_1, s_2)`` of two straight ones.
+
+    Parameters
+    ----------
+    basis : TouchBasis
+    coefficients : Floats, shape (P, Q, D, C)
+        Coefficients of s at the rubber's temperature, T/N^k.
+    grip, curvature : Floats
+        As `smoskin.sensing.response.table.ResponseTable` has them.
+    """
+
+    def __init__(
+        self, basis: TouchBasis, coefficients: Floats, grip: Floats, curvature: Floats
+    ) -> None:
+        self.basis = basis
+        self._coefficients, self._grip, self._curvature = coefficients, grip, curvature
+        self._lines = PointLine(basis.lines_x, basis.radius), PointLine(basis.lines_y, basis.radius)
+        # Vertices and products of neighbours in turn: what a touch needs stands together.
+        orders = [_in_turn(len(line)) for line in (basis.lines_x, basis.lines_y)]
+        p, q, *_ = coefficients.shape
+        self._block = np.ascontiguousarray(coefficients[np.ix_(*orders)].reshape(p, q, -1))
+        # Which powers make each product and its slopes by each force, and their factors.
+        e = basis.exponents
+        self._highest = int(e.max())
+        lower = np.repeat(e[None], 4, axis=0)
+        self._factors = np.ones((4, len(e)))
+        for axis in range(3):
+            lower[axis + 1, :, axis] = np.maximum(e[:, axis] - 1, 0)
+            self._factors[axis + 1] = e[:, axis]
+        self._powers = np.stack(
+            [axis * (self._highest + 1) + lower[..., axis] for axis in range(3)]
+        )
+
+    def at(self, x: float, y: float, force: Floats) -> tuple[Floats, Floats]:
+        """Signals (C,) and their slopes by x, y, Fx, Fy, Fz, (5, C)."""
+        (i, phi), (j, psi) = self._lines[0].near(x), self._lines[1].near(y)
+        a, b, d = phi.shape[1], psi.shape[1], len(self.basis.exponents)
+        part = self._block[2 * i : 2 * i + a, 2 * j : 2 * j + b].reshape(a, -1)
+        here, steep = (phi @ part).reshape(2, b, -1)
+        value, by_y = (psi @ here).reshape(2, d, -1)
+        by_x = (psi[0] @ steep).reshape(d, -1)
+        powers = []
+        for component in force.tolist():
+            power = 1.0
+            powers.append(power)
+            for _ in range(self._highest):
+                power *= component
+                powers.append(power)
+        g = self._factors * np.array(powers)[self._powers].prod(axis=0)
+        both = g @ value
+        out = np.empty((5, both.shape[1]))
+        out[0], out[1], out[2:] = g[0] @ by_x, g[0] @ by_y, both[1:]
+        return both[0], out
+
+    def scan(self, x: Floats, y: Floats, force: Floats) -> tuple[Floats, Floats]:
+        """Signals (B, C) and slopes (B, 5, C) at many places under one force."""
+        return self.basis.sums_and_slopes(
+            self._coefficients, np.stack([x, y], axis=-1), np.broadcast_to(force, (len(x), 3))
+        )
+
+    def pair(self, place: Floats, press: Floats) -> tuple[Floats, Floats]:
+        """Signals (C,) of touches at (2, 2), m, that press with (2,), N, positive, at once.
+
+        With their slopes by x, y and the press of each, (6, C), T/m and T/N.
+        """
+        rates = np.stack([self._shares(float(x), float(y)) for x, y in place])
+        drags, by = mutual_drags(self._grip, rates[None], press[None])
+        by_drags = by.reshape(6, 2, 2)
+        chips = len(self._curvature)
+        values, slopes = [], np.zeros((2, 6, 3 * chips))
+        for k in (0, 1):
+            force = np.array([*drags[0, k], -press[k]])
+            signals, steep = self.at(float(place[k, 0]), float(place[k, 1]), force)
+            values.append(signals)
+            slopes[k] = by_drags[:, k] @ steep[2:4]
+            slopes[k, 3 * k : 3 * k + 2] += steep[:2]
+            slopes[k, 3 * k + 2] -= steep[4]
+        total, by_all = values[0] + values[1], slopes[0] + slopes[1]
+        for k in (0, 1):
+            other = values[1 - k].reshape(chips, 1, 3, 1)
+            bent = (self._curvature * other).sum(axis=2)
+            by_all += (slopes[k].reshape(6, chips, 1, 3) @ bent).reshape(6, -1)
+        total = total + (values[1].reshape(chips, 1, 3) @ bent).ravel()
+        return total, by_all
+
+    def _shares(self, x: float, y: float) -> Floats:
+        """Shares of the vertices and their slopes along x and y, (3, H)."""
+        on_x, on_y = self._lines[0].shares(x), self._lines[1].shares(y)
+        return (on_x[[0, 1, 0], :, None] * on_y[[0, 0, 1], None, :]).reshape(3, -1)
+
+
+class PointLine:
+    """The functions along one axis with these vertices (N,), m, for one place at a time."""
+
+    def __init__(self, lines: Floats, radius: float) -> None:
+        self._lines: list[float] = lines.tolist()
+        self._pitch: list[float] = np.diff(lines).tolist()
+        self._radius = radius
+
+    def near(self, x: float) -> tuple[int, Floats]:
+        """First of the n vertices that a touch at `x` loads, and the functions of them.
+
+        These are shares and products of neighbours in turn, and their slopes, (2, 2 n - 1). Plain
+        numbers start faster than arrays.
+        """
+        lines, radius = self._lines, self._radius
+        if len(lines) == 1:
+            return 0, np.array([[1.0], [0.0]])
+        first = min(max(bisect_right(lines, x - radius) - 1, 0), len(lines) - 2)
+        last = max(min(bisect_left(lines, x + radius), len(lines) - 1), first + 1)
+        # Before the first ramps are straight, at the last none has begun; so it is at the end
+        # vertices, which carry on as levers.
+        ramp, slope = x - lines[first], 1.0
+        shares, slopes = [1.0], [0.0]
+        for k in range(first, last):
+            next_ramp, next_slope = (
+                _point_ramp(x - lines[k + 1], radius) if k + 1 < last else (0.0, 0.0)
+            )
+            rise = (ramp - next_ramp) / self._pitch[k]
+            tilt = (slope - next_slope) / self._pitch[k]
+            shares[-1] -= rise
+            slopes[-1] -= tilt
+            shares += (0.0, rise)
+            slopes += (0.0, tilt)
+            ramp, slope = next_ramp, next_slope
+        for k in range(1, len(shares), 2):
+            shares[k] = shares[k - 1] * shares[k + 1]
+            slopes[k] = slopes[k - 1] * shares[k + 1] + shares[k - 1] * slopes[k + 1]
+        return first, np.array([shares, slopes])
+
+    def shares(self, x: float) -> Floats:
+        """Shares of all vertices and their slopes, (2, N)."""
+        first, rows = self.near(x)
+        out = np.zeros((2, len(self._lines)))
+        out[:, first : first + rows.shape[1] // 2 + 1] = rows[:, ::2]
+        return out
+
+
+def _point_ramp(distance: float, radius: float) -> tuple[float, float]:
+    """One ramp of `smoskin.sensing.response.basis` and its slope, in m."""
+    if distance >= radius:
+        return distance, 1.0
+    if distance <= -radius:
+        return 0.0, 0.0
+    u = distance / radius
+    root = math.sqrt(1 - u * u)
+    angle = math.asin(u)
+    mean = u / 2 + (u * angle + root - root**3 / 3) / math.pi
+    return radius * mean, 0.5 + (u * root + angle) / math.pi
+
+
+def _in_turn(vertices: int) -> Ints:
+    """Order of a line's functions in which each vertex is followed by its product with the next."""
+    order = np.arange(2 * vertices - 1)
+    return np.where(order % 2 == 0, order // 2, vertices + order // 2)
