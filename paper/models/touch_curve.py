@@ -12,10 +12,10 @@ from typing import Final
 import numpy as np
 
 from smoskin.arrays import Floats
-from smoskin.commands.score.evaluate import Judged, Session, grid_sessions, judge, label
+from smoskin.commands.score.errors import Answers, together
+from smoskin.commands.score.evaluate import Session, grid_sessions, judge, label
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.origami.geometry import geometry
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.bayes.priors import TouchPriors
 from smoskin.sensing.response.bound import bound_map
@@ -139,10 +139,7 @@ def touch_curve(
             made = label(twin, targets, rng, temperature=_ROOM, chips=table.chips)
             kinds.append(
                 [
-                    _figures(
-                        _judged(twin, _calibrated(table, made, n, noise), sessions, seed),
-                        geometry(design).extent / 2,
-                    )
+                    _figures(_judged(twin, _calibrated(table, made, n, noise), sessions, seed))
                     for n in asked.counts
                 ]
             )
@@ -195,7 +192,7 @@ def _calibrated(
     return calibrate_touches(table, first, noise)
 
 
-def _judged(twin: Twin, table: ResponseTable, sessions: Sequence[Session], seed: int) -> Judged:
+def _judged(twin: Twin, table: ResponseTable, sessions: Sequence[Session], seed: int) -> Answers:
     """What the Bayesian estimator says of all sessions, with the same noise for each table."""
     estimator = BayesEstimator(
         twin.design,
@@ -203,17 +200,11 @@ def _judged(twin: Twin, table: ResponseTable, sessions: Sequence[Session], seed:
         priors=TouchPriors(drag_spread=0.0),
     )
     rng = np.random.default_rng([seed, 2])
-    result = [judge(estimator, twin, session, rng) for session in sessions]
-    whole = result[0]
-    for more in result[1:]:
-        whole = whole + more
-    return whole
+    return together([judge(estimator, twin, session, rng) for session in sessions])
 
 
-def _figures(result: Judged, middle: Floats) -> tuple[float, float, float]:
-    """Mean distance, mean relative error of force, and share inside the stated regions."""
-    counted = result.count == 1
-    lost = np.hypot(*(result.truth[:, 0, :2] - middle).T)
-    distance = np.where(counted, result.distance[:, 0], lost)
-    force = np.where(counted, np.abs(result.error[:, 0, 4] / result.truth[:, 0, 4]), 1.0)
-    return float(distance.mean()), float(force.mean()), float(result.inside.mean())
+def _figures(answers: Answers) -> tuple[float, float, float]:
+    """Mean distance, mean relative error of force, and share inside the stated 90 % regions."""
+    force = answers.force_error[:, 2] / np.abs(answers.truth[:, 4])
+    inside = answers.confidence((0, 1)) <= 0.9
+    return float(answers.distance.mean()), float(force.mean()), float(inside.mean())

@@ -7,14 +7,14 @@ or found twice, counts as if it had been taken to lie in the skin's middle.
 """
 
 from dataclasses import dataclass
-from functools import reduce
 from typing import Final
 
 import numpy as np
 
 from paper.shared.setting import TrialSkin
 from smoskin.arrays import Floats
-from smoskin.commands.score.evaluate import Judged, grid_sessions, judge, press
+from smoskin.commands.score.errors import together
+from smoskin.commands.score.evaluate import grid_sessions, judge, press
 from smoskin.design.skin import SkinDesign
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.geometry import geometry
@@ -104,11 +104,10 @@ def touch_errors(design: SkinDesign, skins: tuple[TrialSkin, ...]) -> TouchError
         rng = np.random.default_rng([2, k])
         (session,) = grid_sessions(skin.twin, rng, places=PLACES, forces=(FORCE,), drag=DRAG)
         judged.append(judge(_estimator(design, skin, DRAG), skin.twin, session, rng))
-    whole = reduce(Judged.__add__, judged)
+    whole = together(judged)
     extent = geometry(design).extent
-    cells = np.rint(whole.truth[:, 0, :2] / extent * (np.array(PLACES) - 1)).astype(np.int64)
-    error = np.where(whole.count[:, None] == 1, whole.error[:, 0], _lost(whole, extent))
-    distance = np.hypot(error[:, 0], error[:, 1])
+    cells = np.rint(whole.truth[:, :2] / extent * (np.array(PLACES) - 1)).astype(np.int64)
+    drag_error = np.hypot(whole.force_error[:, 0], whole.force_error[:, 1])
 
     def mapped(values: Floats) -> Floats:
         total = np.zeros(PLACES)
@@ -117,10 +116,10 @@ def touch_errors(design: SkinDesign, skins: tuple[TrialSkin, ...]) -> TouchError
 
     return TouchErrors(
         bound=bound_map(skins[0].table, skins[0].noise, force=FORCE, places=PLACES),
-        distance=mapped(distance),
-        squared=mapped(distance**2),
-        force=mapped(np.abs(error[:, 4])),
-        drag=mapped(np.hypot(error[:, 2], error[:, 3])),
+        distance=mapped(whole.distance),
+        squared=mapped(whole.distance**2),
+        force=mapped(whole.force_error[:, 2]),
+        drag=mapped(drag_error),
         counted=float((whole.count == 1).mean()),
         idle=float((whole.idle == 0).mean()),
     )
@@ -137,7 +136,8 @@ def pair_errors(design: SkinDesign, skin: TrialSkin) -> PairErrors:
     flat = Touches(position=where.reshape(-1, 2, 2), force=push.reshape(-1, 2, 3))
     estimator = _estimator(design, skin, 0.0)
     result = judge(estimator, skin.twin, press(skin.twin, flat, 25.0), rng)
-    each = result.distance.mean(axis=1).reshape(shape)
+    off = np.hypot(result.error[:, 0], result.error[:, 1])
+    each = off.reshape(*shape, 2).mean(axis=-1)
     right = (result.count == 2).reshape(shape)
     counted = right.mean(axis=2)
     bound, told = _pair_bounds(skin.table, skin.noise, flat)
@@ -160,13 +160,6 @@ def _estimator(design: SkinDesign, skin: TrialSkin, drag: float) -> BayesEstimat
         skin.table,
         priors=TouchPriors(drag_spread=drag),
     )
-
-
-def _lost(result: Judged, extent: Floats) -> Floats:
-    """Errors of whoever takes each touch to lie in the skin's middle and to weigh nothing."""
-    blank = -result.truth[:, 0]
-    blank[:, :2] += extent / 2
-    return np.asarray(blank)
 
 
 def _places(extent: Floats, least: float, most: float, rng: np.random.Generator) -> Floats:

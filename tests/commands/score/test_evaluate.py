@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from smoskin.commands.score.evaluate import Disturbance, Judged, Session, _matched, judge, readings
+from smoskin.commands.score.errors import together
+from smoskin.commands.score.evaluate import Session, _matched, judge, readings
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.twin.readout import Readout
@@ -46,23 +47,10 @@ def test_every_touch_of_a_session_is_judged(skin, twin):
     assert (found.count == 1).all()
     assert (found.idle == 0).all()
     assert np.median(found.distance) < 2e-3
-    assert (np.abs(found.error[:, 0, 4] / found.truth[:, 0, 4]) < 0.05).all()
-    both = found + found
+    assert (np.abs(found.error[:, 4] / found.truth[:, 4]) < 0.05).all()
+    both = together([found, found])
     assert len(both.count) == 24
     assert np.array_equal(both.error, np.concatenate([found.error, found.error]))
-
-
-def test_regions_of_errors_as_large_as_stated_hold_nine_tenths():
-    rng = np.random.default_rng(0)
-    root = rng.normal(size=(4000, 1, 5, 5))
-    spread = root @ np.swapaxes(root, -1, -2)
-    error = (root @ rng.normal(size=(4000, 1, 5, 1)))[..., 0]
-    found = Judged(
-        truth=np.zeros((4000, 1, 5)), error=error, spread=spread,
-        count=np.ones(4000, dtype=int), idle=np.zeros(4000, dtype=int),
-    )  # fmt: skip
-    assert abs(found.inside.mean() - 0.9) < 0.02
-    assert found.distance == pytest.approx(np.linalg.norm(error[..., :2], axis=-1))
 
 
 def test_pairs_are_matched_by_place_whatever_their_order():
@@ -80,18 +68,18 @@ def test_another_number_of_touches_is_an_error_of_count_and_no_place(skin, twin)
     )
     found = judge(silent, twin, session(skin, 3), np.random.default_rng(0))
     assert (found.count == -1).all()
-    assert np.isnan(found.distance).all()
-    assert not found.inside.any()
+    assert np.isnan(found.error).all()
+    assert not (found.confidence((0, 1)) <= 0.9).any()
 
 
 def test_creep_and_drift_spoil_readings(skin, twin):
     one = session(skin, 2)
     calm, crept, drifted = (
-        np.stack([r.field for r in readings(twin, one, np.random.default_rng(4), how)])
+        np.stack([r.field for r in readings(twin, one, np.random.default_rng(4), **how)])
         for how in (
-            Disturbance(creep=False, drift=0.0),
-            Disturbance(creep=True, drift=0.0),
-            Disturbance(creep=False, drift=50e-6),
+            {"creep": False, "drift": 0.0},
+            {"creep": True, "drift": 0.0},
+            {"creep": False, "drift": 50e-6},
         )
     )
     # The first touch is read for the second time at 22, 0.3 s after it came.

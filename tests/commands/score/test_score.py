@@ -9,10 +9,16 @@ import numpy as np
 import pytest
 
 from smoskin.commands.score import Exam, candidate, examine, score
-from smoskin.commands.score.errors import grid_places, marks_of, tally, together
-from smoskin.commands.score.evaluate import Judged
+from smoskin.commands.score.errors import Answers, tally, together
 from smoskin.commands.score.plan import parse_places
-from smoskin.commands.score.report import Count, PlaceMap, ScoreSheet, Target, regions
+from smoskin.commands.score.report import (
+    Count,
+    PlaceMap,
+    ScoreSheet,
+    Target,
+    grid_places,
+    regions,
+)
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.files import TensorFile
@@ -27,15 +33,20 @@ SPREAD = np.diag([1e-3, 2e-3, 0.02, 0.03, 0.05]) ** 2
 def judged(count, seed=0, missed=()):
     """Touches of half a newton whose errors are as large as their covariance says."""
     rng = np.random.default_rng(seed)
-    truth = np.zeros((count, 1, 5))
-    truth[:, 0, :2] = rng.uniform(0, EXTENT, (count, 2))
-    truth[:, 0, 2:] = 0.3, -0.4, -0.5
-    error = rng.multivariate_normal(np.zeros(5), SPREAD, (count, 1))
-    said = np.ones(count, dtype=np.int64)
-    error[list(missed)], said[list(missed)] = np.nan, 0
-    spread = np.broadcast_to(SPREAD, (count, 1, 5, 5))
-    return Judged(
-        truth=truth, error=error, spread=spread, count=said, idle=np.zeros(count, dtype=np.int64)
+    truth = np.zeros((count, 5))
+    truth[:, :2] = rng.uniform(0, EXTENT, (count, 2))
+    truth[:, 2:] = 0.3, -0.4, -0.5
+    error = rng.multivariate_normal(np.zeros(5), SPREAD, (count, 1))[:, 0]
+    numbers = np.ones(count, dtype=np.int64)
+    error[list(missed)], numbers[list(missed)] = np.nan, 0
+    return Answers(
+        extent=EXTENT,
+        truth=truth,
+        error=error,
+        spread=np.broadcast_to(SPREAD, (count, 5, 5)),
+        bound=np.full((count, 2), np.nan),
+        count=numbers,
+        idle=np.zeros(count, dtype=np.int64),
     )
 
 
@@ -70,7 +81,7 @@ def sheet_of(skin, exam, progress=lambda what, share: None):
 
 
 def test_errors_of_the_stated_size_are_held_as_often_as_stated():
-    marks = marks_of(judged(4000), EXTENT)
+    marks = judged(4000)
     for axes in ((0, 1), (2, 3), (4,)):
         sure = np.sort(marks.confidence(axes))
         # Kolmogorov's distance from even, at one chance in a thousand.
@@ -85,7 +96,7 @@ def test_errors_of_the_stated_size_are_held_as_often_as_stated():
 
 
 def test_a_missed_touch_counts_as_one_in_the_middle_without_force():
-    whole = marks_of(judged(50, missed=(3, 7)), EXTENT)
+    whole = judged(50, missed=(3, 7))
     missed = whole.where(~whole.found)
     assert len(missed.truth) == 2
     assert missed.distance == pytest.approx(np.hypot(*(missed.truth[:, :2] - [0.06, 0.08]).T))
@@ -102,16 +113,7 @@ def test_straight_touches_state_nothing_of_drags_and_have_none():
     found = judged(20)
     found.truth[..., 2:4] = found.error[..., 2:4] = 0.0
     straight = SPREAD * np.outer([1, 1, 0, 0, 1], [1, 1, 0, 0, 1])
-    marks = marks_of(
-        Judged(
-            truth=found.truth,
-            error=found.error,
-            spread=np.broadcast_to(straight, (20, 1, 5, 5)),
-            count=found.count,
-            idle=found.idle,
-        ),
-        EXTENT,
-    )
+    marks = replace(found, spread=np.broadcast_to(straight, (20, 5, 5)))
     assert (marks.confidence((2, 3)) == 1.0).all()
     one = tally("straight", marks)
     assert (one.drag, one.held.drag) == (None, None)
@@ -122,11 +124,11 @@ def test_the_ratio_to_the_bound_is_taken_where_it_is_below_5_mm():
     found = judged(1000)
     bound = np.full((1000, 2), [np.hypot(1e-3, 2e-3), 5e-3])
     bound[::2] = 10e-3
-    one = tally("half", marks_of(found, EXTENT, bound))
+    one = tally("half", replace(found, bound=bound))
     assert one.near.share == 0.5
     assert one.near.noise == pytest.approx(1.0, rel=0.1)
     assert one.near.known is None
-    assert tally("none", marks_of(found, EXTENT)).near is None
+    assert tally("none", found).near is None
 
 
 def test_regions_part_the_skin(planar):
@@ -142,9 +144,7 @@ def test_regions_part_the_skin(planar):
 def test_area_counts_rims_by_half_and_corners_by_a_quarter():
     error = np.full((3, 3), 2e-3)
     error[0] = 1e-3
-    shown = PlaceMap(
-        x=np.linspace(0, 0.12, 3), y=np.linspace(0, 0.16, 3), location=error, force=error * 10
-    )
+    shown = PlaceMap(extent=EXTENT, location=error, force=error * 10)
     assert shown.area(1.2e-3, 0.05) == pytest.approx(0.25)
     assert shown.area(1.2e-3, 0.005) == 0.0
     error[1:] = np.nan
@@ -155,7 +155,7 @@ def test_every_place_of_a_grid_is_found_again():
     lines = np.linspace(0, 0.12, 25), np.linspace(0, 0.16, 33)
     grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
     assert (grid_places(grid, EXTENT, (25, 33)) == np.arange(25 * 33)).all()
-    one = marks_of(judged(2), EXTENT)
+    one = judged(2)
     assert np.array_equal(together([one, one]).truth, np.concatenate([one.truth, one.truth]))
 
 
@@ -170,9 +170,9 @@ def test_an_exam_finds_what_its_skins_answer(sheet):
     assert dragged.headline.drag < 0.2
     # The same touches, by an estimator that may not take them to be straight.
     undragged = sheet.case("undragged")
-    assert np.array_equal(undragged.marks.truth, straight.marks.truth)
-    assert undragged.marks.spread[:, 2, 2].min() > 0.0 == straight.marks.spread[:, 2, 2].max()
-    assert len(pairs.marks.truth) == 2
+    assert np.array_equal(undragged.answers.truth, straight.answers.truth)
+    assert undragged.answers.spread[:, 2, 2].min() > 0.0 == straight.answers.spread[:, 2, 2].max()
+    assert len(pairs.answers.truth) == 2
     assert pairs.map is None
     names = [one.name for one in sheet.targets()]
     assert "mean error of place" in names
@@ -196,7 +196,7 @@ def test_figures_are_written_the_same_every_time(skin, sheet, tmp_path):
     from smoskin.commands.score.plates import score_plates
 
     first, again = (
-        {plate.name: plate.write(tmp_path).read_bytes() for plate in score_plates(skin, sheet)}
+        {plate.name: plate.write(tmp_path).read_bytes() for plate in score_plates(sheet)}
         for _ in range(2)
     )
     assert first == again
@@ -377,8 +377,7 @@ def test_what_is_scored_may_be_a_model_or_any_estimator(skin, planar, monkeypatc
 def test_a_force_that_is_not_told_counts_as_none():
     whole = judged(50)
     whole.error[..., 2:] = np.nan
-    marks = marks_of(whole, EXTENT)
-    one = tally("place alone", marks)
+    one = tally("place alone", whole)
     assert one.found == 1.0
     assert one.location.mean < 3e-3
     assert (one.force, one.drag) == (pytest.approx(1.0), pytest.approx(1.0))

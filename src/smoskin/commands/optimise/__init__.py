@@ -27,7 +27,7 @@ from smoskin.commands.optimise.limits import (
 )
 from smoskin.commands.optimise.objective import Objective, design_bound, unknown_of
 from smoskin.commands.optimise.pressed import Places, PressedSheet
-from smoskin.commands.optimise.search import SearchEffort, find_design
+from smoskin.commands.optimise.search import Search, SearchEffort
 from smoskin.design.document import design_values, format_design
 from smoskin.design.skin import Provenance, SkinDesign
 from smoskin.roles import Progress, unheard
@@ -112,36 +112,30 @@ class Optimised:
             "kept": self.kept,
             "changes": [change._asdict() for change in self.changes],
             "bounds": [{**side._asdict(), "gain": side.gain} for side in self.bounds],
-            "limits": [_plain(limit) for limit in self.limits],
-            "made_skins": [_plain(limit) for limit in self.made],
+            "limits": [limit.as_json() for limit in self.limits],
+            "made_skins": [limit.as_json() for limit in self.made],
         }
 
     def tables(self) -> "list[Table]":
         """Three tables for people."""
         from rich.table import Table
 
-        changed = Table("value", "before", "after", title="Changed values")
+        changes = Table("value", "before", "after", title="Changed values")
         for change in self.changes:
-            where = change.path.rpartition(".")[0]
-            name = f"{where}.{change.key}" if where else change.key
-            changed.add_row(name, str(change.before), str(change.after))
+            name = f"{change.path.rpartition('.')[0]}.{change.key}".removeprefix(".")
+            changes.add_row(name, str(change.before), str(change.after))
         bounds = Table("signals", "bound", "before", "after", "times better", title="Bounds")
         for side in self.bounds:
-            bounds.add_row(
-                side.case,
-                side.quantity,
-                f"{side.before:.4g}",
-                f"{side.after:.4g}",
-                f"{side.gain:.2f}",
-            )
+            sizes = f"{side.before:.4g}", f"{side.after:.4g}", f"{side.gain:.2f}"
+            bounds.add_row(side.case, side.quantity, *sizes)
         limits = Table("limit", "reached", "allowed", "", title="Limits")
-        for group, rows in (("", self.limits), ("made skins: ", self.made)):
-            for limit in rows:
-                ends = [f">= {limit.least:.4g}"] if math.isfinite(limit.least) else []
-                ends += [f"<= {limit.most:.4g}"] if math.isfinite(limit.most) else []
+        for group, reached in (("", self.limits), ("made skins: ", self.made)):
+            for limit in reached:
+                ends = ((">=", limit.least), ("<=", limit.most))
+                allowed = ", ".join(f"{sign} {x:.4g}" for sign, x in ends if math.isfinite(x))
                 verdict = "kept" if limit.kept else "broken"
-                limits.add_row(group + limit.name, f"{limit.value:.4g}", ", ".join(ends), verdict)
-        return [changed, bounds, limits]
+                limits.add_row(group + limit.name, f"{limit.value:.4g}", allowed, verdict)
+        return [changes, bounds, limits]
 
     def write(self, path: Path | str) -> tuple[Path, Path]:
         """Write the new design to this TOML document and the comparison beside it, as JSON.
@@ -177,23 +171,14 @@ def optimise(
         Start of the search. Cells, creases, panels, board and shear layer stay as they are.
     name : str, optional
         Name of the new design.
-    objective : Objective, optional
-        Figure to make small.
-    limits : Limits, optional
-        Limits to keep.
-    effort : SearchEffort, optional
-        How long is searched.
+    objective, limits, effort : optional
+        What is made small, what is kept, and how long is searched.
     places : tuple of int, optional
         Numbers of places along x and y of the maps that are compared.
     progress : Progress, optional
         Listener.
     clock : callable, optional
         Seconds, rising.
-
-    Returns
-    -------
-    Optimised
-        Its `kept` says whether all limits are.
 
     Raises
     ------
@@ -203,7 +188,7 @@ def optimise(
         If the extra ``twin`` is not installed.
     """
     aim, within = objective or Objective(), limits or Limits()
-    new = find_design(design, aim, within, effort or SearchEffort(), progress, clock).design
+    new = Search(design, aim, within, effort or SearchEffort(), progress, clock).run().design
     progress("made skins", 1.0)
     sheet = PressedSheet(new, force=aim.force, places=(2, 2), rated_places=coarser(places))
     new, made = _widened(new, sheet, within)
@@ -248,26 +233,12 @@ def changes_of(before: SkinDesign, after: SkinDesign) -> tuple[Change, ...]:
 
 def with_reasons(design: SkinDesign, name: str, changes: Sequence[Change]) -> SkinDesign:
     """The design under its own name, each changed value saying what it was."""
+    reason = "found by smoskin optimise, which lowers the bound of location; {} before"
     reasons = {
-        change.path: Provenance(
-            origin="assumed",
-            reason="found by smoskin optimise, which lowers the bound of location; "
-            f"{change.before} before",
-        )
+        change.path: Provenance(origin="assumed", reason=reason.format(change.before))
         for change in changes
     }
     return replace(design, name=name, provenance={**design.provenance, **reasons})
-
-
-def compare_bounds(
-    before: SkinDesign, after: SkinDesign, *, force: float, unmodelled: float, places: Places
-) -> tuple[Side, ...]:
-    """Bounds of both designs, as designed and as made."""
-    both = [_figures_of(design, force, unmodelled, places) for design in (before, after)]
-    return tuple(
-        Side(case, quantity, value, both[1][case, quantity])
-        for (case, quantity), value in both[0].items()
-    )
 
 
 def made_sheets(design: SkinDesign, limits: Limits) -> list[PressedSheet]:
@@ -290,8 +261,8 @@ def check_made(
         rng = np.random.default_rng([_SEED, skin, 1])
         for _ in range(limits.made_draws):
             for limit in made_limits(design, sheet, draw(design, rng), limits):
-                if limit.slack < worst.get(limit.name, limit).slack or limit.name not in worst:
-                    worst[limit.name] = limit
+                before = worst.setdefault(limit.name, limit)
+                worst[limit.name] = min(before, limit, key=lambda reached: reached.slack)
     return tuple(worst.values())
 
 
@@ -300,17 +271,23 @@ def coarser(places: Places) -> Places:
     return max((places[0] + 1) // 2, 2), max((places[1] + 1) // 2, 2)
 
 
-def _figures_of(
+def compare_bounds(
+    before: SkinDesign, after: SkinDesign, *, force: float, unmodelled: float, places: Places
+) -> tuple[Side, ...]:
+    """Bounds of both designs, as designed and as made."""
+    old, new = (_bounds(design, force, unmodelled, places) for design in (before, after))
+    return tuple(Side(*case, value, new[case]) for case, value in old.items())
+
+
+def _bounds(
     design: SkinDesign, force: float, unmodelled: float, places: Places
 ) -> dict[tuple[str, str], float]:
     """Numbers of one design by case and quantity."""
     sheet = PressedSheet(design, force=force, places=places, rated_places=(2, 2))
     signals, slopes = sheet.slopes(design)
     noise = signal_noise(design)
-    upper = [
-        s for s, site in enumerate(design.halls) if design.magnet(site.magnet).mount == "sheet"
-    ]
-    rows = [3 * s + axis for s in upper for axis in range(3)]
+    sites = list(enumerate(design.halls))
+    upper = [s for s, site in sites if design.magnet(site.magnet).mount == "sheet"]
     numbers: dict[tuple[str, str], float] = {}
 
     def note(case: str, slopes: Floats, noise: Floats, *, drags: bool) -> None:
@@ -321,14 +298,13 @@ def _figures_of(
         for name, values in quantities.items():
             for kind, number in figures(values * 1e3)._asdict().items():
                 numbers[case, f"{kind} {name}"] = number
-        area, spacing = bound.super_resolution
-        numbers[case, f"{_HIGHER} by area"] = area
-        numbers[case, f"{_HIGHER} by spacing"] = spacing
+        for kind, number in bound.super_resolution._asdict().items():
+            numbers[case, f"{_HIGHER} by {kind}"] = number
 
     note("all chips, drag unknown", slopes, noise, drags=True)
     note("all chips, no drag", slopes, noise, drags=False)
     if upper and len(upper) < len(design.halls):
-        part = slopes[..., rows, :]
+        part = slopes[..., [3 * s + axis for s in upper for axis in range(3)], :]
         note("the sheet's chips, no drag", part, signal_noise(design, upper), drags=False)
     unknown = noise + unknown_of(design, signals, unmodelled)
     note("all chips, drag and a share of signals unknown", slopes, unknown, drags=True)
@@ -337,17 +313,6 @@ def _figures_of(
         made = draw(design, np.random.default_rng([_SEED, skin]))
         rough = design_bound(design, made, force=force, places=coarser(places))
         means.append(figures(rough.location * 1e3))
-    for kind, number in zip(means[0]._fields, np.mean(means, axis=0), strict=True):
-        numbers["all chips, drag unknown, made skins", f"{kind} location, mm"] = float(number)
+    for kind, mean in zip(means[0]._fields, np.mean(means, axis=0).tolist(), strict=True):
+        numbers["all chips, drag unknown, made skins", f"{kind} location, mm"] = mean
     return numbers
-
-
-def _plain(limit: Reached) -> dict[str, object]:
-    """For JSON, which knows no infinity."""
-    ends = {"least": limit.least, "most": limit.most}
-    return {
-        "name": limit.name,
-        "value": limit.value if math.isfinite(limit.value) else None,
-        **{key: end if math.isfinite(end) else None for key, end in ends.items()},
-        "kept": limit.kept,
-    }

@@ -1,13 +1,11 @@
 """What a workshop can make and a skin must stand, and what of it a design uses.
 
-Decides the limits within which a design may be varied, each with its reason, and how a design is
-held against them: by its own numbers, by the fields and columns of the twin under the rated
-touches, and by `smoskin.feasibility`; and how small a gap may be, as small as the chip's range and
-the clearance allow, whatever manufacture does to both.
+Decides the limits within which a design may be varied, each with its reason, how a design and made
+skins of it are held against them, and how small a gap may be: as small as the chip's range and the
+clearance allow, whatever manufacture does to both.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -17,7 +15,7 @@ from scipy.optimize import brentq
 from smoskin.arrays import Floats
 from smoskin.commands.optimise.pressed import PressedSheet
 from smoskin.design.materials import ELASTOMERS
-from smoskin.design.skin import HallSetting, HallSite, SkinDesign
+from smoskin.design.skin import HallSetting, HallSite, Magnet, SkinDesign
 from smoskin.errors import ArgumentError, DesignError
 from smoskin.feasibility import MARGIN, check_design
 from smoskin.magnetics import mlx90393
@@ -76,7 +74,7 @@ class Limits:
     they are about as rare as the worst of the made skins."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Reached:
     """One limit and what a design makes of it."""
 
@@ -89,17 +87,25 @@ class Reached:
     @property
     def slack(self) -> float:
         """How far within, as a share of the limit; negative where it is broken."""
-        parts = [
-            sign * (self.value - bound) / (abs(bound) or 1.0)
-            for sign, bound in ((1.0, self.least), (-1.0, self.most))
-            if math.isfinite(bound)
-        ]
-        return min(parts) if math.isfinite(self.value) else -1.0
+        if not math.isfinite(self.value):
+            return -1.0
+        ends = [(1.0, self.least), (-1.0, self.most)]
+        return min(
+            sign * (self.value - end) / (abs(end) or 1.0)
+            for sign, end in ends
+            if math.isfinite(end)
+        )
 
     @property
     def kept(self) -> bool:
         """Whether the limit is kept."""
         return self.slack >= -1e-9
+
+    def as_json(self) -> dict[str, object]:
+        """Plain values for machines; None for what is infinite."""
+        numbers = {"value": self.value, "least": self.least, "most": self.most}
+        finite = {name: x if math.isfinite(x) else None for name, x in numbers.items()}
+        return {"name": self.name, **finite, "kept": self.kept}
 
 
 def allowed_field(design: SkinDesign, limits: Limits) -> Floats:
@@ -107,30 +113,28 @@ def allowed_field(design: SkinDesign, limits: Limits) -> Floats:
     return np.minimum(MARGIN * mlx90393.full_scale(design.hall_setting), limits.front_end)
 
 
-def largest_field(
-    design: SkinDesign, motion: Motion, readout: Readout | None = None
-) -> tuple[Floats, ...]:
-    """Largest magnitude on each axis of each chip over these states, (3,) T each."""
-    seen = np.abs((readout or Readout(design)).seen(motion)).max(axis=0)
-    return tuple(seen)
+def largest_field(design: SkinDesign, motion: Motion, made: Deviations | None = None) -> Floats:
+    """Largest magnitude on each axis of each chip over these states, (S, 3), T."""
+    return np.asarray(np.abs(Readout(design, made).seen(motion)).max(axis=0))
 
 
-def clearances(design: SkinDesign, motion: Motion) -> list[float]:
+def clearances(design: SkinDesign, motion: Motion) -> Floats:
     """Least distance from each chip's sensing point to its magnet's rim over these states, m."""
+    watched, radius = _watched(design), np.array([magnet.radius for magnet in design.magnets])
+    moved = motion.magnets[:, watched]
+    low = moved[..., 2] - radius[watched] * np.hypot(moved[..., 3], moved[..., 4])
+    return np.asarray([site.gap for site in design.halls] + low.min(axis=0))
+
+
+def _watched(design: SkinDesign) -> list[int]:
+    """Which magnet each chip watches."""
     names = [magnet.name for magnet in design.magnets]
-    left = []
-    for site in design.halls:
-        g = names.index(site.magnet)
-        moved = motion.magnets[:, g]
-        low = moved[:, 2] - design.magnets[g].radius * np.hypot(moved[:, 3], moved[:, 4])
-        left.append(site.gap + float(low.min()))
-    return left
+    return [names.index(site.magnet) for site in design.halls]
 
 
 def made_allowance(limits: Limits) -> tuple[float, float, float]:
     """What manufacture may do to a chip's range: m off the gap, and factors on field and motion."""
-    scatter = Tolerances()
-    count = limits.deviations
+    scatter, count = Tolerances(), limits.deviations
     return (
         count * math.hypot(scatter.magnet_place, scatter.chip_place),
         1 + count * math.hypot(scatter.remanence, scatter.chip_sensitivity),
@@ -140,41 +144,56 @@ def made_allowance(limits: Limits) -> tuple[float, float, float]:
 
 def own_limits(design: SkinDesign, limits: Limits) -> list[Reached]:
     """What a design's own numbers decide, held against it."""
-    columns, setting = design.columns, design.hall_setting
+
+    def between(name: str, value: float, ends: tuple[float, float], scale: float) -> Reached:
+        return Reached(name, value * scale, ends[0] * scale, ends[1] * scale)
+
+    columns, rate = design.columns, 1 / mlx90393.conversion_time(design.hall_setting, 0)
     reached = [
-        _between("columns.radius, mm", columns.radius, limits.column_radius, 1e3),
-        _between("columns.height, mm", columns.height, limits.column_height, 1e3),
-        _between("frame.stiffness, N/mm", design.frame.stiffness, limits.frame_stiffness, 1e-3),
-        Reached(
-            name="readings a second",
-            value=1 / mlx90393.conversion_time(setting, 0),
-            least=limits.rate,
-        ),
+        between("columns.radius, mm", columns.radius, limits.column_radius, 1e3),
+        between("columns.height, mm", columns.height, limits.column_height, 1e3),
+        between("frame.stiffness, N/mm", design.frame.stiffness, limits.frame_stiffness, 1e-3),
+        Reached("readings a second", rate, least=limits.rate),
     ]
-    walls = _walls(design)
-    for magnet in design.magnets:
+    for magnet, place in zip(design.magnets, geometry(design).magnets[:, :2], strict=True):
         name = magnet.name
         reached += [
-            _between(f"{name}.radius, mm", magnet.radius, limits.magnet_radius, 1e3),
-            _between(f"{name}.height, mm", magnet.height, limits.magnet_height, 1e3),
+            between(f"{name}.radius, mm", magnet.radius, limits.magnet_radius, 1e3),
+            between(f"{name}.height, mm", magnet.height, limits.magnet_height, 1e3),
         ]
-        if name in walls:
-            wall, least = walls[name] * 1e3, limits.wall * 1e3
-            reached.append(Reached(name=f"{name}'s holder wall, mm", value=wall, least=least))
-    return [*reached, _feasible(design)]
+        if magnet.mount == "sheet":
+            wall = _wall(design, magnet, place) * 1e3
+            reached.append(Reached(f"{name}'s holder wall, mm", wall, least=limits.wall * 1e3))
+    try:
+        check_design(design)
+        feasible = 1.0
+    except DesignError:
+        feasible = 0.0
+    return [*reached, Reached("feasible", feasible, least=1.0)]
+
+
+def _wall(design: SkinDesign, magnet: Magnet, place: Floats) -> float:
+    """Room round a magnet of the sheet that is left for its holder, m."""
+    sheet, extent = geometry(design).sheet, geometry(design).extent
+    feet = sheet.vertices[sheet.columns.ravel(), :2]
+    beside = np.linalg.norm(feet - place, axis=1).min() - design.columns.radius
+    rim = min(*place, *(extent - place))
+    gap = max((site.gap for site in design.halls if site.magnet == magnet.name), default=0.0)
+    above = design.columns.height - design.board.sensing_height - gap - magnet.height
+    return float(min(min(beside, rim) - magnet.radius, above))
 
 
 def stood_limits(design: SkinDesign, sheet: PressedSheet, limits: Limits) -> list[Reached]:
     """What a design must stand under the rated touches, held against its pressed sheet."""
     height, motion = design.columns.height, sheet.rated(design)
     euler = math.pi**2 * design.columns.radius**2 / height
-    allowed = allowed_field(design, limits)
-    fields, left = largest_field(design, motion), clearances(design, motion)
+    used = largest_field(design, motion) / allowed_field(design, limits)
+    left = clearances(design, motion)
     return [
-        Reached(name="column pressed, of its height", value=sheet.sunk / height, most=limits.crush),
-        Reached(name="column pulled, of its bond", value=sheet.pull / sheet.bond, most=limits.pull),
-        Reached(name="column's load, of Euler's", value=sheet.sunk / euler, most=limits.buckling),
-        *_chip_limits(design, fields, allowed, left, limits, "of what is allowed"),
+        Reached("column pressed, of its height", sheet.sunk / height, most=limits.crush),
+        Reached("column pulled, of its bond", sheet.pull / sheet.bond, most=limits.pull),
+        Reached("column's load, of Euler's", sheet.sunk / euler, most=limits.buckling),
+        *_chip_limits(design, used, "of what is allowed", left, limits),
     ]
 
 
@@ -186,74 +205,36 @@ def made_limits(
     Its fields may use the chips' whole range; buckling, which a softer rubber brings nearer, is
     held against the design alone.
     """
-    stands = Reached(name="stands under the rated touch", value=float(sheet.stands()), least=1.0)
+    stands = Reached("stands under the rated touch", float(sheet.stands()), least=1.0)
     if not stands.kept:
         return [stands]
     motion, pressed = sheet.rated(design), sheet.sunk / design.columns.height
-    allowed = np.minimum(mlx90393.full_scale(design.hall_setting), limits.front_end)
-    fields = largest_field(design, motion, Readout(design, made))
-    names = [magnet.name for magnet in design.magnets]
-    left = clearances(design, motion)
-    for s, site in enumerate(design.halls):
-        g = names.index(site.magnet)
-        shift = float(made.magnet_place[g, 2] - made.chips.place[s, 2])
-        left[s] += shift if design.magnets[g].mount == "sheet" else -shift
+    whole = np.minimum(mlx90393.full_scale(design.hall_setting), limits.front_end)
+    used = largest_field(design, motion, made) / whole
+    watched = _watched(design)
+    sides = np.array([1.0 if design.magnets[g].mount == "sheet" else -1.0 for g in watched])
+    shifts = made.magnet_place[watched, 2] - made.chips.place[:, 2]
     return [
         stands,
-        Reached(name="column pressed, of its height", value=pressed, most=limits.crush),
-        *_chip_limits(design, fields, allowed, left, limits, "of its range"),
+        Reached("column pressed, of its height", pressed, most=limits.crush),
+        *_chip_limits(
+            design, used, "of its range", clearances(design, motion) + sides * shifts, limits
+        ),
     ]
 
 
 def _chip_limits(
-    design: SkinDesign,
-    fields: Sequence[Floats],
-    allowed: Floats,
-    left: Sequence[float],
-    limits: Limits,
-    share: str,
+    design: SkinDesign, used: Floats, share: str, left: Floats, limits: Limits
 ) -> list[Reached]:
     """Limits of each chip: its largest field as a share of what is allowed, and its clearance."""
     reached = []
-    for site, seen, room in zip(design.halls, fields, left, strict=True):
-        used, least = float((seen / allowed).max()), limits.clearance * 1e3
+    for site, field, room in zip(design.halls, used.max(axis=1), left, strict=True):
+        least = limits.clearance * 1e3
         reached += [
-            Reached(name=f"{site.name} field, {share}", value=used, most=1.0),
-            Reached(name=f"{site.name} clearance, mm", value=room * 1e3, least=least),
+            Reached(f"{site.name} field, {share}", float(field), most=1.0),
+            Reached(f"{site.name} clearance, mm", float(room) * 1e3, least=least),
         ]
     return reached
-
-
-def _between(name: str, value: float, ends: tuple[float, float], scale: float) -> Reached:
-    """A design's own number within its range, in the unit that it is named in."""
-    return Reached(name=name, value=value * scale, least=ends[0] * scale, most=ends[1] * scale)
-
-
-def _feasible(design: SkinDesign) -> Reached:
-    """What `smoskin.feasibility` says, as a limit: 1 where the design can work."""
-    try:
-        check_design(design)
-    except DesignError:
-        return Reached(name="feasible", value=0.0, least=1.0)
-    return Reached(name="feasible", value=1.0, least=1.0)
-
-
-def _walls(design: SkinDesign) -> dict[str, float]:
-    """Room round each magnet of the sheet that is left for its holder, m."""
-    sheet = geometry(design).sheet
-    feet = sheet.vertices[sheet.columns.ravel(), :2]
-    extent = geometry(design).extent
-    gaps = {site.magnet: site.gap for site in design.halls}
-    walls = {}
-    for magnet, place in zip(design.magnets, geometry(design).magnets[:, :2], strict=True):
-        if magnet.mount != "sheet":
-            continue
-        beside = np.linalg.norm(feet - place, axis=1).min() - design.columns.radius
-        rim = min(*place, *(extent - place))
-        used = design.board.sensing_height + gaps.get(magnet.name, 0.0) + magnet.height
-        above = design.columns.height - used
-        walls[magnet.name] = float(min(min(beside, rim) - magnet.radius, above))
-    return walls
 
 
 def fit_gaps(
@@ -261,36 +242,25 @@ def fit_gaps(
 ) -> SkinDesign:
     """The design with every gap as small as range, clearance and manufacture allow.
 
-    Parameters
-    ----------
-    design : SkinDesign
-        Design whose gaps are set.
-    sheet : PressedSheet
-        Pressed sheet of this design's columns and frame.
-    limits : Limits
-        Limits to keep.
-    step : float
-        Length to whose multiples gaps are rounded up, m; 0 leaves them as they come.
+    `sheet` is the pressed one of this design's columns and frame. Gaps are rounded up to multiples
+    of a step, m; 0 leaves them as they come.
     """
     slip, stronger, further = made_allowance(limits)
+    bound = allowed_field(design, limits) / stronger
     sites = []
     for site in design.halls:
         alone = alone_over(design, site)
         magnet = alone.magnets[0]
         motion = _extremes(sheet.rated(alone), further)
-        sunk = site.gap - clearances(alone, motion)[0]
-        least = limits.clearance + sunk + slip
+        least = limits.clearance + site.gap - float(clearances(alone, motion)[0]) + slip
         most = _DEEPEST
         if magnet.mount == "sheet":
             used = design.board.sensing_height + magnet.height + limits.wall
             most = design.columns.height - used
-        bound = allowed_field(design, limits) / stronger
 
-        def excess(
-            gap: float, alone: SkinDesign = alone, motion: Motion = motion, bound: Floats = bound
-        ) -> float:
+        def excess(gap: float, alone: SkinDesign = alone, motion: Motion = motion) -> float:
             nearer = replace(alone.halls[0], gap=max(gap - slip, 1e-4))
-            seen = largest_field(replace(alone, halls=(nearer,)), motion)[0]
+            seen = largest_field(replace(alone, halls=(nearer,)), motion)
             return float((seen / bound).max()) - 1
 
         if least >= most or excess(most) > 0:
@@ -327,16 +297,13 @@ def alone_over(
 ) -> SkinDesign:
     """The design with one chip over the magnet that it watches, at some corner."""
     magnet = design.magnet(site.magnet)
-    return replace(
-        design, magnets=(replace(magnet, corner=corner or magnet.corner),), halls=(site,)
-    )
+    moved = replace(magnet, corner=corner or magnet.corner)
+    return replace(design, magnets=(moved,), halls=(site,))
 
 
 def _extremes(motion: Motion, further: float) -> Motion:
     """States of one magnet in which it comes nearest to its chip's range, moved further."""
     moved, board = motion.magnets[:, 0], motion.board
     aside = np.hypot(*(moved[:, :2] - board[:, :2]).T)
-    rows = np.unique(
-        np.concatenate([np.argsort(moved[:, 2])[:_EXTREME], np.argsort(-aside)[:_EXTREME]])
-    )
-    return motion[rows].scaled(further)
+    lowest, farthest = np.argsort(moved[:, 2])[:_EXTREME], np.argsort(-aside)[:_EXTREME]
+    return motion[np.union1d(lowest, farthest)].scaled(further)

@@ -15,13 +15,7 @@ from smoskin.commands.optimise.limits import Limits, Reached, own_limits, stood_
 from smoskin.commands.optimise.pressed import Places, PressedSheet
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.sensing.response.bound import (
-    BoundMap,
-    bound_of_information,
-    bound_of_slopes,
-    figures,
-    information,
-)
+from smoskin.sensing.response import bound
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.manufacture import Deviations
 
@@ -85,21 +79,19 @@ def try_design(
     design: SkinDesign, sheet: PressedSheet, objective: Objective, limits: Limits
 ) -> Trial:
     """A design on its pressed sheet, against objective and limits."""
+    own = own_limits(design, limits)
     if not sheet.stands():
-        return Trial(design, math.inf, own_limits(design, limits), [])
-    informed = design_information(design, sheet, objective.unmodelled)
-    return Trial(
-        design,
-        worth(informed, sheet, len(design.halls), objective),
-        own_limits(design, limits),
-        stood_limits(design, sheet, limits),
-    )
+        return Trial(design, math.inf, own, [])
+    fisher = design_information(design, sheet, objective.unmodelled)
+    value = worth(fisher, sheet, len(design.halls), objective)
+    return Trial(design, value, own, stood_limits(design, sheet, limits))
 
 
 def design_information(design: SkinDesign, sheet: PressedSheet, unmodelled: float) -> Floats:
     """Information of a design's signals at every place, (L, W, 5, 5)."""
     signals, slopes = sheet.slopes(design)
-    return information(slopes, signal_noise(design) + unknown_of(design, signals, unmodelled))
+    noise = signal_noise(design) + unknown_of(design, signals, unmodelled)
+    return bound.information(slopes, noise)
 
 
 def unknown_of(design: SkinDesign, signals: Floats, unmodelled: float) -> Floats:
@@ -109,45 +101,36 @@ def unknown_of(design: SkinDesign, signals: Floats, unmodelled: float) -> Floats
     return np.asarray((share * signals)[..., None] ** 2 * np.eye(len(share)))
 
 
-def worth(informed: Floats, sheet: PressedSheet, chips: int, objective: Objective) -> float:
+def worth(fisher: Floats, sheet: PressedSheet, chips: int, objective: Objective) -> float:
     """The objective of this information, m."""
     both = [
-        figures(bound_of_information(sheet.x, sheet.y, informed, chips, drags=drags).location)
+        bound.figures(
+            bound.bound_of_information(sheet.x, sheet.y, fisher, chips, drags=drags).location
+        )
         for drags in (True, False)
     ]
-    return sum(bound.mean + objective.worst_weight * bound.worst for bound in both) / len(both)
+    return sum(part.mean + objective.worst_weight * part.worst for part in both) / len(both)
 
 
 def design_bound(
     design: SkinDesign,
-    deviations: Deviations | None = None,
+    made: Deviations | None = None,
     *,
     force: float = 0.5,
     drags: bool = True,
     places: Places = (13, 17),
-) -> BoundMap:
+) -> bound.BoundMap:
     """The bound of a design, or of one made skin of it, that has no response table.
 
-    Parameters
-    ----------
-    design : SkinDesign
-        Design of the skin.
-    deviations : Deviations, optional
-        Deviations of a made skin; by default it is as designed.
-    force : float
-        Normal force of the touch, N; without drag.
-    drags : bool
-        Whether the drags are unknown too.
-    places : tuple of int
-        Numbers of places along x and y.
+    Touches have this normal force, N, and no drag; `drags` says whether drags are unknown too.
 
     Raises
     ------
     ArgumentError
         If the force or the places are not positive, or a touch has no equilibrium.
     """
-    sheet = PressedSheet(design, deviations, force=force, places=places, rated_places=(2, 2))
+    sheet = PressedSheet(design, made, force=force, places=places, rated_places=(2, 2))
     slopes = sheet.slopes(design)[1]
     if not np.isfinite(slopes).all():
         raise ArgumentError(f"force must leave the skin an equilibrium everywhere; got {force} N")
-    return bound_of_slopes(sheet.x, sheet.y, slopes, signal_noise(design), drags=drags)
+    return bound.bound_of_slopes(sheet.x, sheet.y, slopes, signal_noise(design), drags=drags)

@@ -1,9 +1,8 @@
 """Signals about touches of one force, straight from the twin: values and slopes.
 
 A sheet on its columns is pressed once; whatever magnets then hang on it, over whatever chips, are
-read from the same presses. So a bound can be had of any design without a response table. Decides
-which presses it takes and how slopes follow from them: as differences of presses so near to each
-other that the field is straight between them.
+read from the same presses. Decides which presses it takes and how slopes follow from them: as
+differences of presses so near to each other that the field is straight between them.
 """
 
 from typing import Final
@@ -79,22 +78,19 @@ class PressedSheet:
         self.x, self.y = (np.linspace(0.0, end, n) for end, n in zip(extent, places, strict=True))
         where, push, self._spans = _near(extent, places_to_the_rim(extent, places), force)
         hard_where, hard_push = rated_touches(places_to_the_rim(extent, rated_places))
-        self._near = len(where)
-        if deviations is None:
-            solver = BarHinge(design)
-        else:
-            made, lattice = made_mechanics(design, deviations, REFERENCE_TEMPERATURE)
-            solver = BarHinge(made, lattice=lattice)
-        pressed = solver.press(
-            Touches(
-                position=np.concatenate([where, hard_where])[:, None],
-                force=np.concatenate([push, hard_push])[:, None],
-            ),
-            tolerance=_TOLERANCE,
+        touches = Touches(
+            position=np.concatenate([where, hard_where])[:, None],
+            force=np.concatenate([push, hard_push])[:, None],
         )
-        feet = solver.lattice.feet
+        self._near = len(where)
+        made, lattice = design, None
+        if deviations is not None:
+            made, lattice = made_mechanics(design, deviations, REFERENCE_TEMPERATURE)
+        solver = BarHinge(made, lattice=lattice)
+        pressed = solver.press(touches, tolerance=_TOLERANCE)
         self._displacements, self._board = pressed.displacements, pressed.board
         self._valid: Bools = pressed.converged & ~pressed.pulled
+        feet = solver.lattice.feet
         sunk = -pressed.displacements[self._near :, feet, 2]
         self.sunk = float(np.max(sunk))
         """Farthest that a column is pressed down by a rated touch, m; NaN where one has no
@@ -113,12 +109,7 @@ class PressedSheet:
         return self._motion(design, slice(self._near, None))
 
     def slopes(self, design: SkinDesign) -> tuple[Floats, Floats]:
-        """Signals of this design's chips, and their slopes, at every place.
-
-        Parameters
-        ----------
-        design : SkinDesign
-            Design with the same sheet, columns and frame.
+        """Signals of the chips of a design with this sheet, and their slopes, at every place.
 
         Returns
         -------
@@ -157,16 +148,12 @@ def _near(extent: Floats, at: Floats, force: float) -> tuple[Floats, Floats, Flo
     To either side in x and in y, the place itself, then with a little more of each force.
     """
     where, push = np.tile(at, (8, 1, 1)), np.tile([0.0, 0.0, -force], (8, len(at), 1))
-    for row, axis, side in ((0, 0, 1), (1, 0, -1), (2, 1, 1), (3, 1, -1)):
-        where[row, :, axis] = np.clip(at[:, axis] + side * _STEP, 0.0, extent[axis])
-    more = np.array([_PUSH, _PUSH, -_PUSH])
+    spans = np.tile([[0.0], [0.0], [_PUSH], [_PUSH], [-_PUSH]], len(at))
+    for axis in range(2):
+        ahead, behind = where[2 * axis, :, axis], where[2 * axis + 1, :, axis]
+        ahead[:] = np.minimum(ahead + _STEP, extent[axis])
+        behind[:] = np.maximum(behind - _STEP, 0.0)
+        spans[axis] = ahead - behind
     for axis in range(3):
-        push[5 + axis, :, axis] += more[axis]
-    spans = np.stack(
-        [
-            where[0, :, 0] - where[1, :, 0],
-            where[2, :, 1] - where[3, :, 1],
-            *np.broadcast_to(more[:, None], (3, len(at))),
-        ]
-    )
+        push[5 + axis, :, axis] += spans[2 + axis]
     return where.reshape(-1, 2), push.reshape(-1, 3), spans

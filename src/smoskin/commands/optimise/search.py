@@ -2,8 +2,7 @@
 
 Decides what is varied and in which order: magnets' corners and the chips' gain on motions that are
 at hand; columns, frame and the magnets' shape by a search with constraints, each step of which
-presses a sheet, once with every rubber. Gaps are no variables, they follow. The same seed finds the
-same design, unless the time runs out.
+presses a sheet, once with every rubber. Gaps are no variables, they follow.
 """
 
 import math
@@ -77,40 +76,16 @@ class _OutOfTime(Exception):
     """The search has no time left."""
 
 
-def find_design(
-    design: SkinDesign,
-    objective: Objective,
-    limits: Limits,
-    effort: SearchEffort,
-    progress: Progress,
-    clock: Callable[[], float],
-) -> Trial:
-    """The best design found, its numbers rounded to what a workshop sets.
+class Search:
+    """One search from a design; remembers the sheets last pressed and the best design.
 
-    Parameters
-    ----------
-    design : SkinDesign
-        Start of the search; cells, creases, panels, board and shear layer stay.
-    objective : Objective
-        Figure to make small.
-    limits : Limits
-        Limits to keep.
-    effort : SearchEffort
-        How long is searched.
-    progress : Progress
-        Listener.
-    clock : callable
-        Seconds, rising.
+    Cells, creases, panels, board and shear layer stay as they are. The same seed finds the same
+    design, unless the time runs out by the clock, which tells rising seconds.
     """
-    return _Search(design, objective, limits, effort, progress, clock).run()
-
-
-class _Search:
-    """One search; remembers the sheets last pressed and the best design."""
 
     def __init__(
         self,
-        design: SkinDesign,
+        start: SkinDesign,
         objective: Objective,
         limits: Limits,
         effort: SearchEffort,
@@ -124,14 +99,17 @@ class _Search:
         self._done = 0
         self._sheets: dict[object, PressedSheet] = {}
         self._rng = np.random.default_rng(effort.seed)
-        self._best = Trial(design, math.inf, [], [])
-        self._start = design
+        self._best = Trial(start, math.inf, [], [])
 
     def run(self) -> Trial:
-        """Magnets' places, a search with each rubber, then both in turn."""
+        """The best design, its numbers rounded to what a workshop sets.
+
+        Magnets are placed, then a search is made with each rubber, then both in turn.
+        """
         try:
-            start = replace(self._start, hall_setting=slowest_setting(self._start, self._limits))
-            self._place(fit_gaps(start, self._sheet(start), self._limits), "places of magnets")
+            start = self._best.design
+            start = replace(start, hall_setting=slowest_setting(start, self._limits))
+            self._place(fit_gaps(start, self._sheet(start), self._limits))
             placed = self._best.design
             for rubber in self._limits.rubbers:
                 columns = replace(placed.columns, material=rubber)
@@ -139,7 +117,7 @@ class _Search:
             before = math.inf
             for _ in range(self._effort.rounds):
                 self._refine(self._best.design, self._effort.steps)
-                self._place(self._best.design, "places of magnets")
+                self._place(self._best.design)
                 if self._best.merit > before * (1 - _ENOUGH):
                     break
                 before = self._best.merit
@@ -153,16 +131,20 @@ class _Search:
         if self._clock() > self._end:
             raise _OutOfTime
         self._progress(what, min(self._done / self._total, 1.0))
-        sheet = self._sheet(design)
-        if sheet.stands():
-            design = fit_gaps(design, sheet, self._limits)
-        trial = try_design(design, sheet, self._objective, self._limits)
+        trial = self._fitted(design)
         if trial.merit < self._best.merit:
             self._best = trial
         return trial
 
+    def _fitted(self, design: SkinDesign, *, step: float = 0.0) -> Trial:
+        """One design with gaps that fit it, in multiples of a step."""
+        sheet = self._sheet(design)
+        if sheet.stands():
+            design = fit_gaps(design, sheet, self._limits, step=step)
+        return try_design(design, sheet, self._objective, self._limits)
+
     def _sheet(self, design: SkinDesign) -> PressedSheet:
-        """Pressed now or lately."""
+        """The design's sheet, pressed now or lately."""
         key = (design.columns, design.frame)
         if key not in self._sheets:
             while len(self._sheets) > 1:
@@ -186,10 +168,8 @@ class _Search:
                 self._done += 1
                 slacks = np.full(count, -1.0)
                 if trial.stood:
-                    slacks = np.array(
-                        [limit.slack for limit in trial.own]
-                        + [limit.slack - _RESERVE for limit in trial.stood]
-                    )
+                    slacks[:] = [limit.slack for limit in (*trial.own, *trial.stood)]
+                    slacks[len(trial.own) :] -= _RESERVE
                 memory[key] = (min(trial.value, worst), np.clip(slacks, -1.0, 0.1))
             return memory[key]
 
@@ -199,7 +179,7 @@ class _Search:
         def room(point: Floats) -> Floats:
             return np.asarray(_STEEP * tried(point)[1])
 
-        start: Floats = _point(design, self._limits)
+        start = _point(design, self._limits)
         minimize(
             goal,
             start,
@@ -210,36 +190,30 @@ class _Search:
             options={"rhobeg": 0.12, "maxiter": max(steps, len(start) + 2)},
         )
 
-    def _place(self, design: SkinDesign, what: str) -> None:
+    def _place(self, design: SkinDesign) -> None:
         """The best corners and gain on this design's sheet."""
-        sheet = self._sheet(design)
         for gain in range(8):
             setting = replace(design.hall_setting, gain_selection=gain)
-            self._try(replace(design, hall_setting=setting), what)
-        design = self._best.design
-        sheet = self._sheet(design)
-        placed = exchange(design, sheet, self._objective, self._limits, self._rng)
-        self._try(placed, what)
+            self._try(replace(design, hall_setting=setting), "places of magnets")
+        best = self._best.design
+        placed = exchange(best, self._sheet(best), self._objective, self._limits, self._rng)
+        self._try(placed, "places of magnets")
 
     def _round(self) -> Trial:
         """The best design in the workshop's steps: of the roundings up and down, the best."""
         best, columns = self._best.design, self._best.design.columns
-        shaped = tuple(
+        magnets = tuple(
             replace(m, radius=_nearest(m.radius, 1e-4), height=_nearest(m.height, 1e-4))
             for m in best.magnets
         )
         digits = 1 - math.floor(math.log10(best.frame.stiffness))
         frame = replace(best.frame, stiffness=round(best.frame.stiffness, digits))
+        sizes = product(_beside(columns.radius, 0.05e-3), _beside(columns.height, 0.1e-3))
         trials = []
-        for radius, height in product(
-            _beside(columns.radius, 0.05e-3), _beside(columns.height, 0.1e-3)
-        ):
+        for radius, height in sizes:
             rounded = replace(columns, radius=radius, height=height)
-            design = replace(best, columns=rounded, frame=frame, magnets=shaped)
-            sheet = self._sheet(design)
-            if sheet.stands():
-                design = fit_gaps(design, sheet, self._limits, step=GAP_STEP)
-            trials.append(try_design(design, sheet, self._objective, self._limits))
+            design = replace(best, columns=rounded, frame=frame, magnets=magnets)
+            trials.append(self._fitted(design, step=GAP_STEP))
         return min(trials, key=lambda trial: trial.merit)
 
 
@@ -255,16 +229,13 @@ def exchange(
     Each chip is taken to see its own magnet alone, so that what chips tell adds up.
     """
     cell, reach = geometry(design).cell, limits.wall + max(m.radius for m in design.magnets)
-    within = [math.ceil(reach / float(length)) for length in (cell.length, cell.width)]
-    corners = [
-        (p, q)
-        for p in range(within[0], design.cells[0] - within[0] + 1)
-        for q in range(within[1], design.cells[1] - within[1] + 1)
-    ]
+    first = [math.ceil(reach / float(length)) for length in (cell.length, cell.width)]
+    across, along = (range(p, n - p + 1) for p, n in zip(first, design.cells, strict=True))
+    corners = list(product(across, along))
     sites = design.halls
     if len(corners) <= len(sites):
         return design
-    informed = np.stack(
+    fishers = np.array(
         [
             [
                 design_information(alone_over(design, site, corner), sheet, objective.unmodelled)
@@ -273,40 +244,35 @@ def exchange(
             for site in sites
         ]
     )
-    placed = {magnet.name: magnet.corner for magnet in design.magnets}
-    free = list(range(len(corners)))
-    present = [placed[site.magnet] for site in sites]
-    starts = [list(map(int, rng.permutation(free)[: len(sites)])) for _ in range(_DRAWS)]
+
+    def value(places: Sequence[int]) -> float:
+        whole = sum(fishers[k, place] for k, place in enumerate(places))
+        return worth(np.asarray(whole), sheet, len(sites), objective)
+
+    starts = [rng.permutation(len(corners))[: len(sites)].tolist() for _ in range(_DRAWS)]
+    present = [design.magnet(site.magnet).corner for site in sites]
     if set(present) <= set(corners) and len(set(present)) == len(present):
         starts.insert(0, [corners.index(corner) for corner in present])
-    best: tuple[float, list[int]] = (math.inf, [])
-    for start in starts:
-        best = min(best, _settle(start, informed, sheet, objective))
-    moved = {site.magnet: corners[at] for site, at in zip(sites, best[1], strict=True)}
+    best = min(_settle(start, len(corners), value) for start in starts)[1]
+    moved = {site.magnet: corners[place] for site, place in zip(sites, best, strict=True)}
     magnets = tuple(replace(m, corner=moved.get(m.name, m.corner)) for m in design.magnets)
     return replace(design, magnets=magnets)
 
 
 def _settle(
-    start: Sequence[int], informed: Floats, sheet: PressedSheet, objective: Objective
+    places: list[int], count: int, value: Callable[[Sequence[int]], float]
 ) -> tuple[float, list[int]]:
-    """The placement that single moves lead to from another, and its objective."""
-    at, chips = list(start), len(start)
-
-    def value(places: Sequence[int]) -> float:
-        together = sum(informed[k, place] for k, place in enumerate(places))
-        return worth(np.asarray(together), sheet, chips, objective)
-
-    best, moving = value(at), True
+    """The placement on so many corners that single moves lead to, after its objective."""
+    best, moving = value(places), True
     while moving:
         moving = False
-        for k in range(chips):
-            options = [p for p in range(informed.shape[1]) if p not in at]
-            values = [value([*at[:k], p, *at[k + 1 :]]) for p in options]
+        for k in range(len(places)):
+            free = [place for place in range(count) if place not in places]
+            values = [value([*places[:k], place, *places[k + 1 :]]) for place in free]
             least = int(np.argmin(values))
             if values[least] < best * (1 - 1e-9):
-                best, at[k], moving = values[least], options[least], True
-    return best, at
+                best, places[k], moving = values[least], free[least], True
+    return best, places
 
 
 def _beside(value: float, step: float) -> list[float]:
@@ -319,23 +285,24 @@ def _nearest(value: float, step: float) -> float:
     return round(round(value / step) * step, 9)
 
 
-def _ranges(limits: Limits) -> list[tuple[float, float]]:
-    """Ranges of the continuous variables."""
-    return [
-        limits.column_radius,
-        limits.column_height,
-        limits.frame_stiffness,
-        limits.magnet_radius,
-        limits.magnet_height,
-    ]
+def _ranges(limits: Limits) -> Floats:
+    """Ends of the variables, (5, 2), m and N/m: columns, frame and magnets."""
+    return np.array(
+        [
+            limits.column_radius,
+            limits.column_height,
+            limits.frame_stiffness,
+            limits.magnet_radius,
+            limits.magnet_height,
+        ]
+    )
 
 
 def _varied(design: SkinDesign, point: Floats, limits: Limits) -> SkinDesign:
     """The design at a point of the unit cube, on whose axes run the variables' logarithms."""
-    radius, height, frame, wide, high = (
-        float(least * (most / least) ** min(max(part, 0.0), 1.0))
-        for part, (least, most) in zip(point.tolist(), _ranges(limits), strict=True)
-    )
+    least, most = _ranges(limits).T
+    values = least * (most / least) ** np.clip(point, 0.0, 1.0)
+    radius, height, frame, wide, high = values.tolist()
     return replace(
         design,
         columns=replace(design.columns, radius=radius, height=height),
@@ -346,16 +313,7 @@ def _varied(design: SkinDesign, point: Floats, limits: Limits) -> SkinDesign:
 
 def _point(design: SkinDesign, limits: Limits) -> Floats:
     """Place of a design in that cube, or next to it."""
-    magnet = design.magnets[-1]
-    values = (
-        design.columns.radius,
-        design.columns.height,
-        design.frame.stiffness,
-        magnet.radius,
-        magnet.height,
-    )
-    parts = [
-        math.log(max(value, least) / least) / math.log(most / least)
-        for value, (least, most) in zip(values, _ranges(limits), strict=True)
-    ]
-    return np.clip(parts, 0.0, 1.0)
+    columns, magnet = design.columns, design.magnets[-1]
+    values = columns.radius, columns.height, design.frame.stiffness, magnet.radius, magnet.height
+    least, most = _ranges(limits).T
+    return np.asarray(np.clip(np.log(values / least) / np.log(most / least), 0.0, 1.0))

@@ -9,28 +9,20 @@ its steps alone. The same file, design and exam give the same figures.
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 
 from smoskin.arrays import Floats
-from smoskin.commands.score.errors import Marks, grid_places, marks_of, together
-from smoskin.commands.score.evaluate import (
-    Judged,
-    Session,
-    grid_sessions,
-    judge,
-    label,
-    pair_session,
-)
+from smoskin.commands.score.errors import Answers, together
+from smoskin.commands.score.evaluate import Session, grid_sessions, judge, label, pair_session
 from smoskin.commands.score.plan import Exam
-from smoskin.commands.score.report import Case, Count, ScoreSheet, case_of
+from smoskin.commands.score.report import ScoreSheet, case_of, grid_places
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.feasibility import load_design
-from smoskin.origami.geometry import geometry
 from smoskin.roles import Estimator, Progress, unheard
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.bayes.priors import TouchPriors
@@ -78,21 +70,11 @@ def score(
         A file of the package; a response table, a network or a learned model; or an estimator.
     design : SkinDesign or str
         Design of the skins that are pressed, or its name.
-    skins : sequence of int
-        Seeds of the made skins, and of all that is drawn for each.
-    touches : int
-        Labelled touches that calibrate a response table to each skin; 0: it is taken as it is.
+    skins, touches, places, chips, drag, pairs
+        As the `Exam` has them.
     count : int, optional
         Places that are pressed with each force; by default 200 of a grid of 25 x 33, or all
         `places`.
-    places : tuple of int, optional
-        Grid from rim to rim, along x and y.
-    chips : sequence of int, optional
-        Chips that are read; all that the file has by default.
-    drag : float
-        Largest drag of a second round, N; 0: no such round.
-    pairs : int
-        Pairs of touches at once on each skin.
     out : Path, optional
         Folder for score.json and the figures, which replace those of an earlier score there.
     progress : Progress, optional
@@ -132,7 +114,7 @@ def score(
     sheet = examine(skin, subject, exam, progress=progress)
     text = json.dumps(sheet.as_json(), indent=1) + "\n"
     (out / DATA).write_text(text, encoding="utf-8")
-    for plate in score_plates(skin, sheet):
+    for plate in score_plates(sheet):
         plate.write(out)
     return sheet
 
@@ -149,17 +131,6 @@ def _check_folder(folder: Path) -> None:
         ) from error
 
 
-class Entrant(NamedTuple):
-    """One skin's estimators."""
-
-    straight: Estimator
-    """An estimator that may take touches to be straight."""
-    dragged: Estimator
-    """An estimator that may not."""
-    table: ResponseTable | None
-    """Knowledge of the skin from which the bound can be told, if any."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Candidate:
     """An estimator for an exam, or a response table that makes one for each skin."""
@@ -174,20 +145,21 @@ class Candidate:
     file_sha256: str = ""
     """Hash of the file, if any."""
 
-    def enter(self, twin: Twin, rng: np.random.Generator) -> Entrant:
-        """Estimators of a made skin, calibrated where they are made from a table."""
+    def enter(
+        self, twin: Twin, rng: np.random.Generator
+    ) -> tuple[ResponseTable | None, tuple[Estimator, Estimator]]:
+        """Table of a made skin, if any, and estimators: of straight touches, and of dragged ones.
+
+        The table is calibrated where touches are planned.
+        """
         table = self.reader
         if isinstance(table, Estimator):
-            return Entrant(table, table, None)
-        design = twin.design
+            return None, (table, table)
         if self.plan:
             labels = label(twin, self.plan, rng, temperature=_ROOM, chips=table.chips)
-            table = calibrate_touches(table, labels, signal_noise(design, table.chips))
-        straight, dragged = (
-            BayesEstimator(design, table, priors=priors)
-            for priors in (TouchPriors(drag_spread=0.0), TouchPriors())
-        )
-        return Entrant(straight, dragged, table)
+            table = calibrate_touches(table, labels, signal_noise(twin.design, table.chips))
+        straight = BayesEstimator(twin.design, table, priors=TouchPriors(drag_spread=0.0))
+        return table, (straight, BayesEstimator(twin.design, table))
 
 
 def candidate(given: Scored, design: SkinDesign, exam: Exam) -> Candidate:
@@ -202,58 +174,43 @@ def candidate(given: Scored, design: SkinDesign, exam: Exam) -> Candidate:
     MissingExtraError
         If `safetensors` is not installed.
     """
-    reader: ResponseTable | NetworkModel | LearnedModel | Estimator
     digest = ""
     if isinstance(given, (Path, str)):
-        reader = load_estimator(given, design)
-        reader = reader.table if isinstance(reader, BayesEstimator) else reader
-        digest = hashlib.sha256(Path(given).read_bytes()).hexdigest()
-    else:
-        reader = given
-    if isinstance(reader, ResponseTable):
-        design.check_own("table", reader.design_hash)
-        table = reader if exam.chips is None else reader.of_chips(exam.chips)
+        path, given = Path(given), load_estimator(given, design)
+        given = given.table if isinstance(given, BayesEstimator) else given
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    if isinstance(given, ResponseTable):
+        design.check_own("table", given.design_hash)
+        table = given if exam.chips is None else given.of_chips(exam.chips)
         noise = signal_noise(design, table.chips)
         plan = tuple(TouchPlanner(table, noise).plan(exam.touches)) if exam.touches else ()
         return Candidate(
             kind="response table", chips=table.chips, reader=table, plan=plan, file_sha256=digest
         )
-    kind, chips, reader = _reader(reader, design)
+    if isinstance(given, NetworkModel):
+        given = NetworkEstimator(design, given)
+    elif isinstance(given, LearnedModel):
+        given = LearnedEstimator(given)
+    kind, chips = _kind(given, design)
     if exam.chips not in (None, chips):
         raise ArgumentError(f"chips must be those of the {kind}, {chips}; got {exam.chips}")
-    return Candidate(kind=kind, chips=chips, reader=reader, file_sha256=digest)
+    return Candidate(kind=kind, chips=chips, reader=given, file_sha256=digest)
 
 
-def _reader(
-    given: NetworkModel | LearnedModel | Estimator, design: SkinDesign
-) -> tuple[str, tuple[int, ...], Estimator]:
-    """Kind, chips and estimator of what reads every skin alike."""
-    match given:
-        case NetworkModel():
-            given = NetworkEstimator(design, given)
-        case LearnedModel():
-            given = LearnedEstimator(given)
-    match given:
+def _kind(reader: Estimator, design: SkinDesign) -> tuple[str, tuple[int, ...]]:
+    """Kind and chips of an estimator that reads every skin alike."""
+    match reader:
         case NetworkEstimator():
-            return "network", given.model.chips, given
+            return "network", reader.model.chips
         case LearnedEstimator():
-            if given.model.chips_in_reading != len(design.halls):
+            if reader.model.chips_in_reading != len(design.halls):
                 raise ModelError(
                     f"model must read {len(design.halls)} chips, as design {design.name!r} has; "
-                    f"got one of {given.model.chips_in_reading}"
+                    f"got one of {reader.model.chips_in_reading}"
                 )
-            return "learned model", given.model.encoding.chips, given
-        case ClosedFormEstimator():
-            return "calibration", tuple(range(len(design.halls))), given
-    return "estimator", tuple(range(len(design.halls))), given
-
-
-class _Sitting(NamedTuple):
-    """One session of one skin."""
-
-    case: str
-    judged: Judged
-    marks: Marks
+            return "learned model", reader.model.encoding.chips
+    kind = "calibration" if isinstance(reader, ClosedFormEstimator) else "estimator"
+    return kind, tuple(range(len(design.halls)))
 
 
 def examine(
@@ -264,46 +221,34 @@ def examine(
     make: Callable[[int], Twin] | None = None,
     progress: Progress = unheard,
 ) -> ScoreSheet:
-    """The sheet that an estimator fills.
+    """The sheet that a candidate fills on skins of a design.
 
-    Parameters
-    ----------
-    design : SkinDesign
-        Design of the skins.
-    subject : Candidate
-        Maker of an estimator for each skin.
-    exam : Exam
-        What is asked.
-    make : callable, optional
-        Maker of the skin of a seed; by default one manufactured with the usual tolerances.
-    progress : Progress, optional
-        Listener.
+    `make` makes the skin of a seed; by default it is manufactured with the usual tolerances.
     """
-    sat, whole = list[_Sitting](), len(exam.skins) * exam.sessions
+    answers: dict[str, list[Answers]] = {}
+    whole, done = len(exam.skins) * exam.sessions, 0
     noise = signal_noise(design, subject.chips)
     for seed in exam.skins:
-        progress(f"skin {seed}: calibration", len(sat) / whole)
+        progress(f"skin {seed}: calibration", done / whole)
         twin = make(seed) if make else Twin(design, seed=seed, manufactured=True)
-        entrant = subject.enter(twin, np.random.default_rng([seed, 0]))
+        table, estimators = subject.enter(twin, np.random.default_rng([seed, 0]))
         for case, session in _sessions(twin, exam, seed):
-            progress(f"skin {seed}: {case}", len(sat) / whole)
-            free = case in ("undragged", "dragged")
-            estimator = entrant.dragged if free else entrant.straight
-            judged = judge(estimator, twin, session, np.random.default_rng([seed, 4, len(sat)]))
-            bound = None
-            if entrant.table is not None and case != "pairs":
-                bound = _bounds(entrant.table, noise, exam, session, drags=free)
-            sat.append(_Sitting(case, judged, marks_of(judged, geometry(design).extent, bound)))
+            progress(f"skin {seed}: {case}", done / whole)
+            drags = case in ("undragged", "dragged")
+            rng = np.random.default_rng([seed, 4, done])
+            part = judge(estimators[drags], twin, session, rng)
+            if table is not None and case != "pairs":
+                part = replace(part, bound=_bounds(table, noise, exam, session, drags=drags))
+            answers.setdefault(case, []).append(part)
+            done += 1
     return ScoreSheet(
-        design=design.name,
-        design_hash=design.content_hash,
+        design=design,
         kind=subject.kind,
         file_sha256=subject.file_sha256,
         chips=subject.chips,
         exam=exam,
         cases=tuple(
-            _case(design, exam, [sitting for sitting in sat if sitting.case == case])
-            for case in dict.fromkeys(sitting.case for sitting in sat)
+            case_of(case, design, together(parts), exam) for case, parts in answers.items()
         ),
     )
 
@@ -335,16 +280,3 @@ def _bounds(
         for misfit in (False, True)
     ]
     return np.stack([bounds.location.ravel()[at] for bounds in maps], axis=1)
-
-
-def _case(design: SkinDesign, exam: Exam, sat: Sequence[_Sitting]) -> Case:
-    """A case of all its sessions."""
-    places = sat[0].judged.truth.shape[1]
-    return case_of(
-        sat[0].case,
-        design,
-        together([sitting.marks for sitting in sat]),
-        idle=Count.of(0, np.concatenate([sitting.judged.idle for sitting in sat])),
-        touched=Count.of(places, np.concatenate([sitting.judged.count for sitting in sat])),
-        places=exam.places if places == 1 else None,
-    )

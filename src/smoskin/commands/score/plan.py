@@ -3,12 +3,13 @@
 from dataclasses import asdict, dataclass
 from typing import Final
 
-from smoskin.commands.score.evaluate import FORCES
 from smoskin.errors import ArgumentError
 
+FORCES: Final = tuple(k / 10 for k in range(1, 11))
+"""Normal forces of an exam, N."""
 HEADLINE: Final = 0.3
-"""N, least force of the headline."""
-UNSEEN: Final = 1_000_000
+"""Least force of the headline, N."""
+_UNSEEN: Final = 1_000_000
 """First of the seeds that response tables are made of."""
 
 
@@ -51,9 +52,9 @@ class Exam:
             )
         if not 0 <= self.drag < float("inf"):
             raise ArgumentError(f"drag must be finite and >= 0 N; got {self.drag}")
-        if not 0 <= min(self.skins) <= max(self.skins) < UNSEEN:
+        if not 0 <= min(self.skins) <= max(self.skins) < _UNSEEN:
             raise ArgumentError(
-                f"seeds must lie in 0..{UNSEEN - 1}, where no table has seen them; got "
+                f"seeds must lie in 0..{_UNSEEN - 1}, where no table has seen them; got "
                 f"{min(self.skins)} to {max(self.skins)}"
             )
 

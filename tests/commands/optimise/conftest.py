@@ -1,0 +1,19 @@
+"""The reference design's pressed sheet, and a short search from it."""
+
+import pytest
+
+from searches_of_designs import AIM, COARSE, PLACED, WITHIN, ticking
+from smoskin.commands.optimise import optimise
+from smoskin.commands.optimise.pressed import PressedSheet
+
+
+@pytest.fixture(scope="module")
+def sheet(planar):
+    return PressedSheet(planar, places=COARSE)
+
+
+@pytest.fixture(scope="module")
+def found(planar):
+    return optimise(
+        planar, objective=AIM, limits=WITHIN, effort=PLACED, places=COARSE, clock=ticking()
+    )

@@ -1,0 +1,108 @@
+"""The search for a better design, within its time and its limits."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from searches_of_designs import AIM, PLACED, WITHIN, ticking
+from smoskin.commands.optimise import Limits, SearchEffort
+from smoskin.commands.optimise.limits import alone_over
+from smoskin.commands.optimise.objective import design_information, worth
+from smoskin.commands.optimise.search import Search, _point, _varied, exchange
+
+
+def test_magnets_are_placed_where_they_tell_most(planar, sheet):
+    told = []
+    best = Search(
+        planar, AIM, WITHIN, PLACED, lambda what, share: told.append((what, share)), ticking()
+    ).run()
+    assert [one.corner for one in best.design.magnets] == [(3, 1), (5, 5), (1, 5)]
+    assert [site.gap for site in best.design.halls] == pytest.approx([4.95e-3, 6.15e-3, 6.15e-3])
+    assert best.design.hall_setting.gain_selection == 3
+    assert best.merit == best.value == pytest.approx(0.36462e-3, rel=1e-3)
+    assert [what for what, _ in told] == ["places of magnets"] * 9 + ["rounding"]
+    assert told[-1][1] == 1.0
+    # No other corner of a single magnet would tell more, as far as each chip sees its own alone.
+    limits = Limits()
+    placed = exchange(planar, sheet, AIM, limits, np.random.default_rng(0))
+    corners = {
+        site.magnet: next(m.corner for m in placed.magnets if m.name == site.magnet)
+        for site in placed.halls
+    }
+
+    def value(chosen):
+        whole = sum(
+            design_information(alone_over(planar, site, chosen[site.magnet]), sheet, AIM.unmodelled)
+            for site in planar.halls
+        )
+        return worth(whole, sheet, len(planar.halls), AIM)
+
+    best = value(corners)
+    assert best < value({m.name: m.corner for m in planar.magnets})
+    assert len(set(corners.values())) == 3
+    for name in corners:
+        for corner in ((1, 1), (1, 5), (3, 3), (5, 1), (5, 5), (2, 4)):
+            if corner not in corners.values():
+                assert value(corners | {name: corner}) >= best
+
+
+def test_numbers_are_rounded_to_what_a_workshop_sets(planar):
+    odd = replace(
+        planar,
+        columns=replace(planar.columns, radius=1.518e-3, height=10.04e-3),
+        frame=replace(planar.frame, stiffness=123.4),
+        magnets=tuple(replace(m, radius=4.03e-3, height=2.98e-3) for m in planar.magnets),
+    )
+    best = Search(odd, AIM, WITHIN, SearchEffort(seconds=0.5), lambda *told: None, ticking()).run()
+    columns = best.design.columns
+    assert columns.radius in (1.5e-3, 1.55e-3)
+    assert columns.height in (10.0e-3, 10.1e-3)
+    assert best.design.frame.stiffness == 120.0
+    for magnet in best.design.magnets:
+        assert (magnet.radius, magnet.height) == (4.0e-3, 3.0e-3)
+    for site in best.design.halls:
+        assert site.gap / 0.05e-3 == pytest.approx(round(site.gap / 0.05e-3))
+
+
+def test_variables_run_evenly_in_their_logarithms_between_their_ends(planar):
+    limits = Limits()
+    for part in (0.0, 0.5, 1.0, 1.5):
+        varied = _varied(planar, np.full(5, part), limits)
+        ends = (
+            (varied.columns.radius, limits.column_radius),
+            (varied.columns.height, limits.column_height),
+            (varied.frame.stiffness, limits.frame_stiffness),
+            (varied.magnets[1].radius, limits.magnet_radius),
+            (varied.magnets[2].height, limits.magnet_height),
+        )
+        for value, (least, most) in ends:
+            expected = [least, math.sqrt(least * most), most, most][round(2 * part)]
+            assert value == pytest.approx(expected)
+        assert _point(varied, limits) == pytest.approx(np.full(5, min(part, 1.0)))
+    thin = replace(planar, columns=replace(planar.columns, radius=0.5e-3))
+    assert _point(thin, limits)[0] == 0.0
+
+
+@pytest.mark.slow
+def test_the_same_seed_finds_the_same_design(planar):
+    one, other = (
+        Search(planar, AIM, WITHIN, PLACED, lambda what, share: None, ticking()).run()
+        for _ in range(2)
+    )
+    assert one == other
+
+
+def test_no_time_leaves_a_design_all_the_same(planar):
+    told = []
+    best = Search(
+        planar,
+        AIM,
+        WITHIN,
+        SearchEffort(seconds=3.5),
+        lambda what, share: told.append(what),
+        ticking(),
+    ).run()
+    assert math.isfinite(best.merit)
+    assert len(told) == 4
