@@ -37,46 +37,19 @@ table, or touches that have been made and held already."""
 DEFAULT_COUNT: Final = 15
 """Touches of a calibration unless another number is asked for."""
 PLACE_SPREAD: Final = 0.5e-3
-"""m: standard deviation of places that a person writes down."""
+"""Standard deviation of places that a person writes down, m."""
 FORCE_SPREAD: Final = 0.01
-"""N: standard deviation of forces that a person reads off a gauge."""
+"""Standard deviation of forces that a person reads off a gauge, N."""
 _PATIENCE: Final = 30.0
-"""s that a rig may take for a touch."""
+"""Time that a rig may take for a touch, s."""
 _TRIES: Final = 2
 """Ratio of the touches made at most to those that are asked for."""
 _REST_EVERY: Final = 10
 """Touches of a plan after which the untouched skin is read again."""
 _ROUNDED: Final = 1e-5
-"""m by which a place on the rim may lie off it: sheets round."""
+"""Distance by which a place on the rim may lie off it, m: sheets round."""
 _MILESTONES: Final = (0, 1, 2, 5, 10, 15, 30, 60, 120, 240)
 """Numbers of touches after which people are told the expected error."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TouchOrder:
-    """What a rig is asked to do.
-
-    Raises
-    ------
-    ArgumentError
-        If the count or a force is not positive, or the drag or the error is negative.
-    """
-
-    count: int
-    """Usable touches to make."""
-    until: float
-    """m: fewer are made if a located touch is expected to be no further off than this."""
-    force: float
-    """N: largest normal force."""
-    drag: float
-    """N: largest sideways force."""
-
-    def __post_init__(self) -> None:
-        if self.count < 1 or not self.force > 0 or not min(self.drag, self.until) >= 0:
-            raise ArgumentError(
-                f"count and force must be positive, drag and until >= 0; got {self.count}, "
-                f"{self.force} N, {self.drag} N and {self.until} m"
-            )
 
 
 class TouchStep(NamedTuple):
@@ -91,8 +64,7 @@ class TouchStep(NamedTuple):
     status: Status | None
     """Why the touch cannot be used; None where it can."""
     error: float
-    """m: expected distance of a located touch from its true place now; root mean square over the
-    skin."""
+    """Expected distance of a located touch from its true place now, m; root mean square."""
     following: Target | None
     """The touch to make next; None after the last."""
 
@@ -117,7 +89,7 @@ class TouchCalibration:
     labels: tuple[Label, ...]
     """All touches that were made, those left out included."""
     errors: tuple[float, ...]
-    """m: expected distance of a located touch from its true place, before the first touch and after
+    """Expected distance of a located touch from its true place, m, before the first touch and after
     each that was used; root mean square over the skin, of straight touches of 0.5 N."""
 
     @property
@@ -126,13 +98,7 @@ class TouchCalibration:
         return len(self.errors) - 1
 
     def save(self, path: Path | str) -> None:
-        """Write the table to a file, for `smo.load_response_table` and `smoskin run`.
-
-        Raises
-        ------
-        MissingExtraError
-            If `safetensors` is not installed.
-        """
+        """Write the table to a file; `MissingExtraError` if `safetensors` is not installed."""
         self.table.save(path)
 
     def as_json(self) -> dict[str, object]:
@@ -199,12 +165,12 @@ def calibrate(
         Usable touches that a rig makes, fewer if a located touch is expected to be no further off
         than so many metres.
     force, drag : float
-        N: largest normal and sideways force of a rig; no drag for one that presses straight.
+        Largest normal and sideways force of a rig, N; no drag for one that presses straight.
     recording : path, optional
         MCAP file with the chips' readings, where a CSV file says only when each touch was held;
         creep is undone then. Without it each touch of the file was held until it settled.
     place_spread, force_spread : float, optional
-        m and N: standard deviations of reported places and forces, along each axis; the rig's own
+        Standard deviations of reported places, m, and forces, N, along each axis; the rig's own
         by default, else 0.5 mm and 10 mN.
     progress : callable, optional
         Function that is told of each touch of a rig.
@@ -220,11 +186,24 @@ def calibrate(
     ArgumentError
         If a number is out of its range, a recording comes without a file, or no touch can be used.
     """
-    order = TouchOrder(count=count, until=until, force=force, drag=drag)
     skin = load_design(design) if isinstance(design, str) else design
-    place, press = _spreads(touches, place_spread, force_spread)
-    planner = _planner(skin, table, order, place, press)
-    labels, errors = _labelled(skin, touches, planner, order, recording, progress)
+    usual = PLACE_SPREAD, FORCE_SPREAD
+    if isinstance(touches, Rig):
+        usual = touches.place_spread, touches.force_spread
+    place = usual[0] if place_spread is None else place_spread
+    press = usual[1] if force_spread is None else force_spread
+    planner = _planner(skin, table, count, until, force, drag, place, press)
+    by_sheet = isinstance(touches, str | os.PathLike | TouchTable)
+    if recording is not None and not by_sheet:
+        raise ArgumentError("recording must come with the path of a CSV file of touches")
+    settled = by_sheet and recording is None
+    labeller = Labeller(skin, None if settled else elastomer_prony(skin.columns.material))
+    if isinstance(touches, Rig):
+        labels, errors = _by_rig(touches, planner, labeller, count, until, progress)
+    else:
+        if isinstance(touches, str | os.PathLike | TouchTable):
+            touches = _of_table(touches, skin, recording)
+        labels, errors = _by_hand(touches, planner, labeller)
     given = labelled_touches(labels, table.chips, place_spread=place, force_spread=press)
     own = calibrate_touches(table, given, signal_noise(skin, table.chips))
     return TouchCalibration(table=own, labels=tuple(labels), errors=tuple(errors))
@@ -242,23 +221,7 @@ def plan_by_hand(
     place_spread: float = PLACE_SPREAD,
     force_spread: float = FORCE_SPREAD,
 ) -> list[Target]:
-    """The touches that a person shall make after those made already.
-
-    Parameters
-    ----------
-    design : SkinDesign
-    table : ResponseTable
-        Table of the design.
-    count : int
-        How many touches.
-    until : float
-        m: fewer are planned if a located touch is expected to be no further off than this.
-    force, drag : float
-        N: largest normal and sideways force.
-    made : sequence of Contact, optional
-        Touches that have been made.
-    place_spread, force_spread : float
-        m and N: standard deviations of the places and forces that the person writes down.
+    """The touches that a person shall make after those made already, as `calibrate` asks a rig.
 
     Raises
     ------
@@ -267,15 +230,10 @@ def plan_by_hand(
     ArgumentError
         If a number is out of its range.
     """
-    order = TouchOrder(count=count, until=until, force=force, drag=drag)
-    planner = _planner(design, table, order, place_spread, force_spread)
+    planner = _planner(design, table, count, until, force, drag, place_spread, force_spread)
     for contact in made:
         planner.made(contact.position, contact.force)
-    targets: list[Target] = []
-    while len(targets) < count and planner.error > until:
-        targets.append(planner.next())
-        planner.made(targets[-1].position, targets[-1].force)
-    return targets
+    return planner.plan(count, until)
 
 
 def write_plan(path: Path | str, design: SkinDesign, targets: Sequence[Target]) -> None:
@@ -315,31 +273,12 @@ def _of_table(
     return touches.held_touches(readings)
 
 
-def _labelled(
-    skin: SkinDesign,
-    touches: Touches,
-    planner: TouchPlanner,
-    order: TouchOrder,
-    recording: str | os.PathLike[str] | None,
-    progress: Callable[[TouchStep], None],
-) -> tuple[list[Label], list[float]]:
-    """Labels of the touches, and the errors expected before the first and after each."""
-    rubber = elastomer_prony(skin.columns.material)
-    if isinstance(touches, str | os.PathLike | TouchTable):
-        labeller = Labeller(skin, None if recording is None else rubber)
-        return _by_hand(_of_table(touches, skin, recording), planner, labeller)
-    if recording is not None:
-        raise ArgumentError("recording must come with the path of a CSV file of touches")
-    if isinstance(touches, Rig):
-        return _by_rig(touches, planner, Labeller(skin, rubber), order, progress)
-    return _by_hand(touches, planner, Labeller(skin, rubber))
-
-
 def _by_rig(
     rig: Rig,
     planner: TouchPlanner,
     labeller: Labeller,
-    order: TouchOrder,
+    count: int,
+    until: float,
     progress: Callable[[TouchStep], None],
 ) -> tuple[list[Label], list[float]]:
     """Labels of the touches that a rig makes as planned, and the expected errors between them."""
@@ -355,13 +294,13 @@ def _by_rig(
             errors.append(planner.error)
         else:
             planner.bar(target)
-        enough = len(errors) > order.count or errors[-1] <= order.until
-        over = enough or len(labels) >= _TRIES * order.count or planner.exhausted
+        enough = len(errors) > count or errors[-1] <= until
+        over = enough or len(labels) >= _TRIES * count or planner.exhausted
         target = None if over else planner.next()
         progress(
             TouchStep(
                 number=len(errors) - 1,
-                asked=order.count,
+                asked=count,
                 contact=label.contact,
                 status=label.status,
                 error=errors[-1],
@@ -384,28 +323,28 @@ def _by_hand(
     return labels, errors
 
 
-def _spreads(touches: Touches, place: float | None, force: float | None) -> tuple[float, float]:
-    """Standard deviations of reported places, m, and forces, N, where they are not given."""
-    usual = (PLACE_SPREAD, FORCE_SPREAD)
-    if isinstance(touches, Rig):
-        usual = touches.place_spread, touches.force_spread
-    return (usual[0] if place is None else place), (usual[1] if force is None else force)
-
-
 def _planner(
     design: SkinDesign,
     table: ResponseTable,
-    order: TouchOrder,
+    count: int,
+    until: float,
+    force: float,
+    drag: float,
     place_spread: float,
     force_spread: float,
 ) -> TouchPlanner:
     """The planner of touches on a skin of this design, whose table it must be."""
+    if count < 1 or not force > 0 or not min(drag, until) >= 0:
+        raise ArgumentError(
+            f"count and force must be positive, drag and until >= 0; got {count}, {force} N, "
+            f"{drag} N and {until} m"
+        )
     design.check_own("table", table.design_hash)
     return TouchPlanner(
         table,
         signal_noise(design, table.chips),
-        force=order.force,
-        drag=order.drag,
+        force=force,
+        drag=drag,
         place_spread=place_spread,
         force_spread=force_spread,
     )
