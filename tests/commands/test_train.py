@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from networks import TINY
 from smoskin.cli import app
 from smoskin.cli import train as commands
-from smoskin.commands.train import checkpoint_of, parse_chips, train, write_network
+from smoskin.commands.train import checkpoint_of, figure_rows, parse_chips, train, write_network
 from smoskin.design.document import format_design
 from smoskin.errors import ArgumentError, DesignError, ModelError
 from smoskin.mechanics.viscoelasticity import elastomer_prony
@@ -42,7 +42,7 @@ def test_a_training_gives_a_network_that_can_be_saved_and_gone_on_from(skin, tmp
     assert (told["epochs"], told["chips"], told["drag_N"]) == (2, [1, 2], 0.0)
     assert told["held_out_nats"] == min(point.held_out for point in first.curve)
     assert told["metrics"][0]["unit"] == "m"
-    assert first.table().row_count == 3
+    assert figure_rows(first).row_count == 3
     assert write_network(first, out, tmp_path / "net.onnx") == [out, tmp_path / "net.onnx"]
     again = load_network(out)
     assert again.chips == (1, 2)

@@ -112,7 +112,7 @@ def train(
     if as_json:
         typer.echo(json.dumps(trained.as_json() | {"files": [str(file) for file in files]}))
         return
-    show(trained.table())
+    show(training.figure_rows(trained))
     typer.echo(f"Training ended: {trained.ended}.")
     for file in files:
         typer.echo(str(file))

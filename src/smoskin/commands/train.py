@@ -1,13 +1,12 @@
 """Trains a network on a response table: `smo.train`, and the files of `smoskin train`.
 
-Decides which files stand beside a model while and after it is trained: the curve (JSON lines), and
-a checkpoint that is removed once training has ended of itself.
+Decides which files stand beside a model while and after it is trained.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from smoskin.design.document import shipped_design
 from smoskin.design.skin import SkinDesign
@@ -22,56 +21,7 @@ from smoskin.sensing.response.table import ResponseTable, load_response_table
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from smoskin.sensing.network.training import Epoch
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrainedNetwork:
-    """A training that has ended."""
-
-    model: NetworkModel
-    """The network."""
-    curve: "tuple[Epoch, ...]"
-    """Learning curve, a point an epoch."""
-    ended: str
-    """Why training ended, in words."""
-
-    def save(self, path: Path | str) -> None:
-        """Write the network's file, which `smoskin.load_estimator` reads.
-
-        Raises
-        ------
-        MissingExtraError
-            If `safetensors` is not installed.
-        """
-        self.model.save(path)
-
-    def as_json(self) -> dict[str, object]:
-        """Plain values for machines."""
-        last = self.curve[-1]
-        return {
-            "design_hash": self.model.design_hash,
-            "data_sha256": self.model.data_sha256,
-            "chips": list(self.model.chips),
-            "drag_N": self.model.drag,
-            "epochs": last.epoch,
-            "seconds": last.seconds,
-            "ended": self.ended,
-            "held_out_nats": min(point.held_out for point in self.curve),
-            "metrics": [metric._asdict() for metric in self.model.metrics],
-        }
-
-    def table(self) -> "Table":
-        """The figures, for people."""
-        from rich.table import Table
-
-        table = Table(title="Touches of 0.3 N and more, on skins held out from training")
-        for name in ("figure", "value", "unit"):
-            table.add_column(name, justify="left" if name == "figure" else "right")
-        for name, value, unit in self.model.metrics:
-            scale, shown = {"m": (1e3, "mm"), "1": (100.0, "%")}.get(unit, (1.0, unit))
-            table.add_row(name, f"{value * scale:.3g}", shown)
-        return table
+    from smoskin.sensing.network.training import Trained
 
 
 def train(
@@ -88,7 +38,7 @@ def train(
     checkpoint: Path | None = None,
     curve: Path | None = None,
     progress: Progress = unheard,
-) -> TrainedNetwork:
+) -> "Trained":
     """A network that tells place and force, each with its uncertainty, from a reading.
 
     Parameters
@@ -110,7 +60,7 @@ def train(
     effort : TrainingEffort, optional
         Sizes and lengths of which `minutes`, `seed` and `members` replace the like.
     start : NetworkModel or path, optional
-        A network to go on from.
+        A network to go on from, such as the design's for one skin of it; its sizes are kept.
     checkpoint : Path, optional
         File that is written after every epoch; where it exists, training goes on from there.
     curve : Path, optional
@@ -134,12 +84,10 @@ def train(
     whole = table if isinstance(table, ResponseTable) else load_response_table(table)
     skin = load_design(design) if isinstance(design, str) else design
     skin = skin or shipped_design(whole.design_hash)
-    work = replace(effort or TrainingEffort(), seed=seed)
-    if members is not None:
-        work = replace(work, members=members)
-    if minutes is not None:
-        work = replace(work, seconds=60 * minutes)
-    trained = train_network(
+    asked = {"members": members, "seconds": None if minutes is None else 60 * minutes}
+    given: dict[str, Any] = {name: value for name, value in asked.items() if value is not None}
+    work = replace(effort or TrainingEffort(), seed=seed, **given)
+    return train_network(
         skin,
         whole if chips is None else whole.of_chips(chips),
         spread=TouchSpread(drag=drag),
@@ -150,7 +98,19 @@ def train(
         curve=curve,
         progress=progress,
     )
-    return TrainedNetwork(model=trained.model, curve=trained.curve, ended=trained.ended)
+
+
+def figure_rows(trained: "Trained") -> "Table":
+    """The figures of a network, for people."""
+    from rich.table import Table
+
+    table = Table(title="Touches of 0.3 N and more, on skins held out from training")
+    for name in ("figure", "value", "unit"):
+        table.add_column(name, justify="left" if name == "figure" else "right")
+    for name, value, unit in trained.model.metrics:
+        scale, shown = {"m": (1e3, "mm"), "1": (100.0, "%")}.get(unit, (1.0, unit))
+        table.add_row(name, f"{value * scale:.3g}", shown)
+    return table
 
 
 def checkpoint_of(out: Path, *, resume: bool) -> Path:
@@ -171,7 +131,7 @@ def checkpoint_of(out: Path, *, resume: bool) -> Path:
     return checkpoint
 
 
-def write_network(trained: TrainedNetwork, out: Path, onnx: Path | None = None) -> list[Path]:
+def write_network(trained: "Trained", out: Path, onnx: Path | None = None) -> list[Path]:
     """Write a network to `out`, and to `onnx` as an ONNX file; the files written.
 
     Raises
@@ -189,17 +149,12 @@ def write_network(trained: TrainedNetwork, out: Path, onnx: Path | None = None) 
 
 
 def parse_chips(text: str) -> tuple[int, ...]:
-    """Chips from ``1,2``.
+    """Chips of a text such as ``1,2``.
 
     Raises
     ------
     ArgumentError
         If the text is no such list.
-
-    Examples
-    --------
-    >>> parse_chips("1,2")
-    (1, 2)
     """
     try:
         return tuple(int(chip) for chip in text.split(","))

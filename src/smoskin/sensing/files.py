@@ -13,7 +13,8 @@ from typing import Any, Final, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from smoskin.errors import MissingExtraError, ModelError
+from smoskin.arrays import freeze
+from smoskin.errors import ArgumentError, MissingExtraError, ModelError
 
 RESPONSE_TABLE: Final = "smoskin_response_table"
 NETWORK: Final = "smoskin_network"
@@ -81,6 +82,23 @@ class TensorFile(NamedTuple):
             raise
         except (KeyError, TypeError, ValueError) as error:
             raise ModelError(f"{path}: its description is damaged: {error!r}") from error
+
+
+def freeze_model(record: object, kind: str, **shapes: tuple[int | None, ...]) -> None:
+    """Turn a model's fields into read-only finite arrays of these shapes, while it is being made.
+
+    Raises
+    ------
+    ModelError
+        If a field has another shape or is not finite.
+    """
+    try:
+        freeze(record, **shapes)
+    except ArgumentError as error:
+        raise ModelError(f"{kind}: {error}") from error
+    for name in shapes:
+        if not np.isfinite(getattr(record, name)).all():
+            raise ModelError(f"{kind}: {name} must be finite")
 
 
 def tensor_key(path: Path | str) -> str:

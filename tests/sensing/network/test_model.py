@@ -13,8 +13,9 @@ from networks import random_network, tiny_network
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.mechanics.viscoelasticity import ELASTIC
 from smoskin.records import Contact, Reading, Status
+from smoskin.sensing.learned.inputs import direction_and_strength
 from smoskin.sensing.network.estimator import NetworkEstimator
-from smoskin.sensing.network.model import Ensemble, Layer, encode, load_network
+from smoskin.sensing.network.model import Ensemble, Layer, load_network
 from smoskin.twin.reduced import ReducedTwin
 from tables_of_response import plain
 
@@ -93,7 +94,7 @@ def test_one_touch_at_a_time_is_the_same(drag, members, width, depth, chips, see
 
 def test_harder_and_warmer_touches_keep_their_direction():
     signals = some_signals(4)
-    soft, hard = (encode(factor * signals, 1e-9)[0] for factor in (1.0, 20.0))
+    soft, hard = (direction_and_strength(factor * signals, 1e-9)[0] for factor in (1.0, 20.0))
     assert hard[:, :6] == pytest.approx(soft[:, :6], abs=1e-9)
     assert hard[:, 6] - soft[:, 6] == pytest.approx(np.log(20.0))
     model = random_network(drag=0.5)

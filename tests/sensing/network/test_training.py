@@ -115,7 +115,7 @@ def test_fewer_chips_are_enough(skin):
 def test_held_out_touches_are_of_skins_that_no_lesson_holds(skin):
     source = TouchSource(table_with_modes(skin), signal_noise(skin))
     lessons = Lessons(skin, source, SHORT, None)
-    taught = {row.tobytes() for k in range(3) for row in lessons.epoch(k).targets.reshape(-1, 3)}
+    taught = {row.tobytes() for k in range(3) for row in lessons.epoch(k)[1].reshape(-1, 3)}
     assert len(taught) == 3 * SHORT.steps * SHORT.batch
     sets = [lessons.held_out(which).values for which in range(3)]
     kept = {row.tobytes() for one in sets for row in one}

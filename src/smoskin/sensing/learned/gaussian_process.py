@@ -1,25 +1,23 @@
-"""Estimators that were trained on recordings: what such a model is, and its use at run time.
+"""Gaussian processes trained on recordings: what such a model is, and its use at run time.
 
-A model is a Gaussian process's mean over an encoding of the zeroed field: a Matern 3/2 part
-with one length per input, and a linear part that takes over beyond the data. Decides what is
-answered of a touch, when it may be believed, and what its file holds; hides arrays and file
-format. Needs NumPy and SciPy alone; reading and writing files needs `safetensors`. Files carry
-no code. Training lives in `smoskin.sensing.learned.training`.
+Decides what is answered of a touch, when it may be believed, and what its file holds; hides arrays
+and file format. Needs NumPy and SciPy alone; files need `safetensors`. Training lives in
+`smoskin.sensing.learned.training`.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import Enum
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from smoskin.arrays import Floats, floats, freeze, frozen
+from smoskin.arrays import Floats, floats, frozen
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
-from smoskin.sensing.files import TensorFile
+from smoskin.sensing.files import TensorFile, freeze_model
 from smoskin.sensing.learned.inputs import Encoding, Form, History, Past
 from smoskin.sensing.signals.zero import IdleBand, Zero, ZeroTracking
 
@@ -30,17 +28,6 @@ _ROWS: Final = 5
 """Rows of an estimate's covariance."""
 _LARGEST: Final = 1e6
 """T: no chip measures more, and squares of more overflow."""
-_TENSORS: Final = (
-    "centre",
-    "scale",
-    "support",
-    "weights",
-    "slope",
-    "intercept",
-    "residual",
-    "noise",
-    "place",
-)
 
 
 class Output(Enum):
@@ -134,24 +121,19 @@ class LearnedModel:
 
     def __post_init__(self) -> None:
         inputs, outputs, rows = self.encoding.columns, len(self.outputs), len(self.support)
-        shapes: dict[str, tuple[int | None, ...]] = {
-            "centre": (inputs,),
-            "scale": (inputs,),
-            "support": (rows, inputs),
-            "weights": (rows, outputs),
-            "slope": (inputs, outputs),
-            "intercept": (outputs,),
-            "residual": (outputs, outputs),
-            "noise": (2,),
-            "place": (2,),
-        }
-        try:
-            freeze(self, **shapes)
-        except ArgumentError as error:
-            raise ModelError(f"model: {error}") from error
-        for name in shapes:
-            if not np.isfinite(getattr(self, name)).all():
-                raise ModelError(f"model: {name} must be finite")
+        freeze_model(
+            self,
+            "model",
+            place=(2,),
+            centre=(inputs,),
+            scale=(inputs,),
+            support=(rows, inputs),
+            weights=(rows, outputs),
+            slope=(inputs, outputs),
+            intercept=(outputs,),
+            residual=(outputs, outputs),
+            noise=(2,),
+        )
         if not (self.scale > 0).all() or not rows or not outputs:
             raise ModelError("model: must have examples, outputs and positive scales")
         if not (self.reach > 0 and self.touch_field >= 0):
@@ -162,12 +144,7 @@ class LearnedModel:
             )
 
     def predict(self, inputs: Floats) -> Prediction:
-        """Outputs for encoded fields.
-
-        Parameters
-        ----------
-        inputs : Floats, shape (T, D)
-            As `Encoding.encode` gives them.
+        """Outputs for encoded fields, (T, D), as `Encoding.encode` gives them.
 
         Raises
         ------
@@ -218,6 +195,9 @@ class LearnedModel:
         _FILE.write(path, {name: getattr(self, name) for name in _TENSORS}, header)
 
 
+_TENSORS: Final = tuple(field.name for field in fields(LearnedModel) if field.type == Floats)
+
+
 def load_model(path: Path | str) -> LearnedModel:
     """Read a model file.
 
@@ -254,7 +234,10 @@ def _model(arrays: dict[str, Floats], spec: dict[str, Any]) -> LearnedModel:
 
 
 class LearnedEstimator(Estimator):
-    """Estimates touches with a trained model.
+    """Touches that a trained model finds.
+
+    Quantities that the model does not give are NaN, in contacts and in the covariance; a model
+    of force alone gives the place that it was trained at.
 
     Parameters
     ----------
@@ -268,11 +251,6 @@ class LearnedEstimator(Estimator):
         counts as idle.
     idle_field : float
         Change on every axis, T, below which a field counts as idle.
-
-    Notes
-    -----
-    Quantities that the model does not give are NaN, in contacts and in the covariance; a model
-    of force alone gives the place that it was trained at.
 
     Raises
     ------
@@ -295,16 +273,18 @@ class LearnedEstimator(Estimator):
         self._tracking = tracking or ZeroTracking()
         self._idle = None if tracking is None else IdleBand(idle_field)
         self._chips = list(model.encoding.chips)
-        shape = (model.chips_in_reading, 3)
-        self._given = None if zero is None else frozen("zero", zero, shape)
-        if self._given is not None and not np.isfinite(self._given).all():
-            raise ArgumentError(f"zero must be finite; got {self._given}")
+        self._given: Floats | None = None
+        if zero is not None:
+            whole = frozen("zero", zero, (model.chips_in_reading, 3))
+            if not np.isfinite(whole).all():
+                raise ArgumentError(f"zero must be finite; got {whole}")
+            self._given = self._used(whole)
         self.reset()
 
     def reset(self) -> None:
         """Return to the zero given at the start, and forget earlier readings."""
         self._last_time = -np.inf
-        self._set_zero(None if self._given is None else self._given[self._chips].reshape(-1))
+        self._begin(self._given)
 
     @property
     def drift(self) -> Floats:
@@ -322,13 +302,13 @@ class LearnedEstimator(Estimator):
         ArgumentError
             If there are none in which the used chips are good.
         """
-        good = [self._used(reading) for reading in readings if self._fault(reading) is None]
+        good = [self._used(reading.field) for reading in readings if self._fault(reading) is None]
         if not good:
             raise ArgumentError(
                 "readings must hold at least one in which the used chips are good; "
                 f"got {len(readings)} readings"
             )
-        self._set_zero(np.mean(good, axis=0))
+        self._begin(np.mean(good, axis=0))
 
     def step(self, reading: Reading) -> Estimate:
         """The touch that one reading shows.
@@ -356,14 +336,14 @@ class LearnedEstimator(Estimator):
             covariance=covariance,
         )
 
-    def _set_zero(self, zero: Floats | None) -> None:
+    def _begin(self, zero: Floats | None) -> None:
         """Start from this zero, with no past."""
         self._zero = None if zero is None else Zero(self._tracking, self._idle, zero)
         self._history = History(self.model.encoding.time_constants)
 
-    def _used(self, reading: Reading) -> Floats:
+    def _used(self, field: Floats) -> Floats:
         """Field of the used chips in a row."""
-        return reading.field[self._chips].reshape(-1)
+        return np.asarray(field[self._chips].reshape(-1))
 
     def _fault(self, reading: Reading) -> Status | None:
         """Fault of the used chips' part of a reading of this skin."""
@@ -372,7 +352,7 @@ class LearnedEstimator(Estimator):
                 f"reading must come from {self.model.chips_in_reading} chips, as the model's "
                 f"examples did; got {len(reading.field)}"
             )
-        used = self._used(reading)
+        used = self._used(reading.field)
         flags = int(np.bitwise_or.reduce(reading.flags[self._chips]))
         if flags & _BAD or not np.isfinite(used).all():
             return Status.CHIP_MISSING
@@ -391,7 +371,7 @@ class LearnedEstimator(Estimator):
         if fault is not None:
             self._zero.interrupt(reading.time)
             return fault
-        field = self._used(reading)
+        field = self._used(reading.field)
         used = field - self._zero.offset
         idle = self._zero.step(reading.time, field)
         encoding = self.model.encoding

@@ -1,21 +1,17 @@
 """How zeroed fields are laid out as the inputs of a learned model.
 
 Decides which chips are used, whether strength is told apart from direction, and how much of the
-past is shown, in what form; training and run time share it, so that both see the same numbers.
-History is causal: an input depends on its own field and on earlier ones alone.
+past is shown; training and run time share it, so that both see the same numbers. History is causal:
+an input depends on its own field and on earlier ones alone.
 """
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final
 
 import numpy as np
 
 from smoskin.arrays import Floats, floats
 from smoskin.errors import ArgumentError
-
-_FLOOR: Final = 1e-6
-"""Length added to a field's, T, a fraction of a chip's step: faint fields keep their direction."""
 
 
 class Form(Enum):
@@ -47,13 +43,11 @@ class Encoding:
     form: Form = Form.COMPONENTS
     """Layout of the present field."""
     time_constants: tuple[float, ...] = ()
-    """Time constants, s: for each, `past` less its trailing exponential mean is fed too
-    (hysteresis, creep)."""
+    """Time constants, s, of trailing means; `past` less each is fed too (hysteresis, creep)."""
     past: Past = Past.COMPONENTS
     """Part of the field that the time constants apply to."""
-    floor: float = _FLOOR
-    """Length added in quadrature, T: a much fainter field has no direction, and its logarithm
-    stays finite."""
+    floor: float = 1e-6
+    """Length added in quadrature, T: a much fainter field has no direction, a finite logarithm."""
 
     def __post_init__(self) -> None:
         if not self.chips or min(self.chips) < 0 or len(set(self.chips)) != len(self.chips):
@@ -71,7 +65,7 @@ class Encoding:
         return present + (self.form is Form.DIRECTION) + followed * len(self.time_constants)
 
     def encode(self, time: Floats, field: Floats) -> Floats:
-        """Inputs of consecutive zeroed fields, which see only what came before them.
+        """Inputs (T, columns) of consecutive zeroed fields, which see only what came before them.
 
         Parameters
         ----------
@@ -79,10 +73,6 @@ class Encoding:
             Times, s, increasing.
         field : Floats, shape (T, S, 3)
             Fields of all chips of the reading, T.
-
-        Returns
-        -------
-        Floats, shape (T, columns)
 
         Raises
         ------
@@ -95,25 +85,28 @@ class Encoding:
                 f"field must have the chips {self.chips}; got {field.shape[1]} chips"
             )
         used = field[:, list(self.chips)].reshape(len(field), -1)
-        return self.lay_out(used, History(self.time_constants).lags(time, self.followed(used)))
+        lags = np.zeros((len(used), 0))
+        if self.time_constants:
+            history, followed = History(self.time_constants), self.followed(used)
+            steps = zip(time, followed, strict=True)
+            lags = np.stack([history.step(float(t), row) for t, row in steps])
+        return self.lay_out(used, lags)
 
     def followed(self, used: Floats) -> Floats:
         """The part of the used chips' fields (T, C) that a history follows."""
-        return used if self.past is Past.COMPONENTS else np.log(self._length(used))
+        if self.past is Past.COMPONENTS:
+            return used
+        return direction_and_strength(used, self.floor)[0][:, -1:]
 
     def lay_out(self, used: Floats, lags: Floats) -> Floats:
         """Inputs (T, D) from the used chips' fields (T, C) and the lags of what is followed."""
-        if self.form is Form.COMPONENTS:
-            return np.concatenate([used, lags], axis=1)
-        length = self._length(used)
-        return np.concatenate([used / length, np.log(length), lags], axis=1)
-
-    def _length(self, used: Floats) -> Floats:
-        """Length of the field across the used chips, (T, 1), T, at least the floor."""
-        return np.asarray(np.sqrt((used**2).sum(axis=1, keepdims=True) + self.floor**2))
+        present = used
+        if self.form is Form.DIRECTION:
+            present, _ = direction_and_strength(used, self.floor)
+        return np.concatenate([present, lags], axis=1)
 
     def faintness(self, inputs: Floats) -> Floats:
-        """One over the squared length of each row's field, shape (T,), T^-2; 0 where not told."""
+        """One over the squared length of each row's field, (T,), T^-2; 0 where it is not told."""
         if self.form is Form.COMPONENTS:
             return np.zeros(len(inputs))
         return np.asarray(np.exp(-2.0 * inputs[:, 3 * len(self.chips)]))
@@ -139,8 +132,11 @@ class History:
         self._means = self._means + weight * (now - self._means)
         return np.asarray((now - self._means).reshape(-1))
 
-    def lags(self, time: Floats, values: Floats) -> Floats:
-        """The same for consecutive values (T, C), shape (T, L * C)."""
-        if not self._time_constants.size:
-            return np.zeros((len(values), 0))
-        return np.stack([self.step(float(t), row) for t, row in zip(time, values, strict=True)])
+
+def direction_and_strength(field: Floats, floor: float) -> tuple[Floats, Floats]:
+    """Fields (T, C) over their lengths l, with log l behind, (T, C + 1); and l, (T, 1), T.
+
+    l^2 = sum of squares + floor^2, so that no logarithm is infinite.
+    """
+    length = np.sqrt((field * field).sum(axis=1, keepdims=True) + floor * floor)
+    return np.concatenate([field / length, np.log(length)], axis=1), length

@@ -1,12 +1,12 @@
 """Training of the Gaussian processes that `learned.gaussian_process` runs.
 
-Decides how examples are held out (whole groups: a place, a cycle, never single rows), how lengths,
-amplitudes and noise are found (the most probable ones, by SciPy's L-BFGS-B on the marginal
-likelihood), and how a model's accuracy is stated (residuals on what was held out). The noise has a
-part that grows as the field gets faint. Needs NumPy and SciPy alone.
+Decides how examples are held out (whole groups: a place, a cycle), how lengths, amplitudes and
+noise are found (the most probable ones, by SciPy's L-BFGS-B on the marginal likelihood), and how
+accuracy is stated (residuals on what was held out). Needs NumPy and SciPy alone.
 """
 
 import hashlib
+import itertools
 from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
@@ -61,7 +61,14 @@ class Examples:
         targets = (rows, len(self.outputs))
         freeze(self, time=(rows,), field=(rows, None, 3), targets=targets)
         for name in ("group", "run"):
-            assign(self, **{name: _whole(name, getattr(self, name), rows)})
+            value = np.asarray(getattr(self, name))
+            if value.shape != (rows,) or not np.issubdtype(value.dtype, np.integer):
+                raise ArgumentError(
+                    f"{name} must be {rows} whole numbers; got {value.dtype} of shape {value.shape}"
+                )
+            value = value.astype(np.int64)
+            value.setflags(write=False)
+            assign(self, **{name: value})
         if not (np.isfinite(self.field).all() and np.isfinite(self.time).all()):
             raise ArgumentError("field and time must be finite; drop the rows that are not")
 
@@ -153,11 +160,6 @@ def train_model(
     ------
     ArgumentError
         If fewer than two groups have known answers, or an output never changes.
-
-    Notes
-    -----
-    Source: the log marginal likelihood of a Gaussian process and its gradient in the
-    logarithms of its parameters, with a wide normal prior on the lengths.
     """
     effort = effort or FittingEffort()
     inputs, targets = examples.encode(encoding)[examples.known], examples.targets[examples.known]
@@ -166,11 +168,10 @@ def train_model(
 
     progress("lengths and noise", 0.0)
     fit_inputs, fit_targets = inputs[~judges], targets[~judges]
-    problem = _Problem.of(encoding, fit_inputs, fit_targets)
+    standard = _Standard.of(encoding, fit_inputs, fit_targets)
     few = rng.permutation(len(fit_inputs))[: effort.evidence_rows]
-    parameters = _most_probable(
-        problem, fit_inputs[few], fit_targets[few], effort.iterations, progress
-    )
+    examined = standard.rows(fit_inputs[few], fit_targets[few])
+    process = _most_probable(*examined, effort.iterations, progress)
 
     progress("held-out figures", 0.0)
     # Fewer rows suffice to see how residuals scale; the final fit sees them all.
@@ -186,13 +187,13 @@ def train_model(
         data_sha256=examples.sha256(),
         split=f"{split} held out whole, drawn with seed {seed}",
         metrics=(),
-        **_solve(problem, parameters, fit_inputs[some], fit_targets[some]),
+        **_solve(standard, process, fit_inputs[some], fit_targets[some]),
     )
     judged = _judge(blank, inputs[judges], targets[judges])
 
     progress("final fit", 0.0)
     rows = np.sort(rng.permutation(len(inputs))[: effort.rows])
-    model = replace(judged, **_solve(problem, parameters, inputs[rows], targets[rows]))
+    model = replace(judged, **_solve(standard, process, inputs[rows], targets[rows]))
     progress("final fit", 1.0)
     return model
 
@@ -212,7 +213,7 @@ def _held_out(examples: Examples, rng: np.random.Generator) -> tuple[Bools, str]
     return rows, f"{count} of {len(groups)} groups"
 
 
-class _Problem(NamedTuple):
+class _Standard(NamedTuple):
     """Standardisation of inputs and targets, fixed once for all fits of one training."""
 
     encoding: Encoding
@@ -224,28 +225,23 @@ class _Problem(NamedTuple):
     """Squared field at which both parts of the noise count as given, T^2."""
 
     @classmethod
-    def of(cls, encoding: Encoding, inputs: Floats, targets: Floats) -> "_Problem":
+    def of(cls, encoding: Encoding, inputs: Floats, targets: Floats) -> "_Standard":
         """The standardisation of examples that are fitted."""
         spread = inputs.std(axis=0)
+        spread = np.where(spread > 0, spread, 1.0)
         faint = 0.0
         if encoding.form is Form.DIRECTION:
             faint = float(np.exp(2.0 * np.median(inputs[:, 3 * len(encoding.chips)])))
-        return cls(
-            encoding=encoding,
-            centre=inputs.mean(axis=0),
-            spread=np.where(spread > 0, spread, 1.0),
-            mean=targets.mean(axis=0),
-            size=targets.std(axis=0),
-            faint=faint,
-        )
+        size = targets.std(axis=0)
+        return cls(encoding, inputs.mean(axis=0), spread, targets.mean(axis=0), size, faint)
 
-    def standard(self, inputs: Floats, targets: Floats) -> tuple[Floats, Floats, Floats]:
+    def rows(self, inputs: Floats, targets: Floats) -> tuple[Floats, Floats, Floats]:
         """Standardised inputs and targets, and the faintness of each row."""
         faintness = self.faint * self.encoding.faintness(inputs)
         return (inputs - self.centre) / self.spread, (targets - self.mean) / self.size, faintness
 
 
-class _Parameters(NamedTuple):
+class _Process(NamedTuple):
     """Parameters of a process; the search's vector holds their logarithms, in this order."""
 
     lengths: Floats
@@ -258,44 +254,43 @@ class _Parameters(NamedTuple):
     """Deviation of the noise that a faint field adds."""
 
     @classmethod
-    def of(cls, vector: Floats) -> "_Parameters":
+    def of(cls, vector: Floats) -> "_Process":
         """The parameters of the search's vector."""
         values = np.exp(vector)
-        return cls(values[:-4], *(float(value) for value in values[-4:]))
+        return cls(values[:-4], *values[-4:].tolist())
+
+    def noise(self, faintness: Floats) -> Floats:
+        """Noise variance of each row, standardised."""
+        return self.floor**2 + self.faint**2 * faintness + _JITTER
 
 
 def _most_probable(
-    problem: _Problem, inputs: Floats, targets: Floats, iterations: int, progress: Progress
-) -> _Parameters:
-    """Parameters of the greatest posterior density, from a subset of the examples."""
-    x, y, faintness = problem.standard(inputs, targets)
+    x: Floats, y: Floats, faintness: Floats, iterations: int, progress: Progress
+) -> _Process:
+    """The process of the greatest posterior density, from a subset of the examples."""
     columns = x.shape[1]
     usual = np.log(4.0 * np.sqrt(columns))
     # The noise bounds keep the covariance positive definite in float64.
     bounds = [(-2.0, 8.0)] * columns + [(-5.0, 4.0), (-7.0, 3.0), (-7.0, 1.0), (-7.0, 1.0)]
-    start = np.concatenate([np.full(columns, usual), [0.0, 0.0, -3.0, -3.0]])
-    done = 0
-
-    def count(_: Floats) -> None:
-        nonlocal done
-        done += 1
-        progress("lengths and noise", min(done / iterations, 1.0))
-
+    done = itertools.count(1)
     best, _, _ = fmin_l_bfgs_b(
         negative_log_posterior,
-        start,
+        np.concatenate([np.full(columns, usual), [0.0, 0.0, -3.0, -3.0]]),
         args=(x, y, faintness, usual),
         bounds=bounds,
         maxiter=iterations,
-        callback=count,
+        callback=lambda _: progress("lengths and noise", min(next(done) / iterations, 1.0)),
     )
-    return _Parameters.of(np.asarray(best))
+    return _Process.of(np.asarray(best))
 
 
 def negative_log_posterior(
     vector: Floats, x: Floats, y: Floats, faintness: Floats, usual: float
 ) -> tuple[float, Floats]:
-    """What training minimises, and its gradient; both over the number of rows.
+    """-log p(y), which training minimises, and its gradient (D + 4,); both over the number of rows.
+
+    With K the covariance of the examples and a = K^-1 y, for each output -log p(y) = y' K^-1 y / 2
+    + log det K / 2 + const and d(-log p) = tr((K^-1 - a a') dK) / 2.
 
     Parameters
     ----------
@@ -310,25 +305,15 @@ def negative_log_posterior(
         Factor of the faint field's noise variance.
     usual : float
         Mean of the prior of the lengths' logarithms, whose standard deviation is 1.
-
-    Returns
-    -------
-    value : float
-    gradient : Floats, shape (D + 4,)
-
-    Notes
-    -----
-    Source: -log p(y) = y' K^-1 y / 2 + log det K / 2 + const for each output, and
-    d(-log p) = tr((K^-1 - a a') dK) / 2 with a = K^-1 y.
     """
-    p = _Parameters.of(vector)
+    p = _Process.of(vector)
     rows, columns = x.shape
     scaled = x / p.lengths
     distance = cdist(scaled, scaled)
     decay = p.amplitude**2 * np.exp(-distance)
     matern = (1.0 + distance) * decay
     linear = p.linear**2 * (x @ x.T + 1.0)
-    factor, lower = cho_factor(matern + linear + np.diag(_variance(p, faintness)), lower=True)
+    factor, lower = cho_factor(matern + linear + np.diag(p.noise(faintness)), lower=True)
     a = cho_solve((factor, lower), y)
     triangle = dpotri(factor, lower=1)[0]
     inverse = np.tril(triangle) + np.tril(triangle, -1).T
@@ -351,32 +336,26 @@ def negative_log_posterior(
     return (value + 0.5 * float(off @ off)) / rows, gradient / rows
 
 
-def _variance(p: _Parameters, faintness: Floats) -> Floats:
-    """Noise variance of each row, standardised."""
-    return p.floor**2 + p.faint**2 * faintness + _JITTER
+def _solve(standard: _Standard, p: _Process, inputs: Floats, targets: Floats) -> dict[str, Any]:
+    """Fields of `LearnedModel` that hold the process's mean k(x, X) a + c given these examples.
 
-
-def _solve(problem: _Problem, p: _Parameters, inputs: Floats, targets: Floats) -> dict[str, Any]:
-    """Fields of `LearnedModel` that hold the process's mean given these examples.
-
-    The mean is k(x, X) a + intercepts, with a = (K + N)^-1 y; its linear part is gathered in the
-    slope.
+    a = (K + N)^-1 y; the linear part of the mean is gathered in the slope.
     """
-    x, y, faintness = problem.standard(inputs, targets)
+    x, y, faintness = standard.rows(inputs, targets)
     support = x / p.lengths
     kernel = cdist(support, support)
     kernel = p.amplitude**2 * (1.0 + kernel) * np.exp(-kernel)
     kernel += p.linear**2 * (x @ x.T + 1.0)
-    kernel[np.diag_indices(len(kernel))] += _variance(p, faintness)
-    a = cho_solve(cho_factor(kernel, lower=True, overwrite_a=True), y) * problem.size
+    kernel[np.diag_indices(len(kernel))] += p.noise(faintness)
+    a = cho_solve(cho_factor(kernel, lower=True, overwrite_a=True), y) * standard.size
     return {
-        "centre": problem.centre,
-        "scale": problem.spread * p.lengths,
+        "centre": standard.centre,
+        "scale": standard.spread * p.lengths,
         "support": support,
         "weights": p.amplitude**2 * a,
         "slope": p.linear**2 * p.lengths[:, None] * (x.T @ a),
-        "intercept": p.linear**2 * a.sum(axis=0) + problem.mean,
-        "noise": np.array([p.floor**2, p.faint**2 * problem.faint]),
+        "intercept": p.linear**2 * a.sum(axis=0) + standard.mean,
+        "noise": np.array([p.floor**2, p.faint**2 * standard.faint]),
     }
 
 
@@ -386,31 +365,16 @@ def _judge(model: LearnedModel, inputs: Floats, targets: Floats) -> LearnedModel
     error = predicted.values - targets
     factor = predicted.covariance[:, 0, 0, None]
     near = float(np.quantile(predicted.novelty, _BELIEVED_SHARE))
-    metrics = [
-        Metric(
-            f"rmse_{output.name.lower()}", float(np.sqrt(np.mean(error[:, k] ** 2))), output.unit
-        )
+    figures = {
+        f"rmse_{output.name.lower()}": (float(np.sqrt(np.mean(error[:, k] ** 2))), output.unit)
         for k, output in enumerate(model.outputs)
-    ]
+    }
     if {Output.X, Output.Y} <= set(model.outputs):
         at = [model.outputs.index(output) for output in (Output.X, Output.Y)]
-        miss = float(np.hypot(*error[:, at].T).mean())
-        metrics.append(Metric("mean_error", miss, "m"))
+        figures["mean_error"] = (float(np.hypot(*error[:, at].T).mean()), "m")
     return replace(
         model,
         residual=(error / factor).T @ error / len(error),
         reach=max(_BEYOND * near, _JITTER),
-        metrics=tuple(metrics),
+        metrics=tuple(Metric(name, *figure) for name, figure in figures.items()),
     )
-
-
-def _whole(name: str, value: object, rows: int) -> Ints:
-    """A read-only copy of one whole number a row."""
-    array = np.asarray(value)
-    if array.shape != (rows,) or not np.issubdtype(array.dtype, np.integer):
-        raise ArgumentError(
-            f"{name} must be {rows} whole numbers; got {array.dtype} of shape {array.shape}"
-        )
-    copy = array.astype(np.int64)
-    copy.setflags(write=False)
-    return copy

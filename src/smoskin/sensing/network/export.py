@@ -2,23 +2,87 @@
 
 The graph takes raw signals and the rubber's temperature and takes the steps of
 `smoskin.sensing.network.model.Ensemble`, with its arrays, in float32. Decides the names of its
-inputs and outputs; hides how it is put together. Needs the extra `onnx`.
+inputs and outputs. Needs the extra `onnx`.
 """
 
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike
+from numpy.typing import ArrayLike
 
 from smoskin.errors import MissingExtraError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.sensing.network.model import SPREADS, Ensemble, NetworkModel
 
-_OPSET: Final = 17
-"""Version of the operators: known to every runtime of the last years."""
-_IR: Final = 8
-"""Version of the file, which goes with them."""
+# Operators of set 17 are known to every runtime of the last years. In units of the floor no square
+# underflows float32, which would also lose inputs that were not centred before the first product.
+_START: Final = """
+<ir_version: 8, opset_import: ["": 17], producer_name: "smoskin">
+smoskin_network (float[B, SIGNALS] signals, float[1] temperature)
+    => (float[B, 5] values, float[B, 5, 5] covariance, float[B] novelty)
+    <float one = {1}, int64[1] second = {1}, int64[3] parts = {2, 2, 1},
+     int64[2] plane = {5, -1}, int64[3] each = {5, 1, -1}> {
+  rows = Transpose <perm = [1, 0]> (signals)
+  scaled = Div (rows, floor)
+  squared = ReduceSumSquare <axes = [0]> (scaled)
+  above = Add (squared, one)
+  ratio = Sqrt (above)
+  direction = Div (scaled, ratio)
+  relative = Log (ratio)
+  logarithm = Add (relative, log_floor)
+  joined = Concat <axis = 0> (direction, logarithm)
+  inputs = Sub (joined, centre)
+  product = MatMul (first, inputs)
+  both = Add (product, first_bias)
+  units, far = Split <axis = 0> (both, widths)
+  novelty = ReduceL2 <axes = [0], keepdims = 0> (far)
+  half0 = Reshape (units, members)
+"""
+_LAYER: Final = """
+  tanh# = Tanh (half#)
+  share# = Add (tanh#, one)
+  hidden# = Mul (share#, half#)
+  sums# = MatMul (weights#, hidden#)
+  half& = Add (sums#, bias#)
+"""
+_END: Final = """
+  averages, logarithms, others = Split <axis = 1> (half#, kinds)
+  clipped = Clip (logarithms, least, most)
+  deviations = Exp (clipped)
+  numbers = Concat <axis = 1> (averages, deviations, others)
+  picks = Reshape (numbers, flat)
+  left = Gather (picks, left_picks)
+  right = Gather (picks, right_picks)
+  factor = Mul (left, right)
+  weighted = Mul (factor, means)
+  mean = ReduceSum <keepdims = 1> (weighted, second)
+  column = Reshape (mean, plane)
+  sized = Mul (column, size)
+  natural = Add (sized, middle)
+  place, drags, weight = Split <axis = 0> (natural, parts)
+  length = Mul (ratio, floor)
+  warmth = Mul (temperature, softening)
+  stiffer = Add (warmth, cold)
+  strength = Mul (length, stiffer)
+  drag = Mul (drags, strength)
+  lever = Exp (weight)
+  push = Mul (lever, strength)
+  force = Neg (push)
+  answers = Concat <axis = 0> (place, drag, force)
+  values = Transpose <perm = [1, 0]> (answers)
+  ones = Div (strength, strength)
+  unit = Concat <axis = 0> (ones, ones, strength, strength, force)
+  stretched = Mul (unit, stretch)
+  wide = Reshape (stretched, each)
+  shift = Mul (mean, beside)
+  apart = Sub (factor, shift)
+  spread = Mul (apart, wide)
+  root = Transpose <perm = [2, 0, 1]> (spread)
+  turned = Transpose <perm = [2, 1, 0]> (spread)
+  covariance = MatMul (root, turned)
+}
+"""
 
 
 def export_onnx(model: NetworkModel, path: Path | str) -> None:
@@ -29,13 +93,6 @@ def export_onnx(model: NetworkModel, path: Path | str) -> None:
     outputs are `values`, (B, 5): x, y, m, and Fx, Fy, Fz, N; their `covariance`, (B, 5, 5); and
     `novelty`, (B,), above 1 where they are not to be believed.
 
-    Parameters
-    ----------
-    model : NetworkModel
-        Network to write.
-    path : Path or str
-        ONNX file.
-
     Raises
     ------
     MissingExtraError
@@ -43,132 +100,52 @@ def export_onnx(model: NetworkModel, path: Path | str) -> None:
     """
     try:
         import onnx
+        import onnx.parser
     except ImportError as error:
         raise MissingExtraError("writing ONNX files", "onnx") from error
-    graph = _Graph(onnx)
     ensemble = Ensemble(model)
-    length = _write_members(graph, ensemble)
-    _write_moments(graph, ensemble, length)
-    signals = graph.declared("signals", "B", len(model.centre) - 1)
-    given = [signals, graph.declared("temperature", 1)]
-    values, spread = graph.declared("values", "B", 5), graph.declared("covariance", "B", 5, 5)
-    answers = [values, spread, graph.declared("novelty", "B")]
-    name = "smoskin_network"
-    whole = onnx.helper.make_graph(graph.nodes, name, given, answers, graph.constants)
-    file = onnx.helper.make_model(
-        whole,
-        opset_imports=[onnx.helper.make_opsetid("", _OPSET)],
-        ir_version=_IR,
-        producer_name="smoskin",
-    )
+    layers = range(len(ensemble.hidden) + 1)
+    text = _START.replace("SIGNALS", str(len(model.centre) - 1))
+    text += "".join(_LAYER.replace("#", str(k)).replace("&", str(k + 1)) for k in layers)
+    file = onnx.parser.parse_model(text + _END.replace("#", str(len(layers))))
+    for name, value in _constants(ensemble).items():
+        array = np.asarray(value)
+        kind = np.int64 if array.dtype.kind == "i" else np.float32
+        tensor = onnx.numpy_helper.from_array(np.ascontiguousarray(array, kind), name)
+        file.graph.initializer.append(tensor)
     chips = ",".join(str(chip) for chip in model.chips)
-    onnx.helper.set_model_props(
-        file,
-        {"design": model.design_hash, "chips": chips, "data_sha256": model.data_sha256},
-    )
+    facts = {"design": model.design_hash, "chips": chips, "data_sha256": model.data_sha256}
+    onnx.helper.set_model_props(file, facts)
     onnx.checker.check_model(file, full_check=True)
     onnx.save(file, str(path))
 
 
-class _Graph:
-    """Nodes and constants, named as they come."""
-
-    def __init__(self, onnx: Any) -> None:
-        self._onnx = onnx
-        self.nodes: list[Any] = []
-        self.constants: list[Any] = []
-
-    def constant(self, value: ArrayLike, kind: DTypeLike = np.float32) -> str:
-        """The name of a constant."""
-        name = f"c{len(self.constants)}"
-        array = np.ascontiguousarray(np.asarray(value, dtype=kind))
-        self.constants.append(self._onnx.numpy_helper.from_array(array, name))
-        return name
-
-    def add(self, kind: str, *inputs: Any, out: str = "", **attributes: int | list[int]) -> str:
-        """The name of a new node's output; inputs are names, or arrays as constants."""
-        names = [value if isinstance(value, str) else self.constant(value) for value in inputs]
-        name = out or f"n{len(self.nodes)}"
-        self.nodes.append(self._onnx.helper.make_node(kind, names, [name], **attributes))
-        return name
-
-    def part(self, value: str, axis: int, first: int, after: int) -> str:
-        """Part of an axis."""
-        ends = (self.constant([end], np.int64) for end in (first, after, axis))
-        return self.add("Slice", value, *ends)
-
-    def total(self, value: str, axis: int, *, keep: bool, out: str = "") -> str:
-        """Sum along an axis."""
-        axes = self.constant([axis], np.int64)
-        return self.add("ReduceSum", value, axes, keepdims=int(keep), out=out)
-
-    def reshaped(self, value: str, shape: list[int]) -> str:
-        """The same in another shape."""
-        return self.add("Reshape", value, self.constant(shape, np.int64))
-
-    def declared(self, name: str, *shape: str | int) -> Any:
-        """An input or output of the graph."""
-        helper = self._onnx.helper
-        return helper.make_tensor_value_info(name, self._onnx.TensorProto.FLOAT, list(shape))
-
-
-def _write_members(graph: _Graph, ensemble: Ensemble) -> str:
-    """From `signals` to the members' `numbers`, (M, ..., B), and `novelty`; returns the length."""
-    model, width = ensemble.model, ensemble.width
-    # In units of the floor no square underflows float32.
-    scaled = graph.add("Div", graph.add("Transpose", "signals", perm=[1, 0]), model.floor)
-    squared = graph.total(graph.add("Mul", scaled, scaled), 0, keep=True)
-    ratio = graph.add("Sqrt", graph.add("Add", squared, 1.0))
-    direction = graph.add("Div", scaled, ratio)
-    logarithm = graph.add("Add", graph.add("Log", ratio), np.log(model.floor))
-    # The inputs are centred before they are multiplied: float32 would lose them otherwise.
-    inputs = graph.add("Concat", direction, logarithm, axis=0)
-    inputs = graph.add("Sub", inputs, model.centre[:, None])
-    both = graph.add("MatMul", ensemble.first, inputs)
-    both = graph.add("Add", both, ensemble.first_bias + ensemble.first @ model.centre[:, None])
-    far = graph.part(both, 0, width, width + len(model.centre))
-    far = graph.total(graph.add("Mul", far, far), 0, keep=False)
-    graph.add("Sqrt", far, out="novelty")
-    half = graph.part(both, 0, 0, width)
-    half = graph.reshaped(half, [model.members, width // model.members, -1])
+def _constants(ensemble: Ensemble) -> dict[str, ArrayLike]:
+    """What the graph names without computing it."""
+    model, ends, members = ensemble.model, ensemble.deviations, ensemble.model.members
+    numbers, centre = ensemble.last[0].shape[1], model.centre[:, None]
+    constants: dict[str, ArrayLike] = {
+        "floor": model.floor,
+        "log_floor": np.log(model.floor),
+        "centre": centre,
+        "first": ensemble.first,
+        "first_bias": ensemble.first_bias + ensemble.first @ centre,
+        "widths": [ensemble.width, len(centre)],
+        "members": [members, ensemble.width // members, -1],
+        "kinds": [ends.start, ends.start, numbers - ends.stop],
+        "least": SPREADS[0],
+        "most": SPREADS[1],
+        "flat": [members * numbers, -1],
+        "left_picks": ensemble.picks[0],
+        "right_picks": ensemble.picks[1],
+        "means": ensemble.means[:, None],
+        "size": ensemble.size,
+        "middle": ensemble.middle,
+        "softening": model.softening,
+        "cold": 1 - model.softening * REFERENCE_TEMPERATURE,
+        "stretch": ensemble.stretch,
+        "beside": (ensemble.means > 0)[:, None].astype(np.float32),
+    }
     for k, (weights, bias) in enumerate([*ensemble.hidden, ensemble.last]):
-        hidden = graph.add("Mul", graph.add("Add", graph.add("Tanh", half), 1.0), half)
-        end = "numbers" if k == len(ensemble.hidden) else ""
-        half = graph.add("Add", graph.add("MatMul", weights, hidden), bias, out=end)
-    return graph.add("Mul", ratio, model.floor)
-
-
-def _write_moments(graph: _Graph, ensemble: Ensemble, length: str) -> None:
-    """From `numbers`, `temperature` and the length to `values` and `covariance`."""
-    model, ends = ensemble.model, ensemble.deviations
-    many = ensemble.last[0].shape[1]
-    sizes = graph.add("Clip", graph.part("numbers", 1, ends.start, ends.stop), *SPREADS)
-    parts = [
-        graph.part("numbers", 1, 0, ends.start),
-        graph.add("Exp", sizes),
-        graph.part("numbers", 1, ends.stop, many),
-    ]
-    picks = graph.reshaped(graph.add("Concat", *parts, axis=1), [model.members * many, -1])
-    left, right = (
-        graph.add("Gather", picks, graph.constant(rows, np.int64), axis=0)
-        for rows in (ensemble.left, ensemble.right)
-    )
-    factor = graph.add("Mul", left, right)
-    mean = graph.total(graph.add("Mul", factor, ensemble.means[:, None]), 1, keep=False)
-    natural = graph.add("Add", graph.add("Mul", mean, ensemble.size), ensemble.middle)
-    warmer = graph.add("Sub", "temperature", [REFERENCE_TEMPERATURE])
-    stiffer = graph.add("Add", graph.add("Mul", warmer, [model.softening]), [1.0])
-    strength = graph.add("Mul", length, stiffer)
-    weight = graph.add("Exp", graph.part(natural, 0, 4, 5))
-    push = graph.add("Neg", graph.add("Mul", weight, strength))
-    drags = graph.add("Mul", graph.part(natural, 0, 2, 4), strength)
-    values = graph.add("Concat", graph.part(natural, 0, 0, 2), drags, push, axis=0)
-    graph.add("Transpose", values, perm=[1, 0], out="values")
-    ones = graph.add("Div", strength, strength)
-    units = graph.add("Concat", ones, ones, strength, strength, push, axis=0)
-    units = graph.reshaped(graph.add("Mul", units, ensemble.stretch), [5, 1, -1])
-    beside = (ensemble.means > 0)[:, None].astype(np.float32)
-    apart = graph.add("Mul", graph.reshaped(mean, [5, 1, -1]), beside)
-    factor = graph.add("Mul", graph.add("Sub", factor, apart), units)
-    root, turned = (graph.add("Transpose", factor, perm=perm) for perm in ([2, 0, 1], [2, 1, 0]))
-    graph.add("MatMul", root, turned, out="covariance")
+        constants |= {f"weights{k}": weights, f"bias{k}": bias}
+    return constants

@@ -1,11 +1,9 @@
 """Ensembles of small neural networks that tell a touch from signals: what such a model is.
 
-A model reads the signals of some chips and gives place and force with their covariance, in one
-pass without search. Signals span decades with force, while where a touch is shows in their
-direction: so the direction and the logarithm of the length are fed, and forces come out in units
-of that length. Decides this layout, what is believed (a range of validity), and the model's file;
-hides how all members run at once in a few steps, and how their answers are taken together. Needs
-NumPy alone; files need `safetensors`. Training lives in `smoskin.sensing.network.training`.
+Signals span decades with force, while where a touch is shows in their direction: so the direction
+and the logarithm of the length are fed, and forces come out in units of that length. Decides this
+layout, what is believed, and the model's file; hides how all members run at once. Needs NumPy
+alone; files need `safetensors`. Training lives in `smoskin.sensing.network.training`.
 """
 
 from dataclasses import dataclass
@@ -16,21 +14,17 @@ from typing import Any, Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from smoskin.arrays import Floats, assign, floats, freeze
-from smoskin.errors import ArgumentError, ModelError
+from smoskin.arrays import Floats, assign, floats
+from smoskin.errors import ModelError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
-from smoskin.sensing.files import NETWORK, TensorFile
+from smoskin.sensing.files import NETWORK, TensorFile, freeze_model
 from smoskin.sensing.learned.gaussian_process import Metric
 
 Singles: TypeAlias = NDArray[np.float32]
 
 _FILE: Final = TensorFile("a network file", NETWORK, 1)
 _TENSORS: Final = ("centre", "scale", "middle", "size", "stretch", "whitener")
-_PARTS: Final = tuple(
-    f"{name}_{kind}" for name in ("first", "hidden", "last") for kind in ("weights", "bias")
-)
-_DRAGGED: Final = (0, 1, 2, 3, 4)
-_STRAIGHT: Final = (0, 1, 4)
+_LAYERS: Final = {"first": slice(0, 1), "hidden": slice(1, -1), "last": slice(-1, None)}
 SPREADS: Final = (-9.0, 2.0)
 """Least and largest logarithm of a stated standard deviation, in units of the target's own."""
 
@@ -108,30 +102,23 @@ class NetworkModel:
 
     def __post_init__(self) -> None:
         inputs, outputs = 3 * len(self.chips) + 1, len(self.rows)
-        shapes: dict[str, tuple[int | None, ...]] = {
+        numbers = outputs * (outputs + 3) // 2
+        freeze_model(
+            self,
+            "network",
             **dict.fromkeys(("centre", "scale"), (inputs,)),
             **dict.fromkeys(("middle", "size", "stretch"), (outputs,)),
-            "whitener": (inputs, inputs),
-        }
-        try:
-            freeze(self, **shapes)
-        except ArgumentError as error:
-            raise ModelError(f"network: {error}") from error
-        for name in shapes:
-            if not np.isfinite(getattr(self, name)).all():
-                raise ModelError(f"network: {name} must be finite")
-        numbers = outputs * (outputs + 3) // 2
-        layers = tuple(Layer(*(_read_only(part) for part in layer)) for layer in self.layers)
-        widths = [inputs, *[layer.bias.shape[-1] for layer in layers]]
-        fits = all(
-            layer.weights.shape == (self.members, before, after)
-            and layer.bias.shape == (self.members, 1, after)
-            for layer, (before, after) in zip(layers, pairwise(widths), strict=True)
+            whitener=(inputs, inputs),
         )
-        if len(layers) < 3 or not fits or len(set(widths[1:-1])) != 1 or widths[-1] != numbers:
+        layers = tuple(Layer(*(_read_only(part) for part in layer)) for layer in self.layers)
+        shapes = [(layer.weights.shape, layer.bias.shape) for layer in layers]
+        members, _, width = shapes[0][0] if shapes else (0, 0, 0)
+        widths = [inputs, *[width] * (len(layers) - 1), numbers]
+        fitting = [((members, a, b), (members, 1, b)) for a, b in pairwise(widths)]
+        if len(layers) < 3 or shapes != fitting:
             raise ModelError(
                 f"network: must have {inputs} inputs, two or more hidden layers of one width and "
-                f"{numbers} outputs; got weights {[layer.weights.shape for layer in layers]}"
+                f"{numbers} outputs; got weights {[weights for weights, _ in shapes]}"
             )
         if not all(np.isfinite(part).all() for layer in layers for part in layer):
             raise ModelError("network: weights must be finite")
@@ -145,7 +132,7 @@ class NetworkModel:
     @property
     def rows(self) -> tuple[int, ...]:
         """Places of the targets among x, y, Fx, Fy, Fz."""
-        return _DRAGGED if self.drag else _STRAIGHT
+        return (0, 1, 2, 3, 4) if self.drag else (0, 1, 4)
 
     @property
     def members(self) -> int:
@@ -181,10 +168,10 @@ class NetworkModel:
             If `safetensors` is not installed.
         """
         arrays: dict[str, NDArray[Any]] = {name: getattr(self, name) for name in _TENSORS}
-        ends = {"first": self.layers[:1], "hidden": self.layers[1:-1], "last": self.layers[-1:]}
-        for name, layers in ends.items():
-            arrays[f"{name}_weights"] = np.stack([layer.weights for layer in layers])
-            arrays[f"{name}_bias"] = np.stack([layer.bias for layer in layers])
+        for name, some in _LAYERS.items():
+            for kind in Layer._fields:
+                parts = [getattr(layer, kind) for layer in self.layers[some]]
+                arrays[f"{name}_{kind}"] = np.stack(parts)
         drags = ["Fx / length", "Fy / length"] if self.drag else []
         header = {
             "design": self.design_hash,
@@ -213,11 +200,6 @@ class Ensemble:
     Members with means m_k and covariances L_k L_k^T are taken as a mixture: its mean m is that of
     the m_k, its covariance the mean of L_k L_k^T + (m_k - m)(m_k - m)^T. So the columns of all L_k
     and m_k - m, over the root of M, stand side by side as one factor of it.
-
-    Parameters
-    ----------
-    model : NetworkModel
-        Model to run.
     """
 
     def __init__(self, model: NetworkModel) -> None:
@@ -239,22 +221,19 @@ class Ensemble:
         constant = np.broadcast_to(np.array([0.0, 1.0], np.float32), (members, 1, 2))
         weights = np.concatenate([last.weights, blank], axis=-1)
         self.last = _columns(Layer(weights, np.concatenate([last.bias, constant], axis=-1)))
-        left, right = np.full((2, members, 5, outputs + 1), numbers)
-        scales = np.zeros((3, 5, 1))
+        left, right = picks = np.full((2, members, 5, outputs + 1), numbers)
+        self.middle, self.size, self.stretch = np.zeros((3, 5, 1))
         for row, at in enumerate(model.rows):
             shares = 2 * outputs + row * (row - 1) // 2
             left[:, at, : row + 1] = outputs + row
             right[:, at, :row] = range(shares, shares + row)
             left[:, at, -1] = row
             right[:, at, [row, -1]] = numbers + 1
-            size = model.size[row]
-            scales[:, at, 0] = model.middle[row], size, size * model.stretch[row]
-        # (5, M (O + 1)): picks of the factor of all members' second moments, of M.
-        offset = (numbers + 2) * np.arange(members)[:, None, None]
-        self.left, self.right = (
-            (picks + offset).transpose(1, 0, 2).reshape(5, -1) for picks in (left, right)
-        )
-        self.middle, self.size, self.stretch = *scales[:2], scales[2] / np.sqrt(members)
+            self.middle[at], self.size[at] = model.middle[row], model.size[row]
+            self.stretch[at] = model.size[row] * model.stretch[row] / np.sqrt(members)
+        picks += (numbers + 2) * np.arange(members)[:, None, None]
+        self.picks = picks.swapaxes(1, 2).reshape(2, 5, -1)
+        """(2, 5, M (O + 1)): two numbers whose product is the factor of second moments, of M."""
         self.deviations = slice(outputs, 2 * outputs)
         """Rows of each member's numbers that are logarithms of deviations."""
         self.beside = slice(outputs, None, outputs + 1)
@@ -283,9 +262,8 @@ class Ensemble:
         np.maximum(logarithms, SPREADS[0], out=logarithms)
         np.minimum(logarithms, SPREADS[1], out=logarithms)
         np.exp(logarithms, out=logarithms)
-        picks = numbers.reshape(-1, count)
-        factor = picks.take(self.left, axis=0)
-        factor *= picks.take(self.right, axis=0)
+        left, right = numbers.reshape(-1, count).take(self.picks, axis=0)
+        factor = left * right
         mean = self.means @ factor
         values = self.middle + self.size * mean
         strength = length * (1 + model.softening * (temperature - REFERENCE_TEMPERATURE))
@@ -310,7 +288,8 @@ def load_network(path: Path | str) -> NetworkModel:
     MissingExtraError
         If `safetensors` is not installed.
     """
-    return _FILE.read(path, (*_TENSORS, *_PARTS), _network)
+    parts = [f"{name}_{kind}" for name in _LAYERS for kind in Layer._fields]
+    return _FILE.read(path, (*_TENSORS, *parts), _network)
 
 
 def _network(arrays: dict[str, NDArray[Any]], header: dict[str, Any]) -> NetworkModel:
@@ -319,7 +298,7 @@ def _network(arrays: dict[str, NDArray[Any]], header: dict[str, Any]) -> Network
     low, high = (float(force) for force in header["forces_N"])
     layers = [
         Layer(weights, bias)
-        for name in ("first", "hidden", "last")
+        for name in _LAYERS
         for weights, bias in zip(arrays[f"{name}_weights"], arrays[f"{name}_bias"], strict=True)
     ]
     return NetworkModel(
@@ -336,12 +315,6 @@ def _network(arrays: dict[str, NDArray[Any]], header: dict[str, Any]) -> Network
         metrics=tuple(Metric(**metric) for metric in header["metrics"]),
         **{name: arrays[name] for name in _TENSORS},
     )
-
-
-def encode(signals: Floats, floor: float) -> tuple[Floats, Floats]:
-    """Inputs (B, C + 1) of signals (B, C) and their lengths (B, 1), T."""
-    length = np.sqrt((signals * signals).sum(axis=1, keepdims=True) + floor * floor)
-    return np.concatenate([signals / length, np.log(length)], axis=1), length
 
 
 def _passed(half: Singles) -> Singles:

@@ -1,17 +1,15 @@
 """Touches for networks to learn from, drawn from a response table as often as one likes.
 
 Every draw is another skin: the table's modes with random weights, at a random temperature, with
-all that spoils a reading (what the table misses, the chips' noise, drift, the creep that undoing
-it leaves). A table of a design gives all skins made of it; one calibrated to a skin gives what is
-still open of that skin. Decides how touches and disturbances are spread, how touches become centred
-and scaled examples, and which are held out: skins of their own that no lesson sees. Needs NumPy
-alone.
+all that spoils a reading. Decides how touches and disturbances are spread, how touches become
+centred and scaled examples, and which are held out: skins of their own that no lesson sees. Needs
+NumPy alone.
 """
 
 import hashlib
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -20,17 +18,20 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.mechanics.viscoelasticity import Prony
-from smoskin.sensing.network.model import Layer, NetworkModel, Singles, encode
+from smoskin.sensing.learned.inputs import direction_and_strength
+from smoskin.sensing.network.model import Layer, NetworkModel, Singles
 from smoskin.sensing.response.table import ResponseTable
 
-FLOOR: Final = 1e-6
+_FLOOR: Final = 1e-6
 """Length added to the signals' in quadrature, T: a fraction of the chips' noise."""
-SKINS: Final = 128
+_SKINS: Final = 128
 """Skins of each held-out set."""
-TOUCHES: Final = 96
+_TOUCHES: Final = 96
 """Touches of each of them."""
 _FEW: Final = 16
 """Skins whose touches are laid out at once."""
+_KEPT: Final = ("layers", "centre", "scale", "middle", "size")
+"""Fields of a network that a training goes on from."""
 _NOTHING: Final = 1e-9
 """Share of a vertex in a touch that is none."""
 
@@ -46,8 +47,7 @@ class TouchSpread:
     """
 
     margin: float = 2.5e-3
-    """Distance past the rim up to which places are drawn, m, so that the rim itself is not the
-    limit of all that was ever seen."""
+    """Distance past the rim up to which places are drawn, m: whoever knows no more misreads it."""
     drag: float = 0.0
     """Largest drag, N, of any direction, evenly spread; 0: touches are straight."""
     straight: float = 0.4
@@ -82,23 +82,21 @@ class Drawn(NamedTuple):
 class TouchSource:
     """Touches of skins of a table.
 
+    Undoing creep takes signals to be proportional to motion. While the motion still lacks a share
+    c of where it will settle, what is of order n in the force is read as if weakened by
+    (1 - c)^(n - 1). The touches that a table rests on lacked a share of their own, so that c is
+    drawn evenly about none, over as much as the rubber creeps.
+
     Parameters
     ----------
     table : ResponseTable
-        Table whose skins are drawn.
+        Table of a design, for all skins made of it; or calibrated, for what is open of one skin.
     noise : Floats, shape (C, C)
         Covariance of the signals' noise, T^2 (`smoskin.sensing.signals.signals.signal_noise`).
     spread : TouchSpread, optional
         How touches and disturbances are spread.
     creep : Prony, optional
         Creep of the rubber, where the estimator undoes it: what that leaves is drawn too.
-
-    Notes
-    -----
-    Undoing creep takes signals to be proportional to motion. While the motion still lacks a share
-    c of where it will settle, what is of order n in the force is read as if weakened by
-    (1 - c)^(n - 1). The touches that a table rests on lacked a share of their own, so that c is
-    drawn evenly about none, over as much as the rubber creeps.
     """
 
     def __init__(
@@ -159,14 +157,12 @@ class TouchSource:
 
     def sha256(self) -> str:
         """Hash of everything that draws depend on."""
-        table = self.table
+        table, basis = self.table, self.table.basis
         digest = hashlib.sha256(repr((table.design_hash, table.chips, self.spread)).encode())
-        lines = table.basis.extent, table.basis.lines_x, table.basis.lines_y
+        lines = basis.extent, basis.lines_x, basis.lines_y
         for array in (*lines, self._mean, self._warmth, self._modes, table.misfit, self._noise):
             digest.update(np.ascontiguousarray(array).tobytes())
-        digest.update(
-            repr((table.softening, table.forces, table.basis.radius, self._creep)).encode()
-        )
+        digest.update(repr((table.softening, table.forces, basis.radius, self._creep)).encode())
         return digest.hexdigest()
 
     def _forces(self, rng: np.random.Generator, count: int) -> Floats:
@@ -229,15 +225,6 @@ class TrainingEffort:
             )
 
 
-class Lesson(NamedTuple):
-    """Examples of an epoch."""
-
-    inputs: Singles
-    """(steps, batch, D)."""
-    targets: Singles
-    """(steps, batch, O)."""
-
-
 class Lessons:
     """All that stays the same during a training.
 
@@ -265,82 +252,96 @@ class Lessons:
         effort: TrainingEffort,
         start: NetworkModel | None = None,
     ) -> None:
-        table = source.table
         self.source, self.effort = source, effort
-        self.design_hash = design.content_hash
-        self.outputs = 5 if source.spread.drag else 3
-        first = self.held_out(0)
-        if start is None:
-            inputs, targets = self._natural(first)
-            self.centre, self.scale = inputs.mean(axis=0), inputs.std(axis=0)
-            self.middle, self.size = targets.mean(axis=0), targets.std(axis=0)
-            self.layers = self._random_layers(inputs.shape[1])
-        else:
-            if start.design_hash != design.content_hash or start.chips != table.chips:
-                raise ModelError(
-                    f"start must be of the same design and chips {table.chips}; got one of "
-                    f"{start.design_hash[:12]} and {start.chips}"
-                )
-            if bool(start.drag) is not bool(source.spread.drag):
-                raise ModelError(f"start must know drags as the touches do; got {start.drag} N")
-            self.centre, self.scale = start.centre, start.scale
-            self.middle, self.size = start.middle, start.size
-            self.layers = start.layers
-        self.judges = self._standard(first)
-        """Examples on which a training is judged, and ended."""
+        self._dragged = bool(source.spread.drag)
+        judges = self.held_out(0)
+        if start is not None:
+            self._check_start(design, start)
+        learned = self._untaught(judges) if start is None else {n: getattr(start, n) for n in _KEPT}
+        inputs, outputs = 3 * len(source.table.chips) + 1, 5 if self._dragged else 3
+        self.model = NetworkModel(
+            design_hash=design.content_hash,
+            chips=source.table.chips,
+            stretch=np.ones(outputs),
+            whitener=np.eye(inputs),
+            reach=1.0,
+            forces=source.table.forces,
+            drag=source.spread.drag,
+            floor=_FLOOR,
+            softening=source.table.softening,
+            data_sha256=source.sha256(),
+            split=f"skins of their own: {_SKINS} to end training, {_SKINS} for the spread, "
+            f"{_SKINS} for the figures, of {_TOUCHES} touches each",
+            metrics=(),
+            **learned,
+        )
+        """The network that training starts from, without spread, reach and figures."""
+        self.judges = self._examples(judges)
+        """Examples, as an epoch's, on which a training is judged, and ended."""
         # A training may be given more time, or more patience, when it goes on.
         same = replace(effort, seconds=np.inf, patience=1)
         digest = hashlib.sha256(repr((source.sha256(), same)).encode())
-        for layer in self.layers:
+        for layer in self.model.layers:
             digest.update(layer.weights.tobytes() + layer.bias.tobytes())
         self.key = digest.hexdigest()
         """Hash of all that a training depends on."""
 
-    def epoch(self, number: int) -> Lesson:
-        """Examples of one epoch, the same whenever they are drawn."""
+    def epoch(self, number: int) -> tuple[Singles, Singles]:
+        """Inputs (steps, batch, D) and targets (steps, batch, O) of one epoch, always the same."""
         effort = self.effort
         rng = np.random.default_rng([effort.seed, 1, number])
         total = effort.steps * effort.batch
         drawn = self.source.draw(rng, total // effort.touches, effort.touches)
-        inputs, targets = self._standard(drawn)
+        inputs, targets = self._examples(drawn)
         order = rng.permutation(total).reshape(effort.steps, effort.batch)
-        return Lesson(inputs[order], targets[order])
+        return inputs[order], targets[order]
 
     def held_out(self, which: int) -> Drawn:
         """Touches of skins that no lesson holds; 0: to end training, 1: spread, 2: figures."""
         rng = np.random.default_rng([self.effort.seed, 2, which])
-        return self.source.draw(rng, SKINS, TOUCHES)
+        return self.source.draw(rng, _SKINS, _TOUCHES)
 
     def standard_inputs(self, drawn: Drawn) -> Floats:
         """Inputs of touches, (B, D), centred and scaled."""
-        return np.asarray((self._natural(drawn)[0] - self.centre) / self.scale)
+        return np.asarray((self._natural(drawn)[0] - self.model.centre) / self.model.scale)
 
     def _natural(self, drawn: Drawn) -> tuple[Floats, Floats]:
         """Inputs (B, D) and targets (B, O) in their own units."""
-        inputs, length = encode(drawn.signals.astype(np.float64), FLOOR)
+        inputs, length = direction_and_strength(drawn.signals.astype(np.float64), _FLOOR)
         values = drawn.values.astype(np.float64)
-        drags = [values[:, 2:4] / length] if self.outputs == 5 else []
+        drags = [values[:, 2:4] / length] if self._dragged else []
         targets = [values[:, :2], *drags, np.log(-values[:, 4:] / length)]
         return inputs, np.concatenate(targets, axis=1)
 
-    def _standard(self, drawn: Drawn) -> tuple[Singles, Singles]:
-        """The same, centred and scaled."""
-        inputs, targets = self._natural(drawn)
-        return (
-            ((inputs - self.centre) / self.scale).astype(np.float32),
-            ((targets - self.middle) / self.size).astype(np.float32),
-        )
+    def _examples(self, drawn: Drawn) -> tuple[Singles, Singles]:
+        """Inputs (B, D) and targets (B, O), centred and scaled."""
+        targets = (self._natural(drawn)[1] - self.model.middle) / self.model.size
+        return self.standard_inputs(drawn).astype(np.float32), targets.astype(np.float32)
 
-    def _random_layers(self, inputs: int) -> tuple[Layer, ...]:
-        """Weights to begin with."""
+    def _check_start(self, design: SkinDesign, start: NetworkModel) -> None:
+        """Raise unless training may go on from a network."""
+        chips = self.source.table.chips
+        if start.design_hash != design.content_hash or start.chips != chips:
+            raise ModelError(
+                f"start must be of the same design and chips {chips}; got one of "
+                f"{start.design_hash[:12]} and {start.chips}"
+            )
+        if bool(start.drag) is not self._dragged:
+            raise ModelError(f"start must know drags as the touches do; got {start.drag} N")
+
+    def _untaught(self, drawn: Drawn) -> dict[str, Any]:
+        """What a network keeps: random weights, centre and scale of inputs and targets."""
         effort = self.effort
+        inputs, targets = self._natural(drawn)
         rng = np.random.default_rng([effort.seed, 0])
-        last = self.outputs * (self.outputs + 3) // 2
+        outputs = targets.shape[1]
+        widths = [inputs.shape[1], *[effort.width] * effort.depth, outputs * (outputs + 3) // 2]
         layers = []
-        for before, after in pairwise([inputs, *[effort.width] * effort.depth, last]):
+        for before, after in pairwise(widths):
             weights = rng.standard_normal((effort.members, before, after)) * np.sqrt(2 / before)
             bias = np.zeros((effort.members, 1, after), np.float32)
             layers.append(Layer(weights.astype(np.float32), bias))
         # Statements begin near the middle, with a spread like the targets' own.
         layers[-1] = Layer(layers[-1].weights * np.float32(0.1), layers[-1].bias)
-        return tuple(layers)
+        of_inputs, of_targets = ((a.mean(axis=0), a.std(axis=0)) for a in (inputs, targets))
+        return dict(zip(_KEPT, (tuple(layers), *of_inputs, *of_targets), strict=True))

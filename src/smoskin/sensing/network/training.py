@@ -1,10 +1,9 @@
 """Trains the networks that `smoskin.sensing.network.model` runs, on touches drawn anew every epoch.
 
-Held-out touches come from skins of their own, whose draws training never sees; when they stop
-getting better, training ends, and on others of them the stated spread is set. Decides the loss
-(the likelihood of the truth under what members state), how the rate falls, what a checkpoint
-holds (a training that was killed goes on to the same numbers as one that was not), and how weights
-become a model with its range of validity. Needs the extra `train`.
+Decides the loss (the likelihood of the truth under what members state), how the rate falls, when
+training ends (held-out skins get no better), what a checkpoint holds (a training that was killed
+goes on to the same numbers as one that was not), and how weights become a model with its range of
+validity. Needs the extra `train`.
 """
 
 import json
@@ -12,11 +11,13 @@ import os
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
+from scipy.stats import chi2
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
@@ -25,18 +26,8 @@ from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.roles import Progress, unheard
 from smoskin.sensing.files import TensorFile
 from smoskin.sensing.learned.gaussian_process import Metric
-from smoskin.sensing.network.model import SPREADS, Layer, NetworkModel, Prediction
-from smoskin.sensing.network.samples import (
-    FLOOR,
-    SKINS,
-    TOUCHES,
-    Drawn,
-    Lesson,
-    Lessons,
-    TouchSource,
-    TouchSpread,
-    TrainingEffort,
-)
+from smoskin.sensing.network.model import SPREADS, Layer, NetworkModel, Prediction, Singles
+from smoskin.sensing.network.samples import Drawn, Lessons, TouchSource, TouchSpread, TrainingEffort
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.signals import signal_noise
 
@@ -51,14 +42,13 @@ except ImportError as error:
 
 State: TypeAlias = Any
 """Weights, their running average and the optimiser's memory: a tree of arrays."""
+Examples: TypeAlias = tuple[Singles, Singles]
 
 _CHECKPOINT: Final = TensorFile("a training checkpoint", "smoskin_training", 1)
 _CLIP: Final = 5.0
 """Length of the gradient above which it is shortened."""
 _HOLDS: Final = 0.9
 """Share of truths that stated regions of so much shall hold."""
-_NORMAL: Final = {2: 4.605170185988092, 1: 2.705543454095404}
-"""Squared deviations that hold 90 % of a normal of so many dimensions."""
 _BEYOND: Final = 1.3
 """A model is believed to this multiple of the distance at which held-out touches lie at most."""
 _FIRM: Final = 0.3
@@ -87,12 +77,32 @@ class Epoch(NamedTuple):
 
 
 class Trained(NamedTuple):
-    """What a training has come to."""
+    """A training that has ended."""
 
     model: NetworkModel
     curve: tuple[Epoch, ...]
+    """Learning curve, a point an epoch."""
     ended: str
     """Why it ended, in words."""
+
+    def save(self, path: Path | str) -> None:
+        """Write the network's file, as `NetworkModel.save` does."""
+        self.model.save(path)
+
+    def as_json(self) -> dict[str, object]:
+        """Plain values for machines."""
+        last = self.curve[-1]
+        return {
+            "design_hash": self.model.design_hash,
+            "data_sha256": self.model.data_sha256,
+            "chips": list(self.model.chips),
+            "drag_N": self.model.drag,
+            "epochs": last.epoch,
+            "seconds": last.seconds,
+            "ended": self.ended,
+            "held_out_nats": min(point.held_out for point in self.curve),
+            "metrics": [metric._asdict() for metric in self.model.metrics],
+        }
 
 
 def train_network(
@@ -108,142 +118,86 @@ def train_network(
     progress: Progress = unheard,
     clock: Callable[[], float] = time.monotonic,
 ) -> Trained:
-    """A network for skins of a table.
+    """A network for skins of a table, which holds the chips that the network shall read.
 
-    Parameters
-    ----------
-    design : SkinDesign
-        Design of the table.
-    table : ResponseTable
-        Table of the design, for any skin made of it; or one calibrated to a skin. Of the chips that
-        the network shall read.
-    spread : TouchSpread, optional
-        How touches and disturbances are spread.
-    creep : Prony, optional
-        Creep of the rubber, where the estimator shall undo it.
-    effort : TrainingEffort, optional
-        Sizes and lengths.
-    start : NetworkModel, optional
-        A network to go on from, such as the design's for one skin of it; its sizes are kept.
-    checkpoint : Path, optional
-        File that is written after every epoch; where it exists, training goes on from there.
-    curve : Path, optional
-        File of the learning curve, a line of JSON for each epoch.
-    progress : Progress, optional
-        Listener.
-    clock : callable
-        Seconds that pass.
+    `smoskin.commands.train.train` says what most arguments mean. `spread` is that of touches and
+    disturbances, `creep` that of the rubber where the estimator undoes it, and `clock` gives the
+    seconds that pass.
 
     Raises
     ------
     ModelError
-        If the table or the start belong to another design, or the checkpoint to another
-        training.
+        If the table or the start belong to another design, or the checkpoint to another training.
     """
     effort = effort or TrainingEffort()
     design.check_own("table", table.design_hash)
     source = TouchSource(table, signal_noise(design, table.chips), spread, creep)
     lessons = Lessons(design, source, effort, start)
-
-    def keep(course: _Course) -> None:
-        if checkpoint is not None and course.curve:
-            course.save(checkpoint)
-        if curve is not None:
-            _write_curve(curve, course.curve)
-
     with jax.enable_x64(False), ThreadPoolExecutor(max_workers=1) as ahead:
-        course = _Course.resume(lessons, checkpoint)
+        course = _Course(lessons, checkpoint)
         began = clock() - course.seconds
-        keep(course)
-        coming = ahead.submit(lessons.epoch, course.epochs)
+        course.save(checkpoint, curve)
+        coming = ahead.submit(lessons.epoch, len(course.curve))
         while not (ended := course.ended()):
-            share = max(course.epochs / effort.epochs, course.seconds / effort.seconds)
-            progress(course.told(), share)
-            lesson = coming.result()
-            coming = ahead.submit(lessons.epoch, course.epochs + 1)
-            course = course.after(lesson, share, lambda: clock() - began)
-            keep(course)
+            share = max(len(course.curve) / effort.epochs, course.seconds / effort.seconds)
+            progress(course.summary(), share)
+            examples = coming.result()
+            coming = ahead.submit(lessons.epoch, len(course.curve) + 1)
+            course.learn(examples, share, lambda: clock() - began)
+            course.save(checkpoint, curve)
         coming.cancel()
         progress(f"stopped: {ended}", 1.0)
-        return Trained(_finished(lessons, course.best), course.curve, ended)
+        return Trained(_finished(lessons, course.best), tuple(course.curve), ended)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class _Course:
-    """How far a training has come."""
+    """How far a training has come: as a checkpoint left it, from the beginning without one."""
 
-    lessons: Lessons
-    state: State
-    best: State
-    """Averaged weights of the epoch that did best on held-out skins."""
-    curve: tuple[Epoch, ...]
+    def __init__(self, lessons: Lessons, checkpoint: Path | None) -> None:
+        self._lessons = lessons
+        weights = [(jnp.asarray(w), jnp.asarray(b)) for w, b in lessons.model.layers]
+        self._state: State = (weights, weights, _optimiser(weights).init(weights))
+        self.best: State = weights
+        """Averaged weights of the epoch that did best on held-out skins."""
+        self.curve: list[Epoch] = []
+        if checkpoint is not None and checkpoint.exists():
+            names = [str(k) for k in range(len(jax.tree.leaves((self._state, self.best))))]
+            _CHECKPOINT.read(checkpoint, names, partial(self._resume, checkpoint))
 
-    @classmethod
-    def begin(cls, lessons: Lessons) -> "_Course":
-        """Nothing learned yet."""
-        weights = [(jnp.asarray(w), jnp.asarray(b)) for w, b in lessons.layers]
-        state = weights, weights, _optimiser().init(weights)
-        return cls(lessons=lessons, state=state, best=weights, curve=())
-
-    @classmethod
-    def resume(cls, lessons: Lessons, file: Path | None) -> "_Course":
-        """The course as a checkpoint left it; from the beginning where there is none."""
-        fresh = cls.begin(lessons)
-        if file is None or not file.exists():
-            return fresh
-        leaves, shape = jax.tree.flatten((fresh.state, fresh.best))
-
-        def build(arrays: dict[str, Any], header: dict[str, Any]) -> "_Course":
-            if header["training"] != lessons.key:
-                raise ModelError(
-                    f"{file}: must be of this training, of the same table, touches and effort; "
-                    f"remove it to begin anew"
-                )
-            # The file knows no arrays without dimensions, such as the optimiser's count.
-            loaded = [
-                jnp.asarray(arrays[str(k)]).reshape(leaf.shape) for k, leaf in enumerate(leaves)
-            ]
-            state, best = jax.tree.unflatten(shape, loaded)
-            points = tuple(Epoch(**point) for point in header["curve"])
-            return cls(lessons=lessons, state=state, best=best, curve=points)
-
-        return _CHECKPOINT.read(file, [str(k) for k in range(len(leaves))], build)
-
-    @property
-    def epochs(self) -> int:
-        """Number of epochs that are done."""
-        return len(self.curve)
+    def _resume(self, file: Path, arrays: dict[str, Any], header: dict[str, Any]) -> None:
+        """Go on from what a checkpoint holds."""
+        if header["training"] != self._lessons.key:
+            raise ModelError(
+                f"{file}: must be of this training, of the same table, touches and effort; "
+                f"remove it to begin anew"
+            )
+        leaves, shape = jax.tree.flatten((self._state, self.best))
+        # The file knows no arrays without dimensions, such as the optimiser's count.
+        loaded = [jnp.asarray(arrays[str(k)]).reshape(leaf.shape) for k, leaf in enumerate(leaves)]
+        self._state, self.best = jax.tree.unflatten(shape, loaded)
+        self.curve = [Epoch(**point) for point in header["curve"]]
 
     @property
     def seconds(self) -> float:
         """Time spent so far."""
         return self.curve[-1].seconds if self.curve else 0.0
 
-    def after(self, lesson: Lesson, share: float, spent: Callable[[], float]) -> "_Course":
-        """One epoch on."""
-        rate = self.lessons.effort.rate * 0.5 * (1 + np.cos(np.pi * min(share, 1.0)))
-        state, loss = _learn(self.state, lesson, np.float32(rate))
-        inputs, targets = self.lessons.judges
-        point = Epoch(
-            epoch=self.epochs + 1,
-            training=float(loss),
-            held_out=float(likelihood_loss(state[1], inputs, targets)),
-            rate=float(rate),
-            seconds=spent(),
-        )
-        better = point.held_out < min((past.held_out for past in self.curve), default=np.inf)
-        return _Course(
-            lessons=self.lessons,
-            state=state,
-            best=state[1] if better else self.best,
-            curve=(*self.curve, point),
-        )
+    def learn(self, examples: Examples, share: float, spent: Callable[[], float]) -> None:
+        """Take in an epoch's examples, that share of the training being over."""
+        rate = self._lessons.effort.rate * 0.5 * (1 + np.cos(np.pi * min(share, 1.0)))
+        self._state, loss = _learn(self._state, examples, np.float32(rate))
+        average = self._state[1]
+        held_out = float(likelihood_loss(average, *self._lessons.judges))
+        if held_out < min((past.held_out for past in self.curve), default=np.inf):
+            self.best = average
+        number = len(self.curve) + 1
+        self.curve.append(Epoch(number, spent(), float(rate), float(loss), held_out))
 
     def ended(self) -> str:
         """Why training is over; empty while it is not."""
-        effort = self.lessons.effort
+        effort = self._lessons.effort
         losses = [point.held_out for point in self.curve]
-        if self.epochs >= effort.epochs:
+        if len(losses) >= effort.epochs:
             return f"all {effort.epochs} epochs are done"
         if self.seconds >= effort.seconds:
             return f"its {effort.seconds:.0f} s are over"
@@ -253,52 +207,49 @@ class _Course:
             return f"{effort.patience} epochs gained nothing on held-out skins"
         return ""
 
-    def told(self) -> str:
+    def summary(self) -> str:
         """State of the training, for people."""
         if not self.curve:
             return "learning"
         last = self.curve[-1]
         return f"epoch {last.epoch}, {last.held_out:.3f} nats on held-out skins"
 
-    def save(self, file: Path) -> None:
-        """Write the checkpoint; whoever kills the program meanwhile leaves the last one whole."""
-        leaves = jax.tree.leaves((self.state, self.best))
-        arrays = {str(k): np.asarray(leaf) for k, leaf in enumerate(leaves)}
-        header = {
-            "training": self.lessons.key,
-            "curve": [point._asdict() for point in self.curve],
-        }
-        fresh = file.with_name(file.name + ".new")
-        _CHECKPOINT.write(fresh, arrays, header)
-        os.replace(fresh, file)
+    def save(self, checkpoint: Path | None, curve: Path | None) -> None:
+        """Write the files that are wanted; whoever kills the program leaves the last ones whole."""
+        points = [point._asdict() for point in self.curve]
+        if checkpoint is not None and points:
+            leaves = jax.tree.leaves((self._state, self.best))
+            arrays = {str(k): np.asarray(leaf) for k, leaf in enumerate(leaves)}
+            fresh = checkpoint.with_name(checkpoint.name + ".new")
+            _CHECKPOINT.write(fresh, arrays, {"training": self._lessons.key, "curve": points})
+            os.replace(fresh, checkpoint)
+        if curve is not None:
+            lines = [json.dumps(point) + "\n" for point in points]
+            curve.write_text("".join(lines), encoding="utf-8")
 
 
-def _optimiser() -> optax.GradientTransformation:
+def _optimiser(weights: State) -> optax.GradientTransformation:
     """Muon on hidden layers, Adam on the others; the rate is applied by whoever steps.
 
     Muon makes the steps of a matrix orthogonal, so that directions that gradients hardly show are
     learned as fast as the others: after 1,400 steps on one skin's table a single network is off by
     0.77 mm, where with Adam alone it is by 0.91 mm.
     """
-
-    def dimensions(weights: State) -> State:
-        """Axes of the matrices of hidden layers, (M, inputs, outputs); None for all else."""
-        matrix = optax.contrib.MuonDimensionNumbers(reduction_axis=1, output_axis=2)
-        inner = [(matrix, None) for _ in weights[1:-1]]
-        return [(None, None), *inner, (None, None)]
-
+    # Axes of the matrices of hidden layers, (M, inputs, outputs); None for all else.
+    matrix = optax.contrib.MuonDimensionNumbers(reduction_axis=1, output_axis=2)
+    axes = [(None, None), *[(matrix, None)] * (len(weights) - 2), (None, None)]
     muon = optax.contrib.muon(
-        1.0, muon_weight_dimension_numbers=dimensions, adam_b2=_MEMORY, consistent_rms=_STEP
+        1.0, muon_weight_dimension_numbers=axes, adam_b2=_MEMORY, consistent_rms=_STEP
     )
     return optax.chain(optax.clip_by_global_norm(_CLIP), muon)
 
 
 @jax.jit
-def _learn(state: State, lesson: Lesson, rate: Array) -> tuple[State, Array]:
+def _learn(state: State, lesson: Examples, rate: Array) -> tuple[State, Array]:
     """An epoch's steps, and their mean loss."""
-    optimiser = _optimiser()
+    optimiser = _optimiser(state[0])
 
-    def step(state: State, examples: Lesson) -> tuple[State, Array]:
+    def step(state: State, examples: Examples) -> tuple[State, Array]:
         weights, average, memory = state
         loss, slope = jax.value_and_grad(likelihood_loss)(weights, *examples)
         move, memory = optimiser.update(slope, memory, weights)
@@ -329,9 +280,9 @@ def likelihood_loss(weights: State, inputs: Array, targets: Array) -> Array:
     white: list[Array] = []
     for row in range(count):
         first = row * (row - 1) // 2
-        shared = sum((shares[..., first + k] * white[k] for k in range(row)), jnp.zeros(()))
+        shared = sum(shares[..., first + k] * white[k] for k in range(row))
         white.append(residuals[..., row] - shared)
-    squared = sum((w * w for w in white), jnp.zeros(()))
+    squared = sum(w * w for w in white)
     loss: Array = (0.5 * squared + size.sum(axis=-1) + 0.5 * count * np.log(2 * np.pi)).mean()
     return loss
 
@@ -342,40 +293,22 @@ def _finished(lessons: Lessons, weights: State) -> NetworkModel:
     # By their covariance: signals that are usual one by one may be unheard of together.
     whitener = np.linalg.inv(np.linalg.cholesky(inputs.T @ inputs / len(inputs))).T
     reach = _BEYOND * float(np.sqrt(((inputs @ whitener) ** 2).sum(axis=1)).max())
-    source = lessons.source
-    blank = NetworkModel(
-        design_hash=lessons.design_hash,
-        chips=source.table.chips,
-        layers=tuple(Layer(np.asarray(w), np.asarray(b)) for w, b in weights),
-        centre=lessons.centre,
-        scale=lessons.scale,
-        middle=lessons.middle,
-        size=lessons.size,
-        stretch=np.ones(lessons.outputs),
-        whitener=whitener,
-        reach=reach,
-        forces=source.table.forces,
-        drag=source.spread.drag,
-        floor=FLOOR,
-        softening=source.table.softening,
-        data_sha256=source.sha256(),
-        split=f"skins of their own: {SKINS} to end training, {SKINS} for the spread, "
-        f"{SKINS} for the figures, of {TOUCHES} touches each",
-        metrics=(),
-    )
-    stretched = replace(blank, stretch=_stretch(blank, lessons.held_out(1)))
-    return replace(stretched, metrics=_metrics(stretched, lessons.held_out(2)))
+    layers = tuple(Layer(np.asarray(w), np.asarray(b)) for w, b in weights)
+    model = replace(lessons.model, layers=layers, whitener=whitener, reach=reach)
+    model = replace(model, stretch=_stretch(model, lessons.held_out(1)))
+    return replace(model, metrics=_metrics(model, lessons.held_out(2)))
 
 
 def _stretch(model: NetworkModel, drawn: Drawn) -> Floats:
     """Factors (O,) on stated deviations with which 90 % regions hold 90 % of these touches."""
     predicted, residuals = _residuals(model, drawn)
-    factors: list[float] = []
-    for part in (slice(0, 2), *(slice(row, row + 1) for row in model.rows[2:])):
-        width = part.stop - part.start
-        squared = _squared(predicted, residuals, part)
-        factors += [float(np.sqrt(np.quantile(squared, _HOLDS) / _NORMAL[width]))] * width
-    return np.array(factors)
+    parts = [slice(0, 2), *(slice(row, row + 1) for row in model.rows[2:])]
+    wider = [
+        np.quantile(_squared(predicted, residuals, part), _HOLDS)
+        / chi2.ppf(_HOLDS, part.stop - part.start)
+        for part in parts
+    ]
+    return np.sqrt([wider[0], *wider])
 
 
 def _metrics(model: NetworkModel, drawn: Drawn) -> tuple[Metric, ...]:
@@ -384,7 +317,7 @@ def _metrics(model: NetworkModel, drawn: Drawn) -> tuple[Metric, ...]:
     firm = drawn.values[:, 4] <= -_FIRM
     place = np.hypot(residuals[:, 0], residuals[:, 1])
     force = np.abs(residuals[:, 4] / drawn.values[:, 4].astype(np.float64))
-    inside = _squared(predicted, residuals, slice(0, 2)) <= _NORMAL[2]
+    inside = _squared(predicted, residuals, slice(0, 2)) <= chi2.ppf(_HOLDS, 2)
     figures = [
         ("mean distance of the place", place, "m"),
         ("mean error of the normal force", force, "1"),
@@ -407,9 +340,3 @@ def _squared(predicted: Prediction, residuals: Floats, part: slice) -> Floats:
     off = residuals[:, part]
     white = np.linalg.solve(predicted.covariance[:, part, part], off[..., None])[..., 0]
     return np.asarray((off * white).sum(axis=1))
-
-
-def _write_curve(file: Path, curve: tuple[Epoch, ...]) -> None:
-    """All of the curve, a line of JSON for each epoch."""
-    lines = [json.dumps(point._asdict()) + "\n" for point in curve]
-    file.write_text("".join(lines), encoding="utf-8")
