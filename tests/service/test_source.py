@@ -13,6 +13,7 @@ from smoskin.design.document import read_design
 from smoskin.errors import ArgumentError, DesignError, SourceError
 from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.records import ChipFlag, Contact, Reading
+from smoskin.service.pace import Pace
 from smoskin.service.recorder import Recorder, open_recording
 from smoskin.service.source import ReplaySource, TwinSource, open_source
 from smoskin.twin.creep import Creep
@@ -47,7 +48,7 @@ def recorded(path: Path, times: Sequence[float]) -> Path:
 def played(path: Path, **options: float) -> tuple[list[float], list[float]]:
     """Times of the readings, and when they came."""
     fake = FakeTime()
-    source = ReplaySource(open_recording(path), clock=fake.clock, sleep=fake.sleep, **options)
+    source = ReplaySource(open_recording(path), pace=Pace(fake.clock, fake.sleep), **options)
     given, came = [], []
     for reading in source:
         given.append(reading.time)
@@ -103,7 +104,7 @@ def test_bad_measurements_are_played_as_recorded(tmp_path: Path) -> None:
 def test_a_reading_that_is_not_due_yet_is_not_lost(tmp_path: Path) -> None:
     fake = FakeTime()
     recording = open_recording(recorded(tmp_path / "a.mcap", [0.0, 0.4]))
-    source = ReplaySource(recording, clock=fake.clock, sleep=fake.sleep)
+    source = ReplaySource(recording, pace=Pace(fake.clock, fake.sleep))
     assert source.read() is not None
     with pytest.raises(SourceError, match=r"no reading within 0\.1 s; the next is due in 0\.300 s"):
         source.read(timeout=0.1)
@@ -141,7 +142,7 @@ def test_a_damaged_recording_plays_what_is_left(tmp_path: Path) -> None:
 
 def test_the_twin_keeps_its_rate() -> None:
     fake = FakeTime()
-    source = TwinSource(ReducedTwin(DESIGN), rate=50.0, clock=fake.clock, sleep=fake.sleep)
+    source = TwinSource(ReducedTwin(DESIGN), rate=50.0, pace=Pace(fake.clock, fake.sleep))
     times = [source.read().time for _ in range(5)]  # type: ignore[union-attr]
     np.testing.assert_allclose(times, [0.0, 0.02, 0.04, 0.06, 0.08])
     assert fake.now == pytest.approx(1000.08)
@@ -149,7 +150,7 @@ def test_the_twin_keeps_its_rate() -> None:
 
 def test_the_twin_skips_what_nobody_read_in_time() -> None:
     fake = FakeTime()
-    source = TwinSource(ReducedTwin(DESIGN), rate=100.0, clock=fake.clock, sleep=fake.sleep)
+    source = TwinSource(ReducedTwin(DESIGN), rate=100.0, pace=Pace(fake.clock, fake.sleep))
     source.read()
     fake.now += 0.055  # readings 1 to 4 pass, 5 is waited for no more
     late, following = source.read(), source.read()
@@ -164,7 +165,7 @@ def test_an_unpaced_twin_never_waits() -> None:
     def never(_: float) -> None:
         raise AssertionError("slept")
 
-    source = TwinSource(ReducedTwin(DESIGN), rate=10.0, speed=float("inf"), sleep=never)
+    source = TwinSource(ReducedTwin(DESIGN), rate=10.0, speed=float("inf"), pace=Pace(sleep=never))
     times = [source.read().time for _ in range(4)]  # type: ignore[union-attr]
     np.testing.assert_allclose(times, [0.0, 0.1, 0.2, 0.3])
 
@@ -251,7 +252,7 @@ def test_creep_goes_on_through_readings_that_nobody_read() -> None:
     press = [Contact(position=(0.05, 0.067), force=(0.0, 0.0, -0.5))]
     skin = ReducedTwin(DESIGN, seed=None)
     patient = TwinSource(skin, rate=10.0, speed=float("inf"), creep=Creep(DESIGN))
-    late = TwinSource(skin, rate=10.0, creep=Creep(DESIGN), clock=fake.clock, sleep=fake.sleep)
+    late = TwinSource(skin, rate=10.0, creep=Creep(DESIGN), pace=Pace(fake.clock, fake.sleep))
     for source in (patient, late):
         settled(source)
         source.touch(press)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import typer
 from typer import Argument, Option
 
-from smoskin.cli.frame import Design, Json, app, progress_bar, tell
+from smoskin.cli.frame import Design, File, Json, Number, Text, Whole, app, progress_bar, tell
 from smoskin.errors import ArgumentError
 from smoskin.feasibility import load_design
 from smoskin.measurement import read_touches
@@ -18,36 +18,29 @@ touches = typer.Typer(no_args_is_help=True, help="Plan the touches of a calibrat
 app.add_typer(touches, name="touches")
 
 Table = Annotated[
-    str | None,
-    Option("--table", help="Response table to start from; by default the design's shipped."),
+    Text, Option("--table", help="Response table to start from; by default the design's shipped.")
 ]
 UntilMm = Annotated[
-    float | None,
-    Option(min=0.0, help="Stop where a touch is expected to be located this well, mm."),
+    Number, Option(min=0.0, help="Stop where a touch is expected to be located this well, mm.")
 ]
 PlaceMm = Annotated[
-    float | None,
-    Option(min=0.0, help="Standard deviation of the places that are reported, mm."),
+    Number, Option(min=0.0, help="Standard deviation of the places that are reported, mm.")
 ]
 ForceMn = Annotated[
-    float | None,
-    Option("--force-mN", min=0.0, help="Standard deviation of the forces, mN."),
+    Number, Option("--force-mN", min=0.0, help="Standard deviation of the forces, mN.")
 ]
 
 
 Rig = Annotated[
     str, Option(help="Rig that touches the skin: virtual, virtual?seed=3&temperature=30.")
 ]
-Sheet = Annotated[Path | None, Option(help="CSV of touches made by hand, instead of a rig.")]
+Sheet = Annotated[File, Option(help="CSV of touches made by hand, instead of a rig.")]
 Recording = Annotated[
-    Path | None,
-    Option(help="MCAP with the readings, where the CSV says when touches were held."),
+    File, Option(help="MCAP with the readings, where the CSV says when touches were held.")
 ]
-Touches = Annotated[int | None, Option(min=1, help="Touches that a rig makes; 15 by default.")]
-RigForce = Annotated[float | None, Option(help="Largest normal force of a rig, N; 0.8 by default.")]
-RigDrag = Annotated[
-    float | None, Option(help="Largest sideways force of a rig, N; 0.3 by default.")
-]
+Touches = Annotated[Whole, Option(min=1, help="Touches that a rig makes; 15 by default.")]
+RigForce = Annotated[Number, Option(help="Largest normal force of a rig, N; 0.8 by default.")]
+RigDrag = Annotated[Number, Option(help="Largest sideways force of a rig, N; 0.3 by default.")]
 OwnTable = Annotated[
     Path, Option(help="File of the skin's own response table to write.", dir_okay=False)
 ]
@@ -114,9 +107,7 @@ def plan_touches(
     drag: Annotated[float, Option(help="Largest sideways force, N.")] = 0.0,
     place_mm: PlaceMm = 0.5,
     force_mn: ForceMn = 10.0,
-    after: Annotated[
-        Path | None, Option(help="A filled sheet of touches that have been made.")
-    ] = None,
+    after: Annotated[File, Option(help="A filled sheet of touches that have been made.")] = None,
     table: Table = None,
     as_json: Json = False,
 ) -> None:
@@ -160,11 +151,9 @@ def fit_paper(
     ),
     design: Annotated[str, Option(help="Design of the skin that was touched.")] = "planar",
     recording: Recording = None,
-    date: Annotated[
-        str | None, Option(help="ISO date of the measurement; today by default.")
-    ] = None,
+    date: Annotated[Text, Option(help="ISO date of the measurement; today by default.")] = None,
     separate: Annotated[bool, Option("--separate", help="Fit v_a in X and Y apart.")] = False,
-    plot: Annotated[Path | None, Option(help="Draw the residuals to this file.")] = None,
+    plot: Annotated[File, Option(help="Draw the residuals to this file.")] = None,
     as_json: Json = False,
 ) -> None:
     """Fit the paper's own model to touches of a bench, with uncertainties.

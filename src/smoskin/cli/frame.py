@@ -69,6 +69,12 @@ app = typer.Typer(
     help="Design, simulate, calibrate, train, run and see a sandwich Miura-ori tactile skin.",
 )
 
+File = Path | None
+Number = float | None
+Text = str | None
+Whole = int | None
+"""Values of options that may be left out."""
+
 Json = Annotated[bool, Option("--json", help="Print JSON for machines.")]
 Design = Annotated[str, Argument(help="A shipped design or the path of a TOML document.")]
 
@@ -110,12 +116,11 @@ def _version(asked: bool) -> None:
         raise typer.Exit
 
 
+Version = Option("--version", callback=_version, is_eager=True, help="Print the version.")
+
+
 @app.callback()
-def _options(
-    version: Annotated[
-        bool, Option("--version", callback=_version, is_eager=True, help="Print the version.")
-    ] = False,
-) -> None:
+def _options(version: Annotated[bool, Version] = False) -> None:
     """Options before any command."""
 
 

@@ -7,14 +7,12 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from smoskin.cli.frame import Design, Json, app, tell
+from smoskin.cli.frame import Design, File, Json, Number, Text, app, tell
 from smoskin.feasibility import load_design
 from smoskin.sensing.response.table import load_response_table
 
-Seconds = Annotated[float | None, Option(min=0.0, help="Stop after so many seconds.")]
-Record = Annotated[
-    Path | None, Option(help="Write everything to this new MCAP file.", dir_okay=False)
-]
+Seconds = Annotated[Number, Option(min=0.0, help="Stop after so many seconds.")]
+Record = Annotated[File, Option(help="Write everything to this new MCAP file.", dir_okay=False)]
 
 
 @app.command()
@@ -30,7 +28,7 @@ def demo(
     seed: Annotated[int, Option(min=0, help="Seed of the skin, the noise and the hand.")] = 0,
     touches: Annotated[int, Option(min=1, help="Touches of the rig that calibrates.")] = 15,
     table: Annotated[
-        Path | None, Option(help="Response table of the design; by default the shipped one.")
+        File, Option(help="Response table of the design; by default the shipped one.")
     ] = None,
     estimator: Annotated[
         list[Path] | None,
@@ -80,12 +78,9 @@ def run(
     source: Annotated[
         str, Argument(help="twin://DESIGN or replay:FILE, each with ?options.")
     ] = "twin://planar",
-    design: Annotated[
-        str | None, Option(help="Design of the skin; by default the source's own.")
-    ] = None,
+    design: Annotated[Text, Option(help="Design of the skin; by default the source's own.")] = None,
     calibration: Annotated[
-        Path | None,
-        Option(help="File of this skin: a calibration, a response table or a network."),
+        File, Option(help="File of this skin: a calibration, a response table or a network.")
     ] = None,
     zero: Annotated[
         bool, Option(help="Take the first 20 readings as those of the untouched skin.")

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import typer
 from typer import Option
 
-from smoskin.cli.frame import Design, Json, app, progress_bar, tell
+from smoskin.cli.frame import Design, File, Json, Text, Whole, app, progress_bar, tell
 from smoskin.feasibility import load_design
 
 
@@ -20,12 +20,10 @@ def info(design: Design = "planar", as_json: Json = False) -> None:
 
 
 Mechanics = Annotated[
-    Literal["whole", "reduced"],
-    Option(help="whole: the folded sheet; reduced: the paper's model."),
+    Literal["whole", "reduced"], Option(help="whole: the folded sheet; reduced: the paper's model.")
 ]
 Grip = Annotated[
-    str | None,
-    Option(help="How touches hold: sticking, frictionless, covered or sliding:FRICTION."),
+    Text, Option(help="How touches hold: sticking, frictionless, covered or sliding:FRICTION.")
 ]
 
 
@@ -78,32 +76,31 @@ def sweep(
         Option(help="Presses at every place of a grid; with drags; two at once; random."),
     ] = "grid",
     out: Annotated[
-        Path | None,
-        Option(help="Folder of the data set; DESIGN-KIND by default.", file_okay=False),
+        File, Option(help="Folder of the data set; DESIGN-KIND by default.", file_okay=False)
     ] = None,
     summary: Annotated[
-        Path | None, Option(help="Only tell what this data set holds.", file_okay=False)
+        File, Option(help="Only tell what this data set holds.", file_okay=False)
     ] = None,
-    export: Annotated[Path | None, Option(help="Also write this one HDF5 file.")] = None,
+    export: Annotated[File, Option(help="Also write this one HDF5 file.")] = None,
     forces: Annotated[
-        str | None, Option(help="Forces, N: 0.1,0.5 or from:to:count; random: from:to.")
+        Text, Option(help="Forces, N: 0.1,0.5 or from:to:count; random: from:to.")
     ] = None,
-    drags: Annotated[str | None, Option(help="Forces sideways, N, likewise.")] = None,
-    directions: Annotated[str | None, Option(help="Directions of a shear's drags.")] = None,
-    places: Annotated[str | None, Option(help="Places of the grid, such as 25x33.")] = None,
-    count: Annotated[str | None, Option(help="Number of random presses.")] = None,
-    touches: Annotated[str | None, Option(help="Touches at once: 2, or from:to.")] = None,
-    radius: Annotated[str | None, Option(help="Radius of touches, mm; or from:to.")] = None,
-    margin: Annotated[str | None, Option(help="Random presses' way to the rim, mm.")] = None,
+    drags: Annotated[Text, Option(help="Forces sideways, N, likewise.")] = None,
+    directions: Annotated[Text, Option(help="Directions of a shear's drags.")] = None,
+    places: Annotated[Text, Option(help="Places of the grid, such as 25x33.")] = None,
+    count: Annotated[Text, Option(help="Number of random presses.")] = None,
+    touches: Annotated[Text, Option(help="Touches at once: 2, or from:to.")] = None,
+    radius: Annotated[Text, Option(help="Radius of touches, mm; or from:to.")] = None,
+    margin: Annotated[Text, Option(help="Random presses' way to the rim, mm.")] = None,
     temperature: Annotated[str, Option(help="Temperatures, degC, written as forces.")] = "25",
     skins: Annotated[int, Option(min=0, help="Number of manufactured skins.")] = 0,
     mechanics: Mechanics = "whole",
     grip: Grip = None,
     seed: Annotated[int, Option(min=0, help="Seed of noise and random presses.")] = 0,
-    chunk: Annotated[int | None, Option(min=1, help="Presses a file.")] = None,
-    workers: Annotated[int | None, Option(min=1, help="Processes; one a core.")] = None,
+    chunk: Annotated[Whole, Option(min=1, help="Presses a file.")] = None,
+    workers: Annotated[Whole, Option(min=1, help="Processes; one a core.")] = None,
     scheduler: Annotated[
-        str | None, Option(help="A dask cluster, tcp://host:8786; or local to start one.")
+        Text, Option(help="A dask cluster, tcp://host:8786; or local to start one.")
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -118,18 +115,11 @@ def sweep(
         report = sweeps.summarise(summary)
     else:
         skin = load_design(design)
+        words = {"forces": forces, "drags": drags, "directions": directions, "places": places}
+        words |= {"count": count, "touches": touches, "radius": radius, "margin": margin}
         plan = sweeps.plan_sweep(
             kind,
-            {
-                "forces": forces,
-                "drags": drags,
-                "directions": directions,
-                "places": places,
-                "count": count,
-                "touches": touches,
-                "radius": radius,
-                "margin": margin,
-            },
+            words,
             temperatures=temperature,
             skins=skins,
             mechanics=mechanics,
@@ -137,16 +127,16 @@ def sweep(
             seed=seed,
             presses_per_chunk=chunk,
         )
-        with progress_bar() as progress:
+        with progress_bar() as bar:
             report = sweeps.run_sweep(
                 skin,
                 plan,
                 out or Path(f"{skin.name}-{kind}"),
                 engine=sweeps.choose_engine(workers, scheduler),
                 export=export,
-                progress=lambda state: progress(
-                    f"{state.rows}/{state.rows_in_all} rows, {state.rate:.0f}/s",
-                    state.rows / state.rows_in_all,
+                progress=lambda now: bar(
+                    f"{now.rows}/{now.rows_in_all} rows, {now.rate:.0f}/s",
+                    now.rows / now.rows_in_all,
                 ),
             )
     typer.echo(json.dumps(report.as_json()) if as_json else "\n".join(report.lines()))

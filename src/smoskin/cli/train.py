@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from smoskin.cli.frame import Design, Json, app, progress_bar, show
+from smoskin.cli.frame import Design, File, Json, Number, Text, Whole, app, progress_bar, show
 from smoskin.feasibility import load_design
 
 
@@ -16,18 +16,15 @@ from smoskin.feasibility import load_design
 def make_table(
     design: Design = "planar",
     out: Annotated[
-        Path | None,
-        Option(help="The file to write; by default DESIGN.table, here.", dir_okay=False),
+        File, Option(help="The file to write; by default DESIGN.table, here.", dir_okay=False)
     ] = None,
     presses: Annotated[
-        int | None, Option(min=1, help="Presses of the skin as designed, one touch each.")
+        Whole, Option(min=1, help="Presses of the skin as designed, one touch each.")
     ] = None,
     pairs: Annotated[
-        int | None, Option(min=0, help="Presses of the skin as designed, two touches each.")
+        Whole, Option(min=0, help="Presses of the skin as designed, two touches each.")
     ] = None,
-    skins: Annotated[
-        int | None, Option(min=1, help="Made sheets, which show how skins differ.")
-    ] = None,
+    skins: Annotated[Whole, Option(min=1, help="Made sheets, which show how skins differ.")] = None,
     seed: Annotated[int, Option(min=0, help="Seed of the presses and made skins.")] = 0,
     as_json: Json = False,
 ) -> None:
@@ -63,21 +60,18 @@ def train(
     out: Annotated[Path, Option(help="The model file to write.", dir_okay=False)] = Path(
         "network.safetensors"
     ),
-    design: Annotated[
-        str | None, Option(help="The table's design; by default the shipped one.")
-    ] = None,
+    design: Annotated[Text, Option(help="The table's design; by default the shipped one.")] = None,
     chips: Annotated[
-        str | None,
-        Option(help="Chips that the network reads, such as 1,2; all by default."),
+        Text, Option(help="Chips that the network reads, such as 1,2; all by default.")
     ] = None,
     drag: Annotated[
         float, Option(min=0.0, help="Largest drag that it shall tell, N; 0: none.")
     ] = 0.0,
-    members: Annotated[int | None, Option(min=1, help="Networks of the ensemble.")] = None,
-    minutes: Annotated[float | None, Option(min=0.01, help="Longest time of the training.")] = None,
-    start: Annotated[Path | None, Option(help="A model to go on from.")] = None,
+    members: Annotated[Whole, Option(min=1, help="Networks of the ensemble.")] = None,
+    minutes: Annotated[Number, Option(min=0.01, help="Longest time of the training.")] = None,
+    start: Annotated[File, Option(help="A model to go on from.")] = None,
     resume: Annotated[bool, Option("--resume", help="Go on where training was stopped.")] = False,
-    onnx: Annotated[Path | None, Option(help="Write an ONNX file too.")] = None,
+    onnx: Annotated[File, Option(help="Write an ONNX file too.")] = None,
     seed: Annotated[int, Option(min=0, help="Seed of weights and of touches.")] = 0,
     as_json: Json = False,
 ) -> None:

@@ -31,7 +31,7 @@ from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst, load_estimator
 from smoskin.sensing.response.table import ResponseTable, load_response_table
-from smoskin.service.loop import Loop
+from smoskin.service.loop import Counters, Loop
 from smoskin.service.page.view import View
 from smoskin.service.recorder import Recorder
 from smoskin.service.source import TwinSource
@@ -136,11 +136,10 @@ def run_demo(
     ----------
     design : SkinDesign
     seconds : float, optional
-        How long; without it until interrupted, with the hand starting over every minute.
-    page : bool
-        Whether to serve the live page, on which the mouse presses the skin too.
-    port : int
-        TCP port of the page; 0 takes a free one.
+        Duration; without it until interrupted, with the hand starting over every minute.
+    page, port : bool and int
+        Whether to serve the live page, on which the mouse presses the skin too, and its TCP port;
+        0 takes a free one.
     rate : float
         Readings a second, Hz.
     seed : int
@@ -172,103 +171,41 @@ def run_demo(
     if not 0.0 < rate < math.inf:
         raise ArgumentError(f"rate must be positive and finite; got {rate} Hz")
     script = scripted_hand(design, seconds or 60.0, seed, start=_ZEROS / rate)
-    hand = Hand(script, repeat=seconds is None)
+    stage = _Stage(Hand(script, repeat=seconds is None), say)
     table = load_response_table(design.name) if table is None else table
     makers: dict[str, Callable[[], Estimator]] = {
-        os.fspath(path): partial(load_estimator, path, design) for path in others
+        BAYES: lambda: BayesEstimator(design, done.table),
+        CLOSED_FORM: lambda: ClosedFormEstimator(design, done.table),
+        **{os.fspath(path): partial(load_estimator, path, design) for path in others},
     }
     with ExitStack() as stack:
-        names = (BAYES, CLOSED_FORM, *makers)
-        shown = stack.enter_context(_Page(design, hand, port, names)) if page else None
-        on_start(None if shown is None else shown.view.url)
-
-        def tell(word: str, sentence: str) -> None:
-            say(sentence)
-            if shown is not None:
-                shown.view.announce(word, sentence)
-
-        tell("Making a skin", "A workshop makes a virtual skin of the whole folded sheet.")
-        twin = Twin(design, seed=seed, manufactured=True)
-        twin.prepare()
-        done = _calibrated(table, twin, seed, calibration_touches, tell, shown)
-        readers = Readers(
-            {
-                BAYES: lambda: BayesEstimator(design, done.table),
-                CLOSED_FORM: lambda: ClosedFormEstimator(design, done.table),
-                **makers,
-            }
-        )
-        source = TwinSource(twin, rate=rate, creep=Creep(design))
-        sinks: list[Sink] = [] if record is None else [Recorder(record, design)]
-        if shown is not None:
-            shown.view.announce()
-            sinks.append(shown)
+        stack.enter_context(stage)
+        on_start(stage.open(design, port, tuple(makers)) if page else None)
+        stage.make_skin(design, seed)
+        done = stage.calibrated(table, seed, calibration_touches)
+        source = TwinSource(stage.twin, rate=rate, creep=Creep(design))
+        sinks: list[Sink] = [stage] if record is None else [Recorder(record, design), stage]
+        readers = Readers(makers)
         loop = stack.enter_context(Loop(source, readers, sinks=sinks))
-        end = math.inf if seconds is None else seconds
-        located = _play(loop, source, hand, readers, shown, step=1 / rate, end=end, stop=stop)
-        after = None if located is None else round(located - begun, 2)
-        return _result(hand.judge(), done.used, loop, after)
-
-
-def _calibrated(
-    table: ResponseTable,
-    twin: Twin,
-    seed: int,
-    count: int,
-    tell: Callable[[str, str], None],
-    shown: "_Page | None",
-) -> TouchCalibration:
-    """The table of this skin, by a rig's touches in sight of who watches the page."""
-    if shown is not None:
-        shown.begin(twin)
-
-    def follow(step: TouchStep) -> None:
-        tell("Calibrating", f"A rig touches the skin: {step.sentence}.")
-        if shown is not None:
-            shown.show_touch(step.contact)
-
-    rig = VirtualRig(twin, seed=seed)
-    return calibrate(table, rig, design=twin.design, count=count, progress=follow)
-
-
-def _play(
-    loop: Loop,
-    source: TwinSource,
-    hand: Hand,
-    readers: "Readers",
-    shown: "_Page | None",
-    *,
-    step: float,
-    end: float,
-    stop: threading.Event | None,
-) -> float | None:
-    """Let the hand touch the skin until the end; the moment in which it was first located."""
-    located: float | None = None
-    try:
-        for estimate in loop:
-            if located is None and estimate.status is Status.CONTACT:
-                located = time.monotonic()
-            if estimate.status is not Status.NOT_CALIBRATED:
-                hand.begin(estimate.time)
-            hand.note(estimate)
-            if readers.name != BAYES:
-                hand.spoil(estimate.time)
-            if shown is not None:
-                shown.serve(estimate.time, loop, readers)
-            if estimate.time >= end or (stop is not None and stop.is_set()):
-                break
-            source.touch(hand.contacts(estimate.time + step))
-    except KeyboardInterrupt:
-        if end < math.inf:
-            raise
-    return located
+        located: float | None = None
+        try:
+            for estimate in loop:
+                if located is None and estimate.status is Status.CONTACT:
+                    located = round(time.monotonic() - begun, 2)
+                stage.follow(estimate, loop, readers)
+                if (seconds is not None and estimate.time >= seconds) or (stop and stop.is_set()):
+                    break
+                source.touch(stage.hand.contacts(estimate.time + 1 / rate))
+        except KeyboardInterrupt:
+            if seconds is not None:
+                raise
+        return _result(stage.hand.judge(), done.used, loop.counters, located)
 
 
 def _result(
-    touches: tuple[JudgedTouch, ...], used: int, loop: Loop, after: float | None
+    touches: tuple[JudgedTouch, ...], used: int, counters: Counters, located: float | None
 ) -> DemoResult:
     """The judged touches with their summary."""
-    counters = loop.counters
     return DemoResult(
         touches=touches,
         summary=Summary(
@@ -280,7 +217,7 @@ def _result(
             mean_force_error_percent=_mean([touch.force_error_percent for touch in touches]),
             rate_hz=round(counters.rate, 2),
             latency_us_median=round(counters.latency_median * 1e6, 1),
-            first_touch_after_s=after,
+            first_touch_after_s=located,
         ),
     )
 
@@ -336,22 +273,28 @@ class Readers(Estimator):
         return estimate
 
 
-class _Page(Sink):
-    """The live page as a sink of the loop, with the truth beside the estimate.
+class _Stage(Sink):
+    """The skin and the hand, in sight of whoever watches the live page where there is one.
 
-    What people ask for on the page waits here until the loop takes it.
+    What people ask for on the page waits here until the loop has gone round.
     """
 
-    def __init__(self, design: SkinDesign, hand: Hand, port: int, names: Sequence[str]) -> None:
-        self._hand = hand
+    twin: Twin
+
+    def __init__(self, hand: Hand, say: Callable[[str], None]) -> None:
+        self.hand = hand
+        self._say = say
+        self._view: View | None = None
         self._latency = math.nan
-        self._served = 0
+        self._rounds = 0
         self._zero_at = math.inf
-        self._twin: Twin
         self._zero_asked = threading.Event()
         self._choices: deque[str] = deque(maxlen=1)
         self._latest: deque[Reading] = deque(maxlen=1000)
-        self.view = View(
+
+    def open(self, design: SkinDesign, port: int, names: Sequence[str]) -> str:
+        """Serve the page, with these estimators to choose from; its address."""
+        self._view = View(
             design,
             port=port,
             on_press=self._press,
@@ -359,56 +302,80 @@ class _Page(Sink):
             estimators=names,
             on_choose=self._choices.append,
         )
+        return self._view.url
 
-    def begin(self, twin: Twin) -> None:
-        """Show this skin, once somebody looks or after some patience."""
-        self._twin = twin
+    def tell(self, word: str = "", sentence: str = "") -> None:
+        """Say what is being done, or, on the page, what is estimated again."""
+        if word:
+            self._say(sentence)
+        if self._view is not None:
+            self._view.announce(word, sentence)
+
+    def make_skin(self, design: SkinDesign, seed: int) -> None:
+        """Make the skin that is touched."""
+        self.tell("Making a skin", "A workshop makes a virtual skin of the whole folded sheet.")
+        self.twin = Twin(design, seed=seed, manufactured=True)
+        self.twin.prepare()
+
+    def calibrated(self, table: ResponseTable, seed: int, count: int) -> TouchCalibration:
+        """The table of this skin, by a rig's touches in sight of who watches the page."""
         end = time.monotonic() + _PATIENCE
-        while not self.view.watched and time.monotonic() < end:
+        while self._view is not None and not self._view.watched and time.monotonic() < end:
             time.sleep(0.05)
         self._show(())  # the curves begin with the untouched skin
+        extent = geometry(self.twin.design).extent
 
-    def show_touch(self, contact: Contact) -> None:
-        """Show a touch of the rig for a moment."""
-        # The rig reports its own place, which may lie off the rim by its stage's error.
-        place = np.clip(contact.position, 0.0, geometry(self._twin.design).extent)
-        self._show((Contact(position=place, force=contact.force),))
-        time.sleep(_SHOWN)
-        self._show(())
+        def follow(step: TouchStep) -> None:
+            self.tell("Calibrating", f"A rig touches the skin: {step.sentence}.")
+            # The rig reports its own place, which may lie off the rim by its stage's error.
+            place = np.clip(step.contact.position, 0.0, extent)
+            self._show((Contact(position=place, force=step.contact.force),), _SHOWN)
+            self._show(())
 
-    def _show(self, contacts: tuple[Contact, ...]) -> None:
+        rig = VirtualRig(self.twin, seed=seed)
+        done = calibrate(table, rig, design=self.twin.design, count=count, progress=follow)
+        self.tell()
+        return done
+
+    def _show(self, contacts: tuple[Contact, ...], seconds: float = 0.0) -> None:
         """Show the skin under these contacts, with no estimate of them, until it is drawn."""
-        self.view.write(
-            self._twin.read(contacts, time=time.monotonic()),
-            truth=contacts,
-            vertices=self._twin.sheet_vertices(contacts),
-        )
-        time.sleep(_SHOWN / 4)
+        if self._view is not None:
+            reading = self.twin.read(contacts, time=time.monotonic())
+            vertices = self.twin.sheet_vertices(contacts)
+            self._view.write(reading, truth=contacts, vertices=vertices)
+            time.sleep(_SHOWN / 4 + seconds)
 
     def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
         """Show a reading, its estimate and the true touch."""
-        self._latest.append(reading)
-        truth = self._hand.contacts(reading.time)
-        self.view.write(
-            reading,
-            estimate,
-            truth=truth,
-            vertices=self._twin.sheet_vertices(truth),
-            latency=self._latency,
-        )
+        if self._view is not None:
+            self._latest.append(reading)
+            truth = self.hand.contacts(reading.time)
+            vertices = self.twin.sheet_vertices(truth)
+            self._view.write(
+                reading, estimate, truth=truth, vertices=vertices, latency=self._latency
+            )
 
-    def serve(self, now: float, loop: Loop, readers: Readers) -> None:
-        """Do what people have asked for on the page; a new zero waits until the hand lets go."""
-        self._served += 1
-        if self._served % 25 == 0:
+    def follow(self, estimate: Estimate, loop: Loop, readers: Readers) -> None:
+        """Keep what is estimated of the hand's touches, and do what people have asked for.
+
+        The hand begins once there is a zero; a new zero waits until the hand has let go.
+        """
+        now = estimate.time
+        if estimate.status is not Status.NOT_CALIBRATED:
+            self.hand.begin(now)
+        self.hand.note(estimate)
+        if readers.name != BAYES:
+            self.hand.spoil(now)
+        self._rounds += 1
+        if self._rounds % 25 == 0:
             self._latency = loop.counters.latency_median
         if self._choices:
             readers.choose(self._choices.popleft())
-            self.view.announce()
+            self.tell()
         if self._zero_asked.is_set():
             self._zero_asked.clear()
             self._zero_at = now + _LIFT
-            self._hand.lift(self._zero_at)
+            self.hand.lift(self._zero_at)
         if now >= self._zero_at:
             latest = [reading for reading in self._latest if reading.time >= now - _LIFT / 2]
             readers.zero(latest)
@@ -416,7 +383,8 @@ class _Page(Sink):
 
     def close(self) -> None:
         """End the page."""
-        self.view.close()
+        if self._view is not None:
+            self._view.close()
 
     def _press(self, contact: Contact | None) -> None:
-        self._hand.mouse = contact
+        self.hand.mouse = contact

@@ -1,8 +1,8 @@
 """A design in words and numbers: what is built, why, and what follows from it."""
 
-import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, SupportsFloat
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, SupportsFloat
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from smoskin.mechanics.reduced.stiffness import (
 from smoskin.origami.cell import dihedral_angles, poisson_ratios
 from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.confidence import ambiguities
-from smoskin.units import from_si
+from smoskin.units import SI_PER_SUFFIX, from_si
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -48,46 +48,25 @@ class DataSheet:
     derived: tuple[Row, ...]
     """What follows."""
 
-    def as_json(self) -> dict[str, object]:
+    def as_json(self) -> dict[str, Any]:
         """Plain values for machines."""
-        return {
-            "name": self.name,
-            "content_hash": self.content_hash,
-            "given": [_plain(row) for row in self.given],
-            "derived": [_plain(row) for row in self.derived],
-        }
+        return asdict(self)
 
     def tables(self) -> "list[Table]":
         """Two tables for people."""
-        from rich.table import Table
-
-        tables = []
-        for title, rows, why in (
-            (f"Design {self.name!r} ({self.content_hash[:12]})", self.given, "where from"),
-            ("What follows", self.derived, "how"),
-        ):
-            table = Table("part", "quantity", "value", why, title=title)
-            before = ""
-            for row in rows:
-                table.add_row("" if row.part == before else row.part, row.name,
-                              _text(row.value), row.why)  # fmt: skip
-                before = row.part
-            tables.append(table)
-        return tables
+        title = f"Design {self.name!r} ({self.content_hash[:12]})"
+        return [
+            _table(title, self.given, "where from"),
+            _table("What follows", self.derived, "how"),
+        ]
 
 
 def describe(design: SkinDesign) -> DataSheet:
     """The data sheet of a design."""
     given = []
     for path, name, value in design_values(design):
-        known = design.provenance.get(path)
-        why = (
-            ""
-            if known is None
-            else f"{known.origin}: {known.reason}"
-            if known.reason
-            else known.origin
-        )
+        source = design.provenance.get(path)
+        why = "" if source is None else ": ".join(filter(None, (source.origin, source.reason)))
         given.append(Row(part=path.rpartition(".")[0] or "skin", name=name, value=value, why=why))
     return DataSheet(
         name=design.name,
@@ -97,87 +76,79 @@ def describe(design: SkinDesign) -> DataSheet:
     )
 
 
-def _row(part: str, name: str, value: float | str, why: str) -> Row:
-    """A row with six digits of its value."""
-    if isinstance(value, str):
-        return Row(part=part, name=name, value=value, why=why)
-    return Row(part=part, name=name, value=float(f"{value:.6g}"), why=why)
-
-
-def _written(part: str, name: str, suffix: str, value: SupportsFloat, why: str) -> Row:
-    """A row in the unit that its name ends with, of a value in SI."""
-    return _row(part, f"{name}_{suffix}", float(from_si(float(value), suffix)), why)
+def _rows(rows: Iterable[tuple[str, str, SupportsFloat | str, str]]) -> list[Row]:
+    """Rows of values in SI: six digits of each in the unit that its name ends with."""
+    made = []
+    for part, name, value, why in rows:
+        if not isinstance(value, str):
+            units = [suffix for suffix in SI_PER_SUFFIX if name.endswith(f"_{suffix}")]
+            number = from_si(float(value), max(units, key=len)) if units else float(value)
+            value = float(f"{number:.6g}")
+        made.append(Row(part=part, name=name, value=value, why=why))
+    return made
 
 
 def _of_skin(design: SkinDesign) -> list[Row]:
     """Derived rows of cell and skin."""
-    extent, nu, dihedral = (
-        geometry(design).cell,
-        poisson_ratios(design.cell),
-        dihedral_angles(design.cell),
-    )
+    cell, dihedral = geometry(design).cell, dihedral_angles(design.cell)
+    nu = ", ".join(f"{float(ratio):.4f}" for ratio in poisson_ratios(design.cell))
     n, m = design.cells
-    stiffness = stiffness_map(design, design.coefficients)
-    rows = [
-        _written("cell", "length", "mm", extent.length, "S1"),
-        _written("cell", "width", "mm", extent.width, "S1"),
-        _written("cell", "height", "mm", extent.height, "S1"),
-        _written("cell", "dihedral_a", "deg", dihedral.at_a, "S13"),
-        _written("cell", "dihedral_b", "deg", dihedral.at_b, "S14"),
-        _row("cell", "nu_12, nu_13, nu_23", ", ".join(f"{float(x):.4f}" for x in nu), "S2"),
-        _written("skin", "length", "mm", n * extent.length, "N l"),
-        _written("skin", "width", "mm", m * extent.width, "M w"),
-        _row("skin", "columns", (2 * n + 1) * (m + 1), "one under each bottom vertex"),
-        _written("skin", "column_stiffness", "N_per_mm", column_stiffness(design), "S21"),
-        _written("skin", "press_stiffness_least", "N_per_mm", stiffness.min(), "S22-S25"),
-        _written("skin", "press_stiffness_most", "N_per_mm", stiffness.max(), "S22-S25"),
-        _written("skin", "press_at_rated_force", "mm", RATED_PRESS / stiffness.min(), "S27"),
-        _written(
-            "skin", "sheet_stiffness", "N_per_mm", sheet_stiffness(design), "columns and frame"
-        ),
-        _written("skin", "board_stiffness", "N_per_mm", board_stiffness(design), "S26"),
+    press = stiffness_map(design, design.coefficients)
+    columns, sheet = column_stiffness(design), sheet_stiffness(design)
+    rows: list[tuple[str, str, SupportsFloat | str, str]] = [
+        ("cell", "length_mm", cell.length, "S1"),
+        ("cell", "width_mm", cell.width, "S1"),
+        ("cell", "height_mm", cell.height, "S1"),
+        ("cell", "dihedral_a_deg", dihedral.at_a, "S13"),
+        ("cell", "dihedral_b_deg", dihedral.at_b, "S14"),
+        ("cell", "nu_12, nu_13, nu_23", nu, "S2"),
+        ("skin", "length_mm", n * cell.length, "N l"),
+        ("skin", "width_mm", m * cell.width, "M w"),
+        ("skin", "columns", (2 * n + 1) * (m + 1), "one under each bottom vertex"),
+        ("skin", "column_stiffness_N_per_mm", columns, "S21"),
+        ("skin", "press_stiffness_least_N_per_mm", press.min(), "S22-S25"),
+        ("skin", "press_stiffness_most_N_per_mm", press.max(), "S22-S25"),
+        ("skin", "press_at_rated_force_mm", RATED_PRESS / press.min(), "S27"),
+        ("skin", "sheet_stiffness_N_per_mm", sheet, "columns and frame"),
+        ("skin", "board_stiffness_N_per_mm", board_stiffness(design), "S26"),
     ]
     for number, pair in enumerate(ambiguities(design), 1):
-        rows.append(_row("skin", f"ambiguity {number}", str(pair), "S12, at 0.5 N and 1 % error"))
-    return rows
+        rows.append(("skin", f"ambiguity {number}", str(pair), "S12, at 0.5 N and 1 % error"))
+    return _rows(rows)
 
 
 def _of_chips(design: SkinDesign) -> list[Row]:
     """Derived rows of all chips, then of each."""
     setting = design.hall_setting
-    full_scale = mlx90393.full_scale(setting)
+    full_scale, noise = mlx90393.full_scale(setting), mlx90393.noise(setting)
     rate = 1 / mlx90393.conversion_time(setting)
-    rows = [
-        _row("chips", "conversion_rate_Hz", rate, "of x, y, z at this filter and oversampling"),
-        _written("chips", "range_xy", "mT", full_scale[0], "gain and resolution"),
-        _written("chips", "range_z", "mT", full_scale[2], "gain and resolution"),
-        _written(
-            "chips", "noise_xy", "uT", mlx90393.noise(setting)[0], "gain, filter, oversampling"
-        ),
+    rows: list[tuple[str, str, SupportsFloat | str, str]] = [
+        ("chips", "conversion_rate_Hz", rate, "of x, y, z at this filter and oversampling"),
+        ("chips", "range_xy_mT", full_scale[0], "gain and resolution"),
+        ("chips", "range_z_mT", full_scale[2], "gain and resolution"),
+        ("chips", "noise_xy_uT", noise[0], "gain, filter, oversampling"),
     ]
+    stroke = f"{RATED_PRESS:g} N press and {RATED_SHEAR:g} N drag"
     for site in design.halls:
         seen = field_extent(design, site)
         part = f"chip {site.name} ({site.address:#04x})"
-        used = float((seen.largest / full_scale).max())
+        used = 100 * (seen.largest / full_scale).max()
         rows += [
-            _written(part, "rest_field", "mT", float(np.linalg.norm(seen.rest)), "exact field"),
-            _written(
-                part,
-                "rated_stroke",
-                "mm",
-                seen.stroke,
-                f"{RATED_PRESS:g} N press and {RATED_SHEAR:g} N drag",
-            ),
-            _row(part, "range_used_percent", 100 * used, f"must stay below {100 * MARGIN:g}"),
+            (part, "rest_field_mT", np.linalg.norm(seen.rest), "exact field"),
+            (part, "rated_stroke_mm", seen.stroke, stroke),
+            (part, "range_used_percent", used, f"must stay below {100 * MARGIN:g}"),
         ]
-    return rows
+    return _rows(rows)
 
 
-def _plain(row: Row) -> dict[str, object]:
-    return {"part": row.part, "name": row.name, "value": row.value, "why": row.why}
+def _table(title: str, rows: Sequence[Row], why: str) -> "Table":
+    """Rows for people; a part is named once."""
+    from rich.table import Table
 
-
-def _text(value: float | int | str) -> str:
-    if isinstance(value, float):
-        return f"{value:.6g}" if math.isfinite(value) else str(value)
-    return str(value)
+    table = Table("part", "quantity", "value", why, title=title)
+    before = ""
+    for row in rows:
+        value = f"{row.value:.6g}" if isinstance(row.value, float) else str(row.value)
+        table.add_row("" if row.part == before else row.part, row.name, value, row.why)
+        before = row.part
+    return table

@@ -30,12 +30,11 @@ def watch(
     seconds: float | None = None,
     record: str | os.PathLike[str] | None = None,
 ) -> Iterator[Estimate]:
-    """Estimates of a source's readings.
+    """Estimates of the readings of a source, as `smoskin.open_source` takes it.
 
     Parameters
     ----------
     url : str
-        The source, as `smoskin.open_source` takes it.
     design : SkinDesign, optional
         Design of the skin that the source reads; by default the source's own.
     calibration : path, optional
@@ -45,9 +44,9 @@ def watch(
         Whether the first 20 good readings are the zero: nothing may touch the skin in them, and
         they are answered by `Status.NOT_CALIBRATED`.
     seconds : float, optional
-        Stop this long after the first reading, on the readings' clock.
+        Time after the first reading to stop at, s, on the readings' clock.
     record : path, optional
-        Write readings and estimates to this MCAP file.
+        MCAP file for readings and estimates.
 
     Raises
     ------
@@ -65,17 +64,14 @@ def watch(
     with ExitStack() as stack:
         source = stack.enter_context(open_source(url))
         skin = _design_of(source, url, design)
-        estimator: Estimator
-        if calibration is None:
-            estimator = ClosedFormEstimator(skin)
-        else:
-            estimator = load_estimator(calibration, skin)
+        estimator: Estimator = (
+            ClosedFormEstimator(skin) if calibration is None else load_estimator(calibration, skin)
+        )
         if zero:
             estimator = ZeroFirst(estimator)
         sinks = [] if record is None else [Recorder(record, skin)]
-        loop = stack.enter_context(Loop(source, estimator, sinks=sinks))
         first: float | None = None
-        for estimate in loop:
+        for estimate in stack.enter_context(Loop(source, estimator, sinks=sinks)):
             yield estimate
             first = estimate.time if first is None else first
             if seconds is not None and estimate.time - first >= seconds:
@@ -84,15 +80,15 @@ def watch(
 
 def _design_of(source: Source, url: str, design: SkinDesign | None) -> SkinDesign:
     """The given design, which must be the source's, or the source's own."""
-    known = source.design_hash
-    if design is None and isinstance(source, TwinSource):
-        return source.design
+    own = source.design_hash
     if design is None:
-        if known is None:
+        if isinstance(source, TwinSource):
+            return source.design
+        if own is None:
             raise ArgumentError(f"design must be given: {url!r} does not name it")
-        return shipped_design(known)
-    if known is not None:
-        design.check_own(f"source {url!r}", known)
+        return shipped_design(own)
+    if own is not None:
+        design.check_own(f"source {url!r}", own)
     if source.chips != len(design.halls):
         raise ArgumentError(
             f"source must have {len(design.halls)} chips, as design {design.name!r}; "
@@ -111,13 +107,12 @@ def estimate_line(estimate: Estimate, *, as_json: bool) -> str:
         }
         for contact in estimate.contacts
     ]
+    status = estimate.status.name
     if as_json:
-        return json.dumps(
-            {"time_s": estimate.time, "status": estimate.status.name, "contacts": touches}
-        )
+        return json.dumps({"time_s": estimate.time, "status": status, "contacts": touches})
     places = "".join(
         f"  x {touch['x_mm']:6.1f} mm  y {touch['y_mm']:6.1f} mm  "
         "F ({:+.3f}, {:+.3f}, {:+.3f}) N".format(*touch["force_N"])
         for touch in touches
     )
-    return f"{estimate.time:10.3f} s  {estimate.status.name:<14}{places}"
+    return f"{estimate.time:10.3f} s  {status:<14}{places}"

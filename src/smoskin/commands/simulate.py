@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 _MM: Final = 1e-3
-_PRESS: Final = "0,0,-0.5"
-"""N: the force of a touch unless told otherwise."""
+_DIGITS: Final = {"at_mm": 1, "force_N": 3, "turn_deg": 3}
+"""Digits that people read of each value; four of all others."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,10 +36,10 @@ class PressReport:
     design: SkinDesign
     contacts: tuple[Contact, ...]
     depths: Floats
-    """(K,), m: how far the skin under each contact has sunk; NaN if not valid."""
+    """How far the skin under each contact has sunk, (K,), m; NaN if not valid."""
     motion: Motion
     field: Floats
-    """(S, 3), T: exact, in the skin's frame."""
+    """Exact field in the skin's frame, (S, 3), T."""
     reading: Reading
     temperature: float
     """Temperature of the skin, degC."""
@@ -49,68 +49,48 @@ class PressReport:
         """Whether the skin has found an equilibrium."""
         return bool(self.motion.valid)
 
-    def as_json(self) -> dict[str, object]:
+    def as_json(self) -> dict[str, Any]:
         """Plain values for machines; what is not known is null."""
         magnets, board = self.motion.magnets, self.motion.board
-        return {
+        flags = self.reading.flags.tolist()
+        touches = [
+            {"at_mm": contact.position / _MM, "force_N": contact.force, "depth_mm": depth / _MM}
+            for contact, depth in zip(self.contacts, self.depths, strict=True)
+        ]
+        moves = [
+            {"name": magnet.name, "shift_mm": moved[:3] / _MM, "turn_deg": np.degrees(moved[3:])}
+            for magnet, moved in zip(self.design.magnets, magnets, strict=True)
+        ]
+        chips = [
+            {
+                "name": site.name,
+                "field_mT": self.field[chip] / 1e-3,
+                "reading_mT": self.reading.field[chip] / 1e-3,
+                "flags": [flag.name for flag in ChipFlag if flags[chip] & flag],
+            }
+            for chip, site in enumerate(self.design.halls)
+        ]
+        values = {
             "design": self.design.name,
             "valid": self.valid,
             "temperature_degC": self.temperature,
-            "touches": [
-                {
-                    "at_mm": _plain(contact.position / _MM),
-                    "force_N": _plain(contact.force),
-                    "depth_mm": _plain(depth / _MM),
-                }
-                for contact, depth in zip(self.contacts, self.depths, strict=True)
-            ],
-            "magnets": [
-                {
-                    "name": magnet.name,
-                    "shift_mm": _plain(moved[:3] / _MM),
-                    "turn_deg": _plain(np.degrees(moved[3:])),
-                }
-                for magnet, moved in zip(self.design.magnets, magnets, strict=True)
-            ],
-            "board": {
-                "shift_mm": _plain(board[:2] / _MM),
-                "turn_deg": _plain(np.degrees(board[2])),
-            },
-            "chips": [
-                {
-                    "name": site.name,
-                    "field_mT": _plain(field / 1e-3),
-                    "reading_mT": _plain(read / 1e-3),
-                    "flags": [each.name for each in ChipFlag if flag & each],
-                }
-                for site, field, read, flag in zip(
-                    self.design.halls,
-                    self.field,
-                    self.reading.field,
-                    self.reading.flags.tolist(),
-                    strict=True,
-                )
-            ],
+            "touches": touches,
+            "magnets": moves,
+            "board": {"shift_mm": board[:2] / _MM, "turn_deg": np.degrees(board[2])},
+            "chips": chips,
         }
+        return dict(_plain(values))
 
     def tables(self) -> "list[Table]":
         """Touches, magnets and chips, for people."""
-        values: Any = self.as_json()
-        touches = _table("Touches", "", "x, y (mm)", "Fx, Fy, Fz (N)", "depth (mm)")
-        for number, touch in enumerate(values["touches"], 1):
-            place, depth = _text(touch["at_mm"], 1), _text([touch["depth_mm"]], 4)
-            touches.add_row(str(number), place, _text(touch["force_N"], 3), depth)
-        magnets = _table("Magnets over the board", "", "x, y, z (mm)", "turn (deg)")
-        for magnet in values["magnets"]:
-            shift, turned = _text(magnet["shift_mm"], 4), _text(magnet["turn_deg"], 3)
-            magnets.add_row(magnet["name"], shift, turned)
-        board = values["board"]
-        magnets.add_row("board", _text(board["shift_mm"], 4), _text([board["turn_deg"]], 3))
-        chips = _table("Chips", "", "field in the skin (mT)", "reads, own axes (mT)", "flags")
-        for chip in values["chips"]:
-            field, reading = _text(chip["field_mT"], 4), _text(chip["reading_mT"], 4)
-            chips.add_row(chip["name"], field, reading, ", ".join(chip["flags"]) or "good")
-        return [touches, magnets, chips]
+        values = self.as_json()
+        magnets = [*values["magnets"], {"name": "board", **values["board"]}]
+        seen = ("field in the skin (mT)", "reads, own axes (mT)", "flags")
+        return [
+            _table("Touches", values["touches"], "x, y (mm)", "Fx, Fy, Fz (N)", "depth (mm)"),
+            _table("Magnets over the board", magnets, "x, y, z (mm)", "turn (deg)"),
+            _table("Chips", values["chips"], *seen),
+        ]
 
 
 def simulate_press(
@@ -136,10 +116,8 @@ def simulate_press(
         default 0.5 N straight down.
     temperature : float
         Temperature of the skin, degC.
-    mechanics : {"whole", "reduced"}
-        Which twin is pressed.
-    grip : str, optional
-        How touches hold on to the skin, as `parse_grip` reads it.
+    mechanics, grip : str
+        Twin that is pressed, and how touches hold on to it, as `parse_grip` reads it.
     manufactured : bool
         Whether the skin is drawn from the tolerances.
     seed : int
@@ -174,41 +152,24 @@ def simulate_press(
 def parse_grip(text: str | None) -> Grip:
     """A grip from its word: ``sticking``, ``frictionless``, ``covered`` or ``sliding:0.5``.
 
-    Raises
-    ------
-    ArgumentError
-        If it is none of these.
-
-    Examples
-    --------
     >>> parse_grip("sliding:0.5")
     Sliding(friction=0.5)
     """
     word, _, number = (text or "sticking").partition(":")
     if word == "sliding" and number:
         return Sliding(friction=parse_numbers("grip", number)[0])
-    kinds: dict[str, Grip] = {
-        "sticking": Sticking(),
-        "frictionless": Frictionless(),
-        "covered": Covered(),
-    }
-    if word not in kinds or number:
+    kinds: tuple[Grip, ...] = (Sticking(), Frictionless(), Covered())
+    named = {type(kind).__name__.lower(): kind for kind in kinds}
+    if word not in named or number:
         raise ArgumentError(
             f"grip must be sticking, frictionless, covered or sliding:FRICTION; got {text!r}"
         )
-    return kinds[word]
+    return named[word]
 
 
 def parse_numbers(name: str, text: str) -> tuple[float, ...]:
     """Numbers from ``0.1,0.5,1`` or, evenly from and to, ``0.1:1:10``.
 
-    Raises
-    ------
-    ArgumentError
-        If the text is neither.
-
-    Examples
-    --------
     >>> parse_numbers("forces", "0.1:0.4:4")
     (0.1, 0.2, 0.3, 0.4)
     """
@@ -229,7 +190,7 @@ def _contacts(design: SkinDesign, at: Sequence[str], force: Sequence[str]) -> tu
     """Touches from their words."""
     places = [np.multiply(_vector("at", text, 2), _MM) for text in at]
     places = places or [geometry(design).extent / 2]
-    pushes = [_vector("force", text, 3) for text in force or [_PRESS]]
+    pushes = [_vector("force", text, 3) for text in force or ["0,0,-0.5"]]
     if len(pushes) == 1:
         pushes *= len(places)
     if len(places) != len(pushes):
@@ -243,6 +204,7 @@ def _contacts(design: SkinDesign, at: Sequence[str], force: Sequence[str]) -> tu
 
 
 def _vector(name: str, text: str, length: int) -> list[float]:
+    """So many numbers from a text."""
     try:
         numbers = [float(number) for number in text.split(",")]
     except ValueError:
@@ -253,20 +215,33 @@ def _vector(name: str, text: str, length: int) -> list[float]:
 
 
 def _plain(value: Any) -> Any:
-    """Numbers to nine figures for JSON, NaN as null."""
-    if np.ndim(value):
-        return [_plain(each) for each in value]
+    """The same for JSON: numbers to nine figures, NaN as null."""
+    if isinstance(value, dict):
+        return {key: _plain(part) for key, part in value.items()}
+    if isinstance(value, list | np.ndarray) and np.ndim(value):
+        return [_plain(part) for part in value]
+    if isinstance(value, str | bool):
+        return value
     return float(f"{value:.9g}") if np.isfinite(value) else None
 
 
-def _table(title: str, *headings: str) -> "Table":
+def _table(title: str, rows: Sequence[dict[str, Any]], *headings: str) -> "Table":
+    """Rows of plain values, each after its name or number."""
     from rich.table import Table
 
-    table = Table(title=title)
+    table = Table("", title=title)
     for heading in headings:
-        table.add_column(heading, justify="right" if heading else "left")
+        table.add_column(heading, justify="right")
+    for number, row in enumerate(rows, 1):
+        cells = (_text(value, _DIGITS.get(key, 4)) for key, value in row.items() if key != "name")
+        table.add_row(row.get("name", str(number)), *cells)
     return table
 
 
-def _text(values: Sequence[float | None], digits: int) -> str:
-    return ", ".join("-" if value is None else f"{value:.{digits}f}" for value in values)
+def _text(value: Any, digits: int) -> str:
+    """A plain value in words; a chip without flags is good."""
+    if isinstance(value, list):
+        return ", ".join(_text(part, digits) for part in value) or "good"
+    if isinstance(value, str):
+        return value
+    return "-" if value is None else f"{value:.{digits}f}"

@@ -52,9 +52,8 @@ class Loop(Resource):
     Parameters
     ----------
     source : Source
-        Where readings come from.
     estimator : Estimator
-        Made for the same number of chips.
+        Made for the source's number of chips.
     sinks : sequence of Sink
         Each gets every reading with its estimate, before the estimate is yielded.
     deadline : float

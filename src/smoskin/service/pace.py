@@ -1,9 +1,7 @@
-"""The pace of a source: waits until its next reading is due.
-
-Decides that the pace is caught up with where a reading was late, and that closing ends a wait.
-"""
+"""The pace of a source: decides when its next reading is due, and that closing ends a wait."""
 
 import threading
+import time
 from collections.abc import Callable
 from typing import final
 
@@ -12,7 +10,7 @@ from smoskin.errors import SourceError
 
 @final
 class Pace:
-    """Waits until the next reading is due, until time is out, or until closed.
+    """Waits until the next reading is due, catching up where one was late.
 
     Parameters
     ----------
@@ -22,7 +20,11 @@ class Pace:
         Waits for so many seconds; by default until then or until closed.
     """
 
-    def __init__(self, clock: Callable[[], float], sleep: Callable[[float], object] | None) -> None:
+    def __init__(
+        self,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], object] | None = None,
+    ) -> None:
         self._clock = clock
         self._closed = threading.Event()
         self._sleep = self._closed.wait if sleep is None else sleep

@@ -4,7 +4,6 @@ Decides what a source's URL may say and when each reading comes; hides waiting a
 """
 
 import math
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, final
 from urllib.parse import parse_qsl
@@ -73,10 +72,8 @@ class ReplaySource(Source):
         Pace over the original; infinite is as fast as possible.
     longest_gap : float
         Longest wait for the next reading, s.
-    clock : callable
-        A monotonic clock in s.
-    sleep : callable, optional
-        Waits for so many seconds; by default until then or until the source is closed.
+    pace : Pace, optional
+        Clock by which the readings come.
 
     Raises
     ------
@@ -90,8 +87,7 @@ class ReplaySource(Source):
         *,
         speed: float = 1.0,
         longest_gap: float = 0.5,
-        clock: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], object] | None = None,
+        pace: Pace | None = None,
     ) -> None:
         _require_positive("speed", speed)
         _require_positive("longest_gap", longest_gap)
@@ -99,7 +95,7 @@ class ReplaySource(Source):
         self._readings: Iterator[Reading] = recording.readings()
         self._speed = speed
         self._longest_gap = longest_gap
-        self._pace = Pace(clock, sleep)
+        self._pace = Pace() if pace is None else pace
         self._waiting: Reading | None = None
         self._reached: float | None = None
 
@@ -114,13 +110,7 @@ class ReplaySource(Source):
         return self._recording.description.design_hash
 
     def read(self, timeout: float = 1.0) -> Reading | None:
-        """The next reading, when its time has come; None at the end or when closed.
-
-        Raises
-        ------
-        SourceError
-            If its time does not come within `timeout` seconds, or the file has changed.
-        """
+        """The next reading, when its time has come; None at the end or when closed."""
         if self._pace.closed:
             return None
         if self._waiting is None:
@@ -171,10 +161,8 @@ class TwinSource(Source):
         How the skin creeps under a touch and recovers after it; by default it does not.
     temperature : float
         Temperature of skin and chips, degC.
-    clock : callable
-        A monotonic clock in s.
-    sleep : callable, optional
-        Waits for so many seconds; by default until then or until the source is closed.
+    pace : Pace, optional
+        Clock by which the readings come.
 
     Raises
     ------
@@ -191,8 +179,7 @@ class TwinSource(Source):
         speed: float = 1.0,
         creep: "Creep | None" = None,
         temperature: float = 25.0,
-        clock: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], object] | None = None,
+        pace: Pace | None = None,
     ) -> None:
         _require_positive("rate", rate)
         if math.isinf(rate):
@@ -202,7 +189,7 @@ class TwinSource(Source):
         self._twin = twin
         self._rate = rate
         self._period = 1.0 / (rate * speed)
-        self._pace = Pace(clock, sleep)
+        self._pace = Pace() if pace is None else pace
         self._temperature = temperature
         self._creep = creep
         self._contacts: tuple[Contact, ...] = ()
@@ -240,13 +227,7 @@ class TwinSource(Source):
         self._contacts = tuple(contacts)
 
     def read(self, timeout: float = 1.0) -> Reading | None:
-        """The next reading, when its time has come; None when closed.
-
-        Raises
-        ------
-        SourceError
-            If its time does not come within `timeout` seconds.
-        """
+        """The next reading, when its time has come; None when closed."""
         if not self._pace.wait(timeout):
             return None
         missed = int(self._pace.lateness / self._period) if self._period > 0.0 else 0

@@ -27,17 +27,8 @@ _ELLIPSE_95: Final = 2.4477
 class Marker:
     """One touch: a disc where it is, an arrow for its force, an ellipse for its spread.
 
-    Parameters
-    ----------
-    server : viser.ViserServer
-        The server whose scene takes the mark.
-    name : str
-        Name of the scene's node.
-    color : tuple of int
-        Red, green and blue, 0 to 255.
-    opacity : float
-        Opacity from 0 to 1; a mark that is not opaque is slimmer, so that it hides inside an
-        estimate that is right, and carries no label.
+    A mark that is not opaque is slimmer, so that it hides inside an estimate that is right, and
+    carries no label.
     """
 
     def __init__(

@@ -49,7 +49,6 @@ class Panel:
     Parameters
     ----------
     server : viser.ViserServer
-        The server whose panels are filled.
     title : str
         Heading.
     chips : sequence of str
@@ -152,10 +151,8 @@ class Panel:
         ----------
         moment : Moment or None
             The latest; None before the first.
-        rate : float
-            Readings a second, Hz.
-        now : float
-            Time on the clock of the view, s.
+        rate, now : float
+            Readings a second, Hz, and the time on the clock of the view, s.
         announced : tuple of str, optional
             A word and a sentence to say in place of the estimate's status.
         """

@@ -91,11 +91,9 @@ def pick(
     ----------
     design : SkinDesign
     drawn : Floats, shape (V, 3)
-        m: vertices of the sheet as they are drawn.
-    origin : array_like, shape (3,)
-        m: where the ray starts.
-    direction : array_like, shape (3,)
-        Direction of the ray, of any length.
+        Vertices of the sheet as they are drawn, m.
+    origin, direction : array_like, shape (3,)
+        Start of the ray, m, and its direction, of any length.
 
     Returns
     -------
@@ -127,14 +125,7 @@ def pick(
 
 
 class SkinScene:
-    """Draws the skin and its touches in a viewer's scene.
-
-    Parameters
-    ----------
-    server : viser.ViserServer
-        The server whose scene is filled.
-    design : SkinDesign
-    """
+    """The skin and its touches in a viewer's scene."""
 
     def __init__(self, server: "viser.ViserServer", design: SkinDesign) -> None:
         self._server = server
@@ -168,15 +159,9 @@ class SkinScene:
         return pick(self._design, self._drawn, np.asarray(origin) / UNITS, direction)
 
     def draw(self, moment: Moment, exaggeration: float, opacity: float) -> None:
-        """Show one moment: estimates solid, with their 95 % ellipses, the truth translucent.
+        """Show estimates solid, with their 95 % ellipses, and the truth translucent.
 
-        Parameters
-        ----------
-        moment : Moment
-        exaggeration : float
-            How many times larger than life the deformation is drawn.
-        opacity : float
-            Opacity of the sheet, 0 to 1.
+        The deformation is drawn so many times larger than life, the sheet with this opacity.
         """
         rest, vertices = self._rest, moment.vertices
         moved = np.zeros_like(rest) if vertices is None else np.nan_to_num(vertices - rest)

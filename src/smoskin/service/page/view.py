@@ -112,7 +112,7 @@ class View(Sink):
         return self._dropped
 
     def announce(self, word: str = "", sentence: str = "") -> None:
-        """Say this in place of the estimates' status; nothing lets the status be said again."""
+        """Say this in place of the estimates' status, or the status again."""
         with self._lock:
             self._announced = (word, sentence) if word else None
 
@@ -125,20 +125,7 @@ class View(Sink):
         vertices: Floats | None = None,
         latency: float = math.nan,
     ) -> None:
-        """Make this the moment that the page shows next; never waits.
-
-        Parameters
-        ----------
-        reading : Reading
-            A reading of as many chips as the design has.
-        estimate : Estimate, optional
-            What was made of it, if anything.
-        truth : sequence of Contact, optional
-            What really touches the skin, where that is known.
-        vertices : Floats, shape (V, 3), optional
-            Vertices of the deformed sheet, m; at rest by default.
-        latency : float, optional
-            Time from reading to estimate, s, as whoever runs the loop measured it.
+        """Make this the moment that the page shows next, as `Moment` has it; never waits.
 
         Raises
         ------
