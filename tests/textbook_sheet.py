@@ -46,7 +46,7 @@ def inner_force(lattice, motion):
 
 def outer_force(model, touches, pressed, row):
     """Forces of the touches at the nodes, N."""
-    case = model._case(touches)
+    case = model._loads(touches)
     force = touches.force[row].copy()
     force[:, :2] += pressed.reaction[row]
     loads = np.zeros_like(model.lattice.nodes)

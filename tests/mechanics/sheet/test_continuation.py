@@ -9,16 +9,15 @@ from textbook_sheet import inner_force, outer_force
 pytest.importorskip("jax")
 from smoskin.mechanics.sheet import continuation, equilibrium
 from smoskin.mechanics.sheet.continuation import follow
+from smoskin.mechanics.sheet.equilibrium import Loads
 
 
 def test_following_the_load_finds_the_same_equilibria(sheet, cases):
     model, equilibrium = sheet, sheet._equilibrium
     pressed = model.press(cases, tolerance=1e-10)
-    case = model._case(cases)
+    loads = model._loads(cases)
     for row in (0, 1):
-        press = equilibrium.one_press(
-            case.shares[row], cases.force[row], case.held[row], case.link[row]
-        )
+        press = equilibrium.one_press(loads, row)
         found = follow(equilibrium.tangent, press, 1e-10)
         assert found is not None
         scale = np.abs(found.motion).max()
@@ -40,11 +39,9 @@ def test_what_the_fixed_tangent_loses_is_followed(sheet, monkeypatch):
 
 
 def test_a_load_too_large_for_one_step_is_taken_in_parts(sheet, cases, monkeypatch):
-    case = sheet._case(cases)
+    loads = sheet._loads(cases)
     tangent = sheet._equilibrium.tangent
-    press = sheet._equilibrium.one_press(
-        case.shares[0], 5 * cases.force[0], case.held[0], case.link[0]
-    )
+    press = sheet._equilibrium.one_press(loads._replace(force=5 * loads.force), 0)
     whole = follow(tangent, press, 1e-10)
     monkeypatch.setattr(continuation, "_NEWTON_STEPS", 4)
     shares = []
@@ -74,11 +71,15 @@ def test_a_load_too_large_for_one_step_is_taken_in_parts(sheet, cases, monkeypat
 
 def test_a_load_that_would_crush_the_columns_is_not_followed(sheet):
     top = sheet.lattice.loaded.ravel()
-    lone = np.full((1, len(top)), 1 / len(top))
+    lone = Loads(
+        shares=np.full((1, 1, len(top)), 1 / len(top)),
+        force=np.zeros((1, 1, 3)),
+        held=np.array([[False]]),
+        link=1e-12 * np.eye(2)[None],
+    )
     sunk = sheet.lattice.ground[sheet.lattice.feet, 2].sum() * sheet.lattice.stroke
     for deep, follows in ((0.3, True), (60.0, False)):
-        press = sheet._equilibrium.one_press(
-            lone, np.array([[0.0, 0.0, -deep * sunk]]), np.array([False]), 1e-12 * np.eye(2)
-        )
+        push = np.array([[[0.0, 0.0, -deep * sunk]]])
+        press = sheet._equilibrium.one_press(lone._replace(force=push), 0)
         found = follow(sheet._equilibrium.tangent, press, 1e-8)
         assert (found is not None) == follows

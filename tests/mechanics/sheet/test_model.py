@@ -11,21 +11,28 @@ from smoskin.mechanics.reduced.stiffness import board_stiffness, yaw_stiffness
 from smoskin.mechanics.sheet.lattice import build_lattice, springs_of
 from smoskin.mechanics.sheet.touches import Covered, Frictionless, Sliding, Sticking, Touches
 from smoskin.origami.cell import size
+from smoskin.origami.geometry import geometry
 from textbook_sheet import outer_force
 
 pytest.importorskip("jax")
 from smoskin.mechanics.sheet.model import STIFFNESSES, BarHinge
 
 
+def arms_of(sheet, loads):
+    """From the board's middle to each patch at rest, (B, K, 2), m."""
+    places = geometry(sheet.design)
+    return loads.shares @ (places.tops.reshape(-1, 2) - places.extent / 2)
+
+
 def test_a_sticking_touch_stands_still_over_the_ground(sheet, cases):
     """Where it does not drag: the patch's motion on the sheet undoes that of the board."""
     pressed = sheet.press(cases)
-    case = sheet._case(cases)
+    case = sheet._loads(cases)
     top = sheet.lattice.loaded.ravel()
     for row in range(4):
         for k in np.flatnonzero(cases.pressed[row]):
             patch = case.shares[row, k] @ pressed.displacements[row, top, :2]
-            x, y = case.arms[row, k]
+            x, y = arms_of(sheet, case)[row, k]
             slide, yaw = pressed.board[row, :2], pressed.board[row, 2]
             np.testing.assert_allclose(patch + slide + yaw * np.array([-y, x]), 0, atol=2e-12)
         assert np.abs(pressed.reaction[row, 0]).max() > 1e-3
@@ -35,7 +42,7 @@ def test_the_board_carries_what_the_touches_push_sideways(sheet, small, cases):
     pressed = sheet.press(cases)
     push = cases.force[..., :2] + pressed.reaction
     np.testing.assert_allclose(pressed.board[:, :2], push.sum(axis=1) / board_stiffness(small))
-    arms = sheet._case(cases).arms
+    arms = arms_of(sheet, sheet._loads(cases))
     moment = (arms[..., 0] * push[..., 1] - arms[..., 1] * push[..., 0]).sum(axis=1)
     np.testing.assert_allclose(pressed.board[:, 2] * yaw_stiffness(small), moment)
     # The sheet's own springs pass on all of it.
@@ -72,7 +79,7 @@ def test_friction_cuts_the_sideways_force(small, sheet, cases):
 def test_cover_panels_hold_their_own_vertex_and_lead_drags_into_the_board(small, cases):
     model = BarHinge(small, grip=Covered())
     pressed = model.press(cases)
-    case = model._case(cases)
+    case = model._loads(cases)
     top = small_top = model.lattice.loaded.ravel()
     for row, k in np.argwhere(cases.pressed):
         vertex = small_top[np.argmax(case.shares[row, k])]

@@ -111,10 +111,7 @@ def _newton(
     tangent: Tangent, press: Press, load: float, tolerance: float, state: Standing
 ) -> Standing:
     """Newton's method at a share of the load; the residual says whether it converged."""
-    lattice = tangent.lattice
-    stiffness = np.concatenate(
-        [lattice.bar_stiffness, lattice.hinge_stiffness[: lattice.panel_hinges]]
-    )
+    stiffness = np.asarray(tangent.elements.stiffness)[:, 0]
     motion, reaction, force = state.motion, state.reaction, state.force
     scale = max(load * float(np.linalg.norm(press.dead)), LIGHTEST)
     residual, steps = np.inf, state.steps
@@ -133,7 +130,7 @@ def _newton(
         move, change = constrained_solve(tangent, place, press, right, gap)
         growth = tangent.strain_change(place, move)
         motion, reaction = motion + move, reaction + change
-        force = stiffness * (place.strain + growth)
+        force = stiffness * (place.blocks.strain + growth)
         steps += 1
         if _crushed(tangent, motion):
             residual = np.inf

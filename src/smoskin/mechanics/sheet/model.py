@@ -2,11 +2,11 @@
 
 Decides what a touch is to the sheet (a patch of loaded vertices that is held in the plane, slides
 or is free), what carries the sheet (columns on a board that moves and turns on its pillars), and
-which answers count. How equilibria are found is `smoskin.mechanics.sheet.equilibrium`'s, how stiff
-the parts are `smoskin.mechanics.sheet.lattice`'s.
+which answers count.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, MissingExtraError
 
 try:
-    from smoskin.mechanics.sheet.equilibrium import Equilibrium, Relaxed
+    from smoskin.mechanics.sheet.equilibrium import Equilibrium, Loads, Relaxed
 except ModuleNotFoundError as error:
     raise MissingExtraError("the nonlinear model of the whole sheet", "twin") from error
 
@@ -87,30 +87,13 @@ class Sensitivity:
     """(B, 6, 3): the same derivatives of the board's motion."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Case:
-    """Touches as loads on the sheet."""
-
-    force: Floats
-    """(B, K, 3), N: forces of the touches."""
-    shares: Floats
-    """(B, K, T): share of each touch that each top vertex takes."""
-    arms: Floats
-    """(B, K, 2), m: from the board's middle to each patch at rest."""
-    held: Bools
-    """(B, K): patches that are held in the plane."""
-    link: Floats
-    """(B, 2K, 2K), m/N: motion of the board at each patch by a force at each patch."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Answer:
+class _Answer(NamedTuple):
     """Equilibria of a case before and after the drags."""
 
     straight: Relaxed
-    """Equilibrium without the drags."""
+    """Presses alone, patches held where the touches grip."""
     sideways: Floats
-    """(B, K, 2), N: force that each touch then exerts on the sheet."""
+    """(B, K, 2), N: force in the plane that each touch then exerts on the sheet."""
     final: Relaxed
     """Equilibrium with them."""
 
@@ -167,6 +150,8 @@ class BarHinge:
         self.grip: Grip = grip or Sticking()
         self.lattice = lattice or build_lattice(design)
         self._equilibrium = Equilibrium(self.lattice)
+        places = geometry(design)
+        self._tops = places.tops.reshape(-1, 2) - places.extent / 2  # from the board's middle
         self._board = board_stiffness(design)
         self._yaw = yaw_stiffness(design)
 
@@ -190,16 +175,16 @@ class BarHinge:
         """
         if not 0.0 < tolerance < 1.0:
             raise ArgumentError(f"tolerance must lie in (0, 1); got {tolerance}")
-        case = self._case(touches)
-        answer = self._solve(case, tolerance, start)
-        final, drag = answer.final, case.force[..., :2]
-        feet = self.lattice.feet
+        loads = self._loads(touches)
+        _, sideways, final = self._solve(loads, tolerance, start)
+        drag, feet = touches.force[..., :2], self.lattice.feet
         converged = self._counts(final, tolerance)
         pull = final.displacements[:, feet, 2] * self.lattice.ground[feet, 2]
-        on_board = drag if isinstance(self.grip, Covered) else answer.sideways
-        turn = (_turned(case.arms) * on_board).sum(axis=(1, 2)) / self._yaw
+        covered = isinstance(self.grip, Covered)
+        on_board = drag if covered else sideways
+        turn = (_turned(loads.shares @ self._tops) * on_board).sum(axis=(1, 2)) / self._yaw
         slide = on_board.sum(axis=1) / self._board
-        excess = answer.sideways - (0.0 if isinstance(self.grip, Covered) else drag)
+        excess = sideways - (0.0 if covered else drag)
         board = np.concatenate([slide, turn[:, None]], axis=-1)
         return Pressed(
             displacements=np.where(converged[:, None, None], final.displacements, np.nan),
@@ -232,16 +217,16 @@ class BarHinge:
         ArgumentError
             If a touch lies off the skin.
         """
-        case = self._case(touches)
-        answer = self._solve(case, tolerance, None)
-        rows, places, tops = case.shares.shape
+        loads = self._loads(touches)
+        answer = self._solve(loads, tolerance, None)
+        rows, places, tops = loads.shares.shape
         slopes = np.zeros((rows, places, 2, tops))
         if not isinstance(self.grip, Covered):
             slopes = patch_slopes(self.design, touches).reshape(slopes.shape)
         count, nodes = 5 * places + len(STIFFNESSES), len(self.lattice.nodes)
         motion, board = np.full((rows, count, nodes, 3), np.nan), np.full((rows, count, 3), np.nan)
         for row in map(int, np.flatnonzero(self._counts(answer.final, tolerance))):
-            moved, carried = self._derive(case, answer, slopes[row], row)
+            moved, carried = self._derive(loads, answer, slopes[row], row)
             motion[row], board[row] = np.moveaxis(moved, -1, 0), carried.T
         by_touch = 5 * places
         return Sensitivity(
@@ -252,25 +237,25 @@ class BarHinge:
         )
 
     def _derive(
-        self, case: _Case, answer: _Answer, slopes: Floats, row: int
+        self, loads: Loads, answer: _Answer, slopes: Floats, row: int
     ) -> tuple[Floats, Floats]:
         """Derivatives of one case's motion, (V, 3, P), and of the board's, (3, P)."""
-        force, arms = case.force[row], case.arms[row]
+        force, arms = loads.force[row], loads.shares[row] @ self._tops
         own = self._own_change(slopes)
         change = np.zeros_like(own.drag)
         if not isinstance(self.grip, Frictionless):
-            moved, change = self._straight_change(case, answer.straight, own, row)
+            moved, change = self._straight_change(loads, answer.straight, own, row)
         if isinstance(self.grip, Covered):
             sideways, change = force[:, :2], own.drag
         else:
             sideways, asked = answer.sideways[row], answer.straight.reaction[row] + force[:, :2]
             change = self._cut_change(asked, force[:, 2], change + own.drag, own.normal)
             place = self._equilibrium.tangent.at(answer.final.displacements[row])
-            right = self._unbalance(case, row, place, own, sideways, change)
+            right = self._unbalance(loads, row, place, own, sideways, change)
             moved = self._equilibrium.tangent.solve(place, right)
         slide = change.sum(axis=0) / self._board
         turn = np.einsum("kd,kdp->p", _turned(arms), change)
-        turn += np.einsum("kdp,kd->p", _turned_axis(own.arm), sideways)
+        turn += np.einsum("kdp,kd->p", _turned(own.arm, axis=-2), sideways)
         return moved, np.concatenate([slide, turn[None] / self._yaw])
 
     def _own_change(self, slopes: Floats) -> _Change:
@@ -283,23 +268,23 @@ class BarHinge:
             share[k, :, 5 * k : 5 * k + 2] = slopes[k].T
             drag[k, :, 5 * k + 2 : 5 * k + 4] = np.eye(2)
             normal[k, 5 * k + 4] = 1.0
-        arm = np.einsum("ktp,td->kdp", share, geometry(self.design).tops.reshape(-1, 2))
+        arm = np.einsum("ktp,td->kdp", share, self._tops)
         return _Change(share=share, arm=arm, drag=drag, normal=normal)
 
     def _straight_change(
-        self, case: _Case, straight: Relaxed, own: _Change, row: int
+        self, loads: Loads, straight: Relaxed, own: _Change, row: int
     ) -> tuple[Floats, Floats]:
         """Change of a straight press's motion, (V, 3, P), and of its reactions, (K, 2, P)."""
-        first, reaction, held = straight.displacements[row], straight.reaction[row], case.held[row]
-        press = self._equilibrium.one_press(case.shares[row], case.force[row], held, case.link[row])
+        first, reaction, held = straight.displacements[row], straight.reaction[row], loads.held[row]
+        press = self._equilibrium.one_press(loads, row)
         place = self._equilibrium.tangent.at(first)
         gap = -np.einsum("ktp,td->kdp", own.share, first[self.lattice.loaded.ravel(), :2])
         if not isinstance(self.grip, Covered):
-            turn, turned = _turned_axis(own.arm), _turned(case.arms[row])
+            turn, turned = _turned(own.arm, axis=-2), _turned(loads.shares[row] @ self._tops)
             gap -= np.einsum("kdp,le,le->kdp", turn, turned, reaction) / self._yaw
             gap -= np.einsum("kd,lep,le->kdp", turned, turn, reaction) / self._yaw
         change = np.zeros_like(gap)
-        right = self._unbalance(case, row, place, own, reaction, change)
+        right = self._unbalance(loads, row, place, own, reaction, change)
         moved, reactions = constrained_solve(
             self._equilibrium.tangent, place, press, right, gap[held].reshape(-1, gap.shape[-1])
         )
@@ -307,15 +292,15 @@ class BarHinge:
         return moved, change
 
     def _unbalance(
-        self, case: _Case, row: int, place: Place, own: _Change, sideways: Floats, change: Floats
+        self, loads: Loads, row: int, place: Place, own: _Change, sideways: Floats, change: Floats
     ) -> Floats:
         """Forces that unbalance the nodes when touches push by `sideways` and `change` more."""
         right = -_by_stiffness(self.lattice, place, change.shape[-1])
-        pushed = np.concatenate([sideways, case.force[row, :, 2:]], axis=1)
+        pushed = np.concatenate([sideways, loads.force[row, :, 2:]], axis=1)
         more = np.concatenate([change, own.normal[:, None]], axis=1)
         top = self.lattice.loaded.ravel()
         right[top] += np.einsum("ktp,kd->tdp", own.share, pushed)
-        right[top] += np.einsum("kt,kdp->tdp", case.shares[row], more)
+        right[top] += np.einsum("kt,kdp->tdp", loads.shares[row], more)
         return right
 
     def _cut_change(
@@ -336,64 +321,45 @@ class BarHinge:
         cut[slides] -= self.grip.friction * along[:, :, None] * pressing[slides, None]
         return cut
 
-    def _case(self, touches: Touches) -> _Case:
+    def _loads(self, touches: Touches) -> Loads:
         """Patches of the touches, and compliance of what they hold on to."""
         rows, places = touches.force.shape[:2]
         covered = isinstance(self.grip, Covered)
         weigh = cover_shares if covered else patch_shares
         shares = weigh(self.design, touches).reshape(rows, places, -1)
-        middle = geometry(self.design).extent / 2
-        arms = shares @ (geometry(self.design).tops.reshape(-1, 2) - middle)
         link = np.broadcast_to(_PAD * np.eye(2 * places), (rows, 2 * places, 2 * places)).copy()
         if not covered:
-            turned = _turned(arms).reshape(rows, 2 * places)
+            turned = _turned(shares @ self._tops).reshape(rows, 2 * places)
             link += np.kron(np.ones((places, places)), np.eye(2)) / self._board
             link += turned[:, :, None] * turned[:, None, :] / self._yaw
-        pressed = touches.force[..., 2] < 0
-        return _Case(
-            force=touches.force,
-            shares=shares,
-            arms=arms,
-            held=pressed & (not isinstance(self.grip, Frictionless)),
-            link=link,
-        )
+        held = (touches.force[..., 2] < 0) & (not isinstance(self.grip, Frictionless))
+        return Loads(shares=shares, force=touches.force, held=held, link=link)
 
-    def _solve(self, case: _Case, tolerance: float, start: Floats | None) -> _Answer:
+    def _solve(self, loads: Loads, tolerance: float, start: Floats | None) -> _Answer:
         """Equilibrium of the straight press, then with the drags."""
-        free = np.zeros_like(case.held)
-        upright = case.force.copy()
-        if not isinstance(self.grip, Frictionless):
-            upright[..., :2] = 0.0
-        straight = self._equilibrium.relax(
-            case.shares, upright, case.held, case.link, tolerance=tolerance, start=start
-        )
-        if isinstance(self.grip, Frictionless | Covered):
-            sideways = straight.reaction if case.held.any() else case.force[..., :2]
-            return _Answer(straight=straight, sideways=sideways, final=straight)
-        sideways = self._cut(straight.reaction + case.force[..., :2], case.force[..., 2])
+        relax = partial(self._equilibrium.relax, tolerance=tolerance)
+        drag, normal = loads.force[..., :2], loads.force[..., 2:]
+        if isinstance(self.grip, Frictionless):
+            free = relax(loads, start=start)
+            return _Answer(free, drag, free)
+        straight = relax(loads._replace(force=loads.force * [0.0, 0.0, 1.0]), start=start)
+        if isinstance(self.grip, Covered):
+            return _Answer(straight, straight.reaction, straight)
+        sideways = self._cut(straight.reaction + drag, normal[..., 0])
         again = (sideways != straight.reaction).any(axis=(1, 2))
         again &= straight.residual <= tolerance
         if not again.any():
-            return _Answer(straight=straight, sideways=sideways, final=straight)
-        dead = np.concatenate([sideways, case.force[..., 2:]], axis=-1)
-        dragged = self._equilibrium.relax(
-            case.shares[again],
-            dead[again],
-            free[again],
-            case.link[again],
-            tolerance=tolerance,
-            start=straight.displacements[again],
+            return _Answer(straight, sideways, straight)
+        dead = np.concatenate([sideways, normal], axis=-1)
+        freed = loads._replace(force=dead, held=np.zeros_like(loads.held))
+        dragged = relax(
+            Loads._make(part[again] for part in freed), start=straight.displacements[again]
         )
-        final = replace(
-            straight,
-            displacements=straight.displacements.copy(),
-            residual=straight.residual.copy(),
-            iterations=straight.iterations.copy(),
-        )
-        final.displacements[again] = dragged.displacements
-        final.residual[again] = dragged.residual
-        final.iterations[again] += dragged.iterations
-        return _Answer(straight=straight, sideways=sideways, final=final)
+        final = Relaxed._make(part.copy() for part in straight)
+        for part, moved in zip(final, dragged, strict=True):
+            part[again] = moved
+        final.iterations[again] += straight.iterations[again]
+        return _Answer(straight, sideways, final)
 
     def _counts(self, final: Relaxed, tolerance: float) -> Bools:
         """Whether answers are equilibria within what the columns can do, (B,)."""
@@ -429,11 +395,7 @@ def _by_stiffness(lattice: Lattice, place: Place, count: int) -> Floats:
     return by_kind
 
 
-def _turned_axis(arms: Floats) -> Floats:
-    """`_turned` for arms in the last axis but one."""
-    return np.stack([-arms[..., 1, :], arms[..., 0, :]], axis=-2)
-
-
-def _turned(arms: Floats) -> Floats:
-    """Motion of points per angle of a turn about the middle."""
-    return np.stack([-arms[..., 1], arms[..., 0]], axis=-1)
+def _turned(arms: Floats, axis: int = -1) -> Floats:
+    """Motion of points per angle of a turn about the middle; `axis` holds x and y."""
+    x, y = np.moveaxis(arms, axis, 0)
+    return np.stack([-y, x], axis=axis)

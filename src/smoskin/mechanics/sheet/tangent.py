@@ -4,8 +4,6 @@ Nodes are ordered so that the band is as wide as the sheet's shorter side has no
 Decides whether a sheet is stable at all, and in which form its inverse at rest is kept.
 """
 
-from dataclasses import dataclass
-from functools import partial
 from typing import Final, NamedTuple
 
 import jax
@@ -28,12 +26,36 @@ _SINGULAR: Final = 1e-12
 """Smallest over largest stiffness below which the sheet holds its shape by rounding only."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RestInverse:
+class Elements(NamedTuple):
+    """Bars and hinges of a lattice on the device, P of the hinges within panels."""
+
+    bars: Array
+    """(2, E): nodes at the bars' ends."""
+    span: Array
+    """(E, 3, 1), m: from the first end to the second at rest."""
+    length: Array
+    """(E, 1), m."""
+    hinges: Array
+    """(4, H): both nodes of each axis, then both wings."""
+    arms: Array
+    """(3, H, 3, 1), m: from the start of each hinge's axis to its end and wings at rest."""
+    rest_angle: Array
+    """(H, 1), rad: 0 within panels, which are flat."""
+    rest_along: Array
+    """(E, 3, 1): unit vectors along the bars."""
+    rest_gradient: Array
+    """(4, P, 3, 1), rad/m: derivatives of the panels' bends at rest."""
+    stiffness: Array
+    """(E + P, 1), N/m and N m/rad: bars, then panels' hinges."""
+    crease_stiffness: Array
+    """(H - P, 1), N m/rad."""
+
+
+class RestInverse(NamedTuple):
     """The inverse of the tangent at rest, in blocks."""
 
-    order: Ints
-    """(V,): nodes in the order of the blocks."""
+    place: Ints
+    """(3V,): place of each displacement in the blocks; where Z is 1 they keep their own order."""
     inverse: Floats
     """(Z, b, b): inverses of the factor's diagonal blocks, or, where Z is 1, of the tangent."""
     forward: Floats
@@ -59,31 +81,15 @@ class Blocks(NamedTuple):
     """(3, V, 3), N: forces of bars, panels' hinges and creases at the nodes."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Place:
+class Place(NamedTuple):
     """Lattice at some displacement: its forces, and its stiffness factorised."""
 
+    blocks: Blocks
+    """The elements, one by one."""
     inner: Floats
     """(4, V, 3), N: forces of bars, panels' hinges, creases and springs to the board."""
-    strain: Floats
-    """(E + P,): stretches of bars, m, and bends of panels, rad."""
-    rates: tuple[Floats, Floats]
-    """(E, 2, 3) and (P, 4, 3): derivatives of `strain` by the nodes of each element."""
     factor: Floats
     """(w + 1, 3V): Cholesky factor of the tangent, a lower band in the band's order."""
-
-
-class _Elements(NamedTuple):
-    """Elements of a lattice on the device, nodes as the lattice numbers them."""
-
-    bars: Array
-    span: Array
-    length: Array
-    hinges: Array
-    arms: Array
-    rest_angle: Array
-    bar_stiffness: Array
-    hinge_stiffness: Array
 
 
 class Tangent:
@@ -102,32 +108,9 @@ class Tangent:
 
     def __init__(self, lattice: Lattice) -> None:
         self.lattice = lattice
-        span = np.diff(lattice.nodes[lattice.bars], axis=1)[:, 0]
-        length = np.linalg.norm(span, axis=1)
         with jax.enable_x64(True):
-            corners = lattice.nodes[lattice.hinges.T][..., None]
-            self.arms = corners[1:] - corners[0]
-            bent = _bend(self.arms, np.zeros_like(corners))
-            self.rest_angle = np.asarray(bent[0])[:, 0]
-            self.rest_gradient = np.asarray(bent[1])[..., 0]
-            self._elements = _Elements(
-                *(
-                    jnp.asarray(part)
-                    for part in (
-                        lattice.bars.T,
-                        span[..., None],
-                        length[:, None],
-                        lattice.hinges.T,
-                        self.arms,
-                        self.rest_angle[:, None],
-                        lattice.bar_stiffness[:, None],
-                        lattice.hinge_stiffness[:, None],
-                    )
-                )
-            )
-        self._along = span / length[:, None]
-        self.order = _narrow_order(lattice)
-        place = np.argsort(self.order)
+            self.elements = _elements(lattice)
+        place = _narrow_places(lattice)
         self._where = (3 * place[:, None] + np.arange(3)).ravel()
         below = [_entries(place, nodes) for nodes in (lattice.bars, lattice.hinges)]
         self._width = int(max((rows - columns).max(initial=0) for rows, columns, _ in below))
@@ -143,35 +126,28 @@ class Tangent:
         DesignError
             If the lattice can move without resistance.
         """
-        lattice = self.lattice
-        rates = np.stack([-self._along, self._along], axis=1).reshape(len(lattice.bars), 6)
-        turns = np.moveaxis(self.rest_gradient, 0, 1).reshape(len(lattice.hinges), 12)
-        band = self._band(
-            rates[:, :, None] * rates[:, None] * lattice.bar_stiffness[:, None, None],
-            turns[:, :, None] * turns[:, None] * lattice.hinge_stiffness[:, None, None],
-        )
+        made = self.blocks(np.zeros_like(self.lattice.nodes))
+        band = self._band(made.bars, made.hinges)
         try:
             factor = cholesky_banded(band, lower=True)
         except np.linalg.LinAlgError as error:
             raise DesignError(f"the sheet must hold its shape; {_UNSTABLE}") from error
         self._check_stable(band, factor)
-        size = lattice.nodes.size
-        if size <= _WHOLE:
-            # SuperLU in the band's own order gives the same digits on any number of threads;
-            # LAPACK does not.
-            below = dia_array((band, -np.arange(len(band))), (size, size))
-            above = dia_array((band[1:], -np.arange(1, len(band))), (size, size)).T
-            lower_upper = splu(
-                csc_array(below + above),
-                permc_spec="NATURAL",
-                diag_pivot_thresh=0.0,
-                options={"SymmetricMode": True},
-            )
-            whole = lower_upper.solve(np.eye(size))[None]
-            return RestInverse(
-                order=self.order, inverse=whole, forward=whole[:0], backward=whole[:0]
-            )
-        return RestInverse(order=self.order, **_factor_blocks(factor, self._width))
+        size = self.lattice.nodes.size
+        if size > _WHOLE:
+            return RestInverse(self._where, *_factor_blocks(factor, self._width))
+        # SuperLU in the band's own order gives the same digits on any number of threads;
+        # LAPACK does not.
+        below = dia_array((band, -np.arange(len(band))), (size, size))
+        above = dia_array((band[1:], -np.arange(1, len(band))), (size, size)).T
+        lower_upper = splu(
+            csc_array(below + above),
+            permc_spec="NATURAL",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+        whole = lower_upper.solve(np.eye(size))[np.ix_(self._where, self._where)][None]
+        return RestInverse(np.arange(size), whole, whole[:0], whole[:0])
 
     def at(self, motion: Floats, force: Floats | None = None) -> Place:
         """The lattice at a displacement.
@@ -191,20 +167,15 @@ class Tangent:
         """
         made = self.blocks(motion, force)
         return Place(
+            blocks=made,
             inner=np.concatenate([made.pushes, (self.lattice.ground * motion)[None]]),
-            strain=made.strain,
-            rates=(
-                np.stack([-made.along, made.along], axis=1),
-                np.moveaxis(made.turns[:, : self.lattice.panel_hinges], 0, 1),
-            ),
             factor=cholesky_banded(self._band(made.bars, made.hinges), lower=True),
         )
 
     def blocks(self, motion: Floats, force: Floats | None = None) -> Blocks:
         """Parts of the tangent and of the forces at a displacement, element by element."""
-        given = np.zeros((0, 1)) if force is None else force[:, None]
         with jax.enable_x64(True):
-            made = _blocks_at(self._elements, motion[..., None], given, self.lattice.panel_hinges)
+            made = _blocks_at(self.elements, motion[..., None], force)
         return Blocks(*(np.asarray(part) for part in made))
 
     def solve(self, place: Place, right: Floats) -> Floats:
@@ -217,13 +188,11 @@ class Tangent:
 
     def strain_change(self, place: Place, motion: Floats) -> Floats:
         """Change of the strains of bars and panels with a small motion (V, 3), (E + P,)."""
-        bars, panels = self.lattice.bars, self.lattice.hinges[: self.lattice.panel_hinges]
-        return np.concatenate(
-            [
-                np.einsum("ekd,ekd->e", place.rates[0], motion[bars]),
-                np.einsum("ekd,ekd->e", place.rates[1], motion[panels]),
-            ]
-        )
+        panels = self.lattice.panel_hinges
+        growth = np.diff(motion[self.lattice.bars], axis=1)[:, 0]
+        moved = motion[self.lattice.hinges[:panels]]
+        bends = np.einsum("ked,ekd->e", place.blocks.turns[:, :panels], moved)
+        return np.concatenate([(place.blocks.along * growth).sum(axis=1), bends])
 
     def _band(self, bars: Floats, hinges: Floats) -> Floats:
         """Sum of element blocks (E, 6, 6) and (H, 12, 12), and of the ground, as a lower band."""
@@ -240,8 +209,8 @@ class Tangent:
         """Refuse a sheet whose softest motion has next to no stiffness."""
         shape: Floats = np.cos(np.arange(band.shape[1]))
         for _ in range(6):
-            shape = np.asarray(cho_solve_banded((factor, True), shape / _length(shape)))
-        softest = 1 / _length(shape)
+            shape = np.asarray(cho_solve_banded((factor, True), shape / np.linalg.norm(shape)))
+        softest = 1 / float(np.linalg.norm(shape))
         if not softest > _SINGULAR * band[0].max():
             node, axis = divmod(int(np.argmax(np.abs(shape[self._where]))), 3)
             x, y = self.lattice.nodes[node, :2] * 1e3
@@ -254,6 +223,29 @@ class Tangent:
 _UNSTABLE: Final = "some motion of it meets no stiffness of columns, frame, creases or panels"
 
 
+def _elements(lattice: Lattice) -> Elements:
+    """The lattice's elements on the device."""
+    panels = lattice.panel_hinges
+    span = np.diff(lattice.nodes[lattice.bars], axis=1)[:, 0, :, None]
+    length = np.linalg.norm(span, axis=1)
+    corners = lattice.nodes[lattice.hinges.T][..., None]
+    arms = corners[1:] - corners[0]
+    angle, gradient = _bend(arms, np.zeros_like(corners))
+    own = np.concatenate([lattice.bar_stiffness, lattice.hinge_stiffness[:panels]])
+    return Elements(
+        bars=jnp.asarray(lattice.bars.T),
+        span=jnp.asarray(span),
+        length=jnp.asarray(length),
+        hinges=jnp.asarray(lattice.hinges.T),
+        arms=jnp.asarray(arms),
+        rest_angle=angle,
+        rest_along=jnp.asarray(span / length[:, None]),
+        rest_gradient=gradient[:, :panels],
+        stiffness=jnp.asarray(own[:, None]),
+        crease_stiffness=jnp.asarray(lattice.hinge_stiffness[panels:, None]),
+    )
+
+
 @jax.jit
 def _bend(arms: Array, moved: Array) -> tuple[Array, Array]:
     """Angles of hinges and their derivatives."""
@@ -261,43 +253,36 @@ def _bend(arms: Array, moved: Array) -> tuple[Array, Array]:
     return bent.angle, elements.pushes(bent, jnp.ones_like(bent.angle))
 
 
-@partial(jax.jit, static_argnames="panels")
-def _blocks_at(net: _Elements, motion: Array, given: Array, panels: int) -> tuple[Array, ...]:
+@jax.jit
+def _blocks_at(net: Elements, motion: Array, force: Array | None) -> tuple[Array, ...]:
     """Parts of `Blocks` for the motion (V, 3, 1) of one press."""
-    bars = len(net.length)
+    bars, panels = len(net.length), net.rest_gradient.shape[1]
     stretch = elements.stretch(net.span, net.length, motion[net.bars[1]] - motion[net.bars[0]])
     moved = motion[net.hinges]
     bent = elements.fold(net.arms, moved)
     turn = bent.angle - net.rest_angle
     strain = jnp.concatenate([stretch.value, turn[:panels]])
-    tension, moment = net.bar_stiffness * stretch.value, net.hinge_stiffness * turn
-    along, gradient = stretch.direction, elements.pushes(bent, jnp.ones_like(turn))
-    ends = jnp.stack([-along, along])
+    own, along = net.stiffness * strain, stretch.direction
+    rigidity = jnp.concatenate([net.stiffness[bars:], net.crease_stiffness])
+    moment, gradient = rigidity * turn, elements.pushes(bent, jnp.ones_like(turn))
+    ends, at_hinges = jnp.stack([-along, along]), moment[:, None] * gradient
+    still = jnp.zeros_like(motion)
     pushes = [
-        jnp.zeros_like(motion).at[net.bars].add(tension[:, None] * ends),
-        jnp.zeros_like(motion)
-        .at[net.hinges[:, :panels]]
-        .add(moment[:panels, None] * gradient[:, :panels]),
-        jnp.zeros_like(motion)
-        .at[net.hinges[:, panels:]]
-        .add(moment[panels:, None] * gradient[:, panels:]),
+        still.at[net.bars].add(own[:bars, None] * ends),
+        still.at[net.hinges[:, :panels]].add(at_hinges[:, :panels]),
+        still.at[net.hinges[:, panels:]].add(at_hinges[:, panels:]),
     ]
-    if len(given):
-        tension, moment = given[:bars], moment.at[:panels].set(given[bars:])
+    if force is not None:
+        own = force[:, None]
+        moment = moment.at[:panels].set(own[bars:])
     rates = jnp.moveaxis(ends[..., 0], 0, 1).reshape(bars, 6)
     apart = jnp.kron(jnp.array([[1.0, -1.0], [-1.0, 1.0]]), jnp.eye(3))
-    of_bars = _outer(net.bar_stiffness, rates) + (tension / net.length)[..., None] * apart
+    of_bars = _outer(net.stiffness[:bars], rates) + (own[:bars] / net.length)[..., None] * apart
     turns = jnp.moveaxis(gradient[..., 0], 0, 1).reshape(len(turn), 12)
-    of_hinges = _outer(net.hinge_stiffness, turns)
+    of_hinges = _outer(rigidity, turns)
     of_hinges = of_hinges + moment[..., None] * elements.fold_curvature(net.arms, moved)
-    return (
-        strain[:, 0],
-        along[..., 0],
-        gradient[..., 0],
-        of_bars,
-        of_hinges,
-        jnp.stack(pushes)[..., 0],
-    )
+    pushed = jnp.stack(pushes)[..., 0]
+    return strain[:, 0], along[..., 0], gradient[..., 0], of_bars, of_hinges, pushed
 
 
 def _outer(stiffness: Array, rates: Array) -> Array:
@@ -305,22 +290,18 @@ def _outer(stiffness: Array, rates: Array) -> Array:
     return stiffness[..., None] * rates[:, :, None] * rates[:, None]
 
 
-def _length(vector: Floats) -> float:
-    """Length of a vector."""
-    return float(np.linalg.norm(vector))
-
-
-def _narrow_order(lattice: Lattice) -> Ints:
-    """Nodes in an order that keeps coupled ones near each other."""
+def _narrow_places(lattice: Lattice) -> Ints:
+    """Place of each node in an order that keeps coupled ones near each other."""
     count = len(lattice.nodes)
-    rows, columns = [], []
-    for nodes in (lattice.bars, lattice.hinges):
-        each = nodes.shape[1]
-        rows.append(np.repeat(nodes, each, axis=1).ravel())
-        columns.append(np.tile(nodes, (1, each)).ravel())
-    where = np.concatenate(rows), np.concatenate(columns)
-    links = coo_array((np.ones(len(where[0])), where), (count, count)).tocsr()
-    return np.asarray(reverse_cuthill_mckee(links, symmetric_mode=True), dtype=np.int64)
+    pairs = np.concatenate([_pairs(nodes) for nodes in (lattice.bars, lattice.hinges)], axis=1)
+    links = coo_array((np.ones(pairs.shape[1]), tuple(pairs)), (count, count)).tocsr()
+    return np.argsort(reverse_cuthill_mckee(links, symmetric_mode=True))
+
+
+def _pairs(each: Ints) -> Ints:
+    """Rows and columns of the entries that couple all members of a row, (2, ...)."""
+    count = each.shape[1]
+    return np.stack([np.repeat(each, count, axis=1).ravel(), np.tile(each, (1, count)).ravel()])
 
 
 def _entries(place: Ints, nodes: Ints) -> tuple[Ints, Ints, Ints]:
@@ -329,13 +310,12 @@ def _entries(place: Ints, nodes: Ints) -> tuple[Ints, Ints, Ints]:
     The third result is their index among the blocks' entries, all of them in a row.
     """
     where = (3 * place[nodes][..., None] + np.arange(3)).reshape(len(nodes), -1)
-    rows = np.repeat(where, where.shape[1], axis=1).ravel()
-    columns = np.tile(where, (1, where.shape[1])).ravel()
+    rows, columns = _pairs(where)
     pick = np.flatnonzero(rows >= columns)
     return rows[pick], columns[pick], pick
 
 
-def _factor_blocks(factor: Floats, width: int) -> dict[str, Floats]:
+def _factor_blocks(factor: Floats, width: int) -> tuple[Floats, Floats, Floats]:
     """A banded Cholesky factor as blocks that couple with their neighbours alone."""
     size = factor.shape[1]
     block = 3 * -(-width // 3)
@@ -356,4 +336,4 @@ def _factor_blocks(factor: Floats, width: int) -> dict[str, Floats]:
             )
             forward[z] = inverse[z] @ left
             backward[z - 1] = inverse[z - 1].T @ left.T
-    return {"inverse": inverse, "forward": forward, "backward": backward}
+    return inverse, forward, backward
