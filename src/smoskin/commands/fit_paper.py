@@ -6,13 +6,13 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import Coefficients, SkinDesign
-from smoskin.errors import ArgumentError, MissingExtraError
+from smoskin.errors import MissingExtraError
 from smoskin.measurement import read_touches, write_touches
 from smoskin.roles import VirtualSkin
 from smoskin.sensing.closed_form.calibration import Calibration, Uncertainty, format_calibration
@@ -32,18 +32,17 @@ _LEVEL: Final = 0.9
 """Confidence of the intervals shown."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Line:
+class Line(NamedTuple):
     """One number of a calibration, in the unit of its file."""
 
     name: str
     value: float
     nominal: float
-    """As designed."""
+    """The number as designed."""
     standard_uncertainty: float
     """NaN where it was not measured and the value is nominal; infinite for a v_f whose effect was
     not seen."""
-    half_width: float
+    half_width_90_percent: float
     """Half width of the interval of 90 % confidence."""
 
 
@@ -51,13 +50,29 @@ class Line:
 class CalibrationReport:
     """A finished calibration in words and numbers."""
 
+    design: SkinDesign
     fit: Fit
-    lines: tuple[Line, ...]
+
+    @property
+    def lines(self) -> list[Line]:
+        """The numbers of the fit beside the design's, with their intervals."""
+        nominal, own = Calibration.nominal(self.design), self.fit.calibration
+        spread = self.fit.evidence.uncertainty
+        factor = self.fit.evidence.coverage_factor(_LEVEL)
+        rows = zip(
+            _numbers(self.design, own.coefficients, own),
+            _numbers(self.design, nominal.coefficients, nominal),
+            _numbers(self.design, spread, spread),
+            strict=True,
+        )
+        return [
+            Line(name, value, designed, deviation, factor * deviation)
+            for (name, value), (_, designed), (_, deviation) in rows
+        ]
 
     def as_json(self) -> dict[str, object]:
         """Plain values for machines; what was not measured is null."""
-        evidence = self.fit.calibration.evidence
-        assert evidence is not None, "a fit rests on something"
+        evidence = self.fit.evidence
         force, depth, field = self.fit.noise
         return {
             "design_hash": self.fit.calibration.design_hash,
@@ -68,22 +83,16 @@ class CalibrationReport:
             "noise_depth": _or_none(depth),
             "noise_field_uT": _or_none(_in_unit(field, "uT")),
             "numbers": [
-                {
-                    "name": line.name,
-                    "value": line.value,
-                    "nominal": line.nominal,
-                    "standard_uncertainty": _or_none(line.standard_uncertainty),
-                    "half_width_90_percent": _or_none(line.half_width),
-                }
+                {name: _or_none(value) for name, value in line._asdict().items()}
                 for line in self.lines
             ],
             "residuals": [
                 {
-                    "group": one.group,
-                    "values": one.values,
-                    f"rms_{one.unit}": _or_none(_in_unit(one.rms, one.unit)),
+                    "group": group.group,
+                    "values": group.values,
+                    f"rms_{group.unit}": _or_none(_in_unit(group.rms, group.unit)),
                 }
-                for one in evidence.residuals
+                for group in evidence.residuals
             ],
         }
 
@@ -91,20 +100,19 @@ class CalibrationReport:
         """The numbers and the residuals, for people."""
         from rich.table import Table
 
-        numbers = Table(title="Calibration (+- at 90 % confidence)")
-        for name in ("number", "value", "+-", "as designed"):
-            numbers.add_column(name, justify="left" if name == "number" else "right")
+        numbers = Table("number", title="Calibration (+- at 90 % confidence)")
+        for name in ("value", "+-", "as designed"):
+            numbers.add_column(name, justify="right")
         for line in self.lines:
-            width = f"{line.half_width:.2g}"
-            if not math.isfinite(line.half_width):
-                width = "not measured" if math.isnan(line.half_width) else "no effect seen"
+            width = f"{line.half_width_90_percent:.2g}"
+            if not math.isfinite(line.standard_uncertainty):
+                unmeasured = math.isnan(line.standard_uncertainty)
+                width = "not measured" if unmeasured else "no effect seen"
             numbers.add_row(line.name, f"{line.value:.5g}", width, f"{line.nominal:.5g}")
-        residuals = Table(title="What the model leaves")
-        for name in ("measured", "values", "rms", "unit"):
-            residuals.add_column(name, justify="left" if name == "measured" else "right")
-        evidence = self.fit.calibration.evidence
-        assert evidence is not None, "a fit rests on something"
-        for group in evidence.residuals:
+        residuals = Table("measured", title="What the model leaves")
+        for name in ("values", "rms", "unit"):
+            residuals.add_column(name, justify="right")
+        for group in self.fit.evidence.residuals:
             rms = _in_unit(group.rms, group.unit)
             residuals.add_row(group.group, str(group.values), f"{rms:.3g}", group.unit)
         return [numbers, residuals]
@@ -149,7 +157,7 @@ def fit_paper(
         digest = hashlib.sha256(both.encode()).hexdigest()
     fit = fit_calibration(design, table, date=date, data_sha256=digest, attenuation=attenuation)
     Path(output).write_text(format_calibration(fit.calibration), encoding="utf-8")
-    return report(design, fit)
+    return CalibrationReport(design=design, fit=fit)
 
 
 def write_virtual_bench(
@@ -177,39 +185,12 @@ def write_virtual_bench(
     if sheet == "reduced":
         skin: VirtualSkin = made_skin(design, rng)
         loads = calibration_loads(design)
-    elif sheet == "whole":
+    else:
         from smoskin.twin.whole import Twin
 
         skin = Twin(design, seed=seed, manufactured=True)
         loads = table_loads(design)
-    else:
-        raise ArgumentError(f"sheet must be 'whole' or 'reduced'; got {sheet!r}")
     write_touches(output, measure(skin, loads, rng))
-
-
-def report(design: SkinDesign, fit: Fit) -> CalibrationReport:
-    """The numbers of a fit beside the design's, with their intervals."""
-    evidence = fit.calibration.evidence
-    assert evidence is not None, "a fit rests on something"
-    factor = evidence.coverage_factor(_LEVEL)
-    nominal = Calibration.nominal(design)
-    lines = []
-    for (name, suffix, value), (_, _, designed), (_, _, deviation) in zip(
-        _numbers(design, fit.calibration.coefficients, fit.calibration),
-        _numbers(design, nominal.coefficients, nominal),
-        _numbers(design, evidence.uncertainty, evidence.uncertainty),
-        strict=True,
-    ):
-        lines.append(
-            Line(
-                name=f"{name}_{suffix}" if suffix else name,
-                value=_in_unit(value, suffix),
-                nominal=_in_unit(designed, suffix),
-                standard_uncertainty=_in_unit(deviation, suffix),
-                half_width=factor * _in_unit(deviation, suffix),
-            )
-        )
-    return CalibrationReport(fit=fit, lines=tuple(lines))
 
 
 def residual_figure(fit: Fit) -> "Figure":
@@ -228,50 +209,50 @@ def residual_figure(fit: Fit) -> "Figure":
     press: Floats = np.where(touches.touched, -touches.force[:, 2], np.nan)
     depth: Floats = np.where(touches.touched & (touches.depth > 0), touches.depth, np.nan)
     figure = Figure(figsize=(9, 8), layout="constrained")
-    force_axes, depth_axes, field_axes = figure.subplots(3, 1)
-    for axes, values, name, level in (
-        (force_axes, -fit.residual[:, 2] / press, "force", fit.noise[0]),
-        (depth_axes, fit.residual[:, 3] / depth, "depth", fit.noise[1]),
-    ):
+    *relative_axes, field_axes = figure.subplots(3, 1)
+    panels = (
+        ("force", -fit.residual[:, 2] / press, fit.noise[0]),
+        ("depth", fit.residual[:, 3] / depth, fit.noise[1]),
+    )
+    for axes, (name, values, level) in zip(relative_axes, panels, strict=True):
         axes.plot(press, 100 * values, ".", markersize=4)
         if math.isfinite(level):
             axes.axhspan(-100 * level, 100 * level, alpha=0.15)
-        axes.set_xlabel("press force (N)")
-        axes.set_ylabel(f"{name}: measured less model (%)")
+        axes.set(xlabel="press force (N)", ylabel=f"{name}: measured less model (%)")
     fields: Floats = np.reshape(fit.residual[:, 4:], touches.field.shape)
-    for s in range(fields.shape[1]):
-        rms = np.sqrt(np.mean(fields[:, s] ** 2, axis=-1))
-        field_axes.plot(rms / 1e-6, ".", markersize=4, label=f"chip {s + 1}")
-    field_axes.set_xlabel("touch")
-    field_axes.set_ylabel("field: rms residual (uT)")
-    if fields.shape[1]:
+    rms = np.sqrt(np.mean(fields**2, axis=-1)) / 1e-6
+    for s, values in enumerate(rms.T, start=1):
+        field_axes.plot(values, ".", markersize=4, label=f"chip {s}")
+    if rms.size:
         field_axes.legend()
+    field_axes.set(xlabel="touch", ylabel="field: rms residual (uT)")
     return figure
 
 
 def _numbers(
     design: SkinDesign, model: Coefficients | Uncertainty, skin: Calibration | Uncertainty
-) -> Iterator[tuple[str, str, float]]:
-    """Name, unit suffix and value of every number of a calibration or of its uncertainty."""
+) -> Iterator[tuple[str, float]]:
+    """Name and value, in its unit, of every number of a calibration or of its uncertainty."""
     for axis, value in zip("xy", model.attenuation, strict=True):
-        yield f"attenuation_{axis}", "", value
-    yield "stiffness_variation", "", model.stiffness_variation
+        yield f"attenuation_{axis}", value
+    yield "stiffness_variation", model.stiffness_variation
     for axis, layers in (("x", model.folding_correction_x), ("y", model.folding_correction_y)):
         for layer, value in enumerate(layers, start=1):
-            yield f"layer {layer} folding_correction_{axis}", "N", value
-    yield "board_stiffness", "N_per_mm", skin.board_stiffness
-    yield "sheet_stiffness", "N_per_mm", skin.sheet_stiffness
+            yield f"layer {layer} folding_correction_{axis}_N", value
+    yield "board_stiffness_N_per_mm", _in_unit(skin.board_stiffness, "N_per_mm")
+    yield "sheet_stiffness_N_per_mm", _in_unit(skin.sheet_stiffness, "N_per_mm")
     for s, site in enumerate(design.halls):
-        yield f"{site.name} field_factor", "", skin.field_factor[s]
+        yield f"{site.name} field_factor", skin.field_factor[s]
         for axis, value in zip("xyz", skin.chip_rotation[s], strict=True):
-            yield f"{site.name} rotation_{axis}", "deg", value
+            yield f"{site.name} rotation_{axis}_deg", _in_unit(value, "deg")
         for axis, value in zip("xyz", skin.field_offset[s], strict=True):
-            yield f"{site.name} field_offset_{axis}", "uT", value
+            yield f"{site.name} field_offset_{axis}_uT", _in_unit(value, "uT")
 
 
 def _in_unit(value: float, suffix: str) -> float:
-    return value / float(SI_PER_SUFFIX[suffix]) if suffix else value
+    return value / float(SI_PER_SUFFIX[suffix])
 
 
-def _or_none(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+def _or_none(value: object) -> object:
+    """What is no number or a finite one; None for other numbers."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value

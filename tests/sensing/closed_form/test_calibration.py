@@ -7,8 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import t
 
-from smoskin.commands.fit_paper import fit_paper, report, residual_figure, write_virtual_bench
+from smoskin.commands.fit_paper import (
+    CalibrationReport,
+    fit_paper,
+    residual_figure,
+    write_virtual_bench,
+)
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.measurement import write_touches
 from smoskin.mechanics.reduced.stiffness import board_stiffness, sheet_stiffness
@@ -164,7 +170,8 @@ def test_readings_tell_v_a_better_than_stiffness(planar):
     assert math.isnan(by_gauge.evidence.uncertainty.board_stiffness)
     assert by_gauge.board_stiffness == board_stiffness(planar)
     assert "nan" in format_calibration(by_gauge)
-    numbers = {line["name"]: line for line in report(planar, gauge_fit).as_json()["numbers"]}
+    shown = CalibrationReport(design=planar, fit=gauge_fit).as_json()
+    numbers = {line["name"]: line for line in shown["numbers"]}
     assert numbers["board_stiffness_N_per_mm"]["standard_uncertainty"] is None
     assert len(residual_figure(gauge_fit).axes) == 3
 
@@ -175,9 +182,9 @@ def test_derivatives_are_those_of_differences(planar):
     rng = np.random.default_rng(0)
     values = model.start(Calibration.nominal(planar))
     values[model.layout.attenuation] = (0.3, 0.25)
-    values[model.layout.rotation] = rng.normal(0, 0.01, 9)
-    values[model.layout.factor] = (0.97, 1.02, 1.01)
-    values[model.layout.offset] = rng.normal(0, 1e-4, 9)
+    values[model.layout.chip_rotation] = rng.normal(0, 0.01, 9)
+    values[model.layout.field_factor] = (0.97, 1.02, 1.01)
+    values[model.layout.field_offset] = rng.normal(0, 1e-4, 9)
     own = np.column_stack([model.depth, model.touches.force[:, :2]])
     own += np.array([1e-5, 0.02, 0.03])  # off the kink of |F_p| at zero
     at = model.predict(values, own)
@@ -236,7 +243,10 @@ def test_calibrating_from_a_file_to_a_file(planar, tmp_path):
     assert again.evidence.date == DATE
     assert len(again.evidence.data_sha256) == 64
     names = {line["name"]: line for line in result.as_json()["numbers"]}
-    assert names["board_stiffness_N_per_mm"]["nominal"] == pytest.approx(1.885, rel=1e-3)
+    board = names["board_stiffness_N_per_mm"]
+    assert board["nominal"] == pytest.approx(1.885, rel=1e-3)
+    quantile = t.ppf(0.95, again.evidence.freedom)
+    assert board["half_width_90_percent"] == pytest.approx(quantile * board["standard_uncertainty"])
     assert [table.title for table in result.tables()][1] == "What the model leaves"
 
 

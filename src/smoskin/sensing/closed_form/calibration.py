@@ -38,11 +38,11 @@ class Uncertainty:
     sheet_stiffness: float
     """N/m."""
     chip_rotation: tuple[Triple, ...]
-    """S of them, rad."""
+    """Those of S chips, rad."""
     field_factor: tuple[float, ...]
-    """S of them."""
+    """Those of S chips."""
     field_offset: tuple[Triple, ...]
-    """S of them, T."""
+    """Those of S chips, T."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,13 +50,13 @@ class ResidualSummary:
     """How far the fitted model is from one group of the measured values."""
 
     group: str
-    """Such as ``"force_z"`` or ``"field of chip S1"``."""
+    """Name such as ``"force_z"`` or ``"field of chip S1"``."""
     unit: str
     """Suffix of the unit of `rms`."""
     values: int
-    """How many were measured."""
+    """Number of values measured."""
     rms: float
-    """SI."""
+    """Root mean square, SI."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,20 +75,7 @@ class Evidence:
     residuals: tuple[ResidualSummary, ...]
 
     def coverage_factor(self, level: float = 0.9) -> float:
-        """Half width of the interval of this confidence, in standard uncertainties.
-
-        Examples
-        --------
-        >>> nan = float("nan")
-        >>> spread = Uncertainty(
-        ...     attenuation=(0.01, 0.01), stiffness_variation=nan, folding_correction_x=(),
-        ...     folding_correction_y=(), board_stiffness=nan, sheet_stiffness=nan,
-        ...     chip_rotation=(), field_factor=(), field_offset=())
-        >>> few = Evidence(date="2026-01-31", data_sha256="", touches=9, freedom=4,
-        ...                uncertainty=spread, residuals=())
-        >>> round(few.coverage_factor(0.9), 3)
-        2.132
-        """
+        """Half width of the interval of this confidence, in standard uncertainties."""
         from scipy.stats import t
 
         return float(t.ppf(0.5 + level / 2, self.freedom))
@@ -113,14 +100,14 @@ class Calibration:
     sheet_stiffness: float
     """N/m: drag over motion of the sheet against the board."""
     chip_rotation: tuple[Triple, ...]
-    """S rotation vectors, rad, in the skin's axes: turn what a chip mounted as designed would
-    have said back to what the field is."""
+    """S rotation vectors, rad, in the skin's axes: turn what a chip mounted as designed would read
+    into the field."""
     field_factor: tuple[float, ...]
-    """k_c of S of them: the designed magnet's field over the real one's, all axes alike."""
+    """k_c of S chips: the designed magnet's field over the real one's, all axes alike."""
     field_offset: tuple[Triple, ...]
     """c_c, T: added after the factor, in the skin's axes."""
     evidence: Evidence | None = None
-    """What it rests on; None for a nominal calibration."""
+    """Measurements behind it; None for a nominal calibration."""
 
     def __post_init__(self) -> None:
         for name in ("board_stiffness", "sheet_stiffness"):
@@ -187,24 +174,12 @@ _FORM: Final = Form(
 
 
 def format_calibration(calibration: Calibration) -> str:
-    """The TOML document of a calibration; `parse_calibration` reads the same numbers back.
-
-    Raises
-    ------
-    MissingExtraError
-        If the TOML writer is not installed.
-    """
+    """The TOML document of a calibration; `parse_calibration` reads the same numbers back."""
     return format_toml(_FORM.table(calibration), "writing a calibration")
 
 
 def parse_calibration(text: str) -> Calibration:
-    """The calibration that a TOML document describes.
-
-    Raises
-    ------
-    ModelError
-        If the document is not TOML, has unknown or missing keys, or holds what cannot be.
-    """
+    """The calibration that a TOML document describes; a `ModelError` for what cannot be."""
     document = _FORM.parse_toml(text)
     if "press_table" in document:
         raise ModelError(
@@ -215,13 +190,7 @@ def parse_calibration(text: str) -> Calibration:
 
 
 def read_calibration(path: str | os.PathLike[str], design: SkinDesign) -> Calibration:
-    """The calibration in a file, made sure to belong to the design.
-
-    Raises
-    ------
-    ModelError
-        If it cannot be read or was made for another design.
-    """
+    """The calibration in a file, or a `ModelError` where it is none of this design."""
     try:
         calibration = parse_calibration(Path(path).read_text(encoding="utf-8"))
         calibration.check_fits(design)
