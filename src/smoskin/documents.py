@@ -1,7 +1,8 @@
 """Records as tables of plain values, both ways: what TOML and JSON files of this package hold.
 
 Decides how a record is written (a key is the field's name and its unit, such as ``radius_mm``; a
-record inside is a table, several of them an array of tables) and what is refused when it is read:
+record inside is a table, several of them an array of tables; one of several types names its kind)
+and what is refused when it is read:
 unknown and missing keys, values of another kind, numbers that are not finite. Hides the conversion
 from and to SI, which loses no digit where numbers are decimals.
 """
@@ -80,6 +81,7 @@ class Form:
             Path of the record among the `origins`, with a dot at its end.
         """
         table: dict[str, Any] = {}
+        hints = get_type_hints(type(record))
         for part in _parts(type(record)):
             where, value = path + part.name, getattr(record, part.name)
             if part.name in self.inline:
@@ -89,6 +91,8 @@ class Form:
                 continue
             suffix = self._suffix(part.name, lambda name: getattr(record, name))
             plain = self._plain(value, suffix, origins, where)
+            if is_dataclass(value) and len(_choices(hints[part.name])) > 1:
+                plain = {"kind": type(value).__name__.lower(), **plain}
             if origins and where in origins:
                 plain = {"value": plain, **origins[where]}
             table[self._key(type(record), part.name)] = plain
@@ -221,8 +225,14 @@ class Form:
         """A value of a field of this type, in SI."""
         origin, args = get_origin(hint), get_args(hint)
         if origin in (Union, UnionType):
-            (hint,) = (kind for kind in args if kind is not type(None))
-            return self._value(hint, value, suffix, path, origins)
+            choices = _choices(hint)
+            if len(choices) == 1:
+                return self._value(choices[0], value, suffix, path, origins)
+            named = {kind.__name__.lower(): kind for kind in choices}
+            if not isinstance(value, Mapping) or value.get("kind") not in named:
+                self._refuse(f"{path} must be a table with a kind of {', '.join(named)}")
+            hint = named[value["kind"]]
+            value = {key: part for key, part in value.items() if key != "kind"}
         if is_dataclass(hint):
             return self.record(cast("type[Any]", hint), value, origins, f"{path}.")
         if origin in (tuple, np.ndarray):
@@ -280,6 +290,11 @@ def format_toml(document: Mapping[str, Any], purpose: str) -> str:
 def _parts(kind: type[Any]) -> list[Field[Any]]:
     """Fields of a record that are written."""
     return [part for part in fields(kind) if part.compare]
+
+
+def _choices(hint: Any) -> list[Any]:
+    """Types of the values that a field can hold but for None."""
+    return [kind for kind in get_args(hint) or (hint,) if kind is not type(None)]
 
 
 def _is_record(hint: Any) -> bool:

@@ -12,10 +12,10 @@ from typer.testing import CliRunner
 
 from chunk_work import contents
 from smoskin.cli import app
-from smoskin.commands.sweep import choose_engine, plan_sweep, run_sweep, summarise
+from smoskin.commands.sweep import plan_sweep, run_sweep, summarise
 from smoskin.datasets.patterns import Grid, Pairs, Random, sideways
 from smoskin.datasets.store import open_dataset
-from smoskin.datasets.workers import LocalEngine
+from smoskin.datasets.workers import Engine
 from smoskin.errors import ArgumentError, RecordingError
 from smoskin.mechanics.sheet.touches import Sliding
 from smoskin.records import Contact
@@ -71,21 +71,12 @@ def test_sweeps_are_written_in_words():
         (lambda: plan("grid", forces="60"), "forces must lie in 0..50 N; got 60"),
         (lambda: plan("grid", forces="0.1:1"), "forces must be numbers such as 0.1,0.5"),
         (lambda: plan_sweep("grid", {}, temperatures="25,99"), "temperatures must lie in -40..75"),
-        (lambda: choose_engine(2, "tcp://here:1"), "workers must be left out"),
-        (lambda: choose_engine(0, None), "workers must be at least 1"),
     ],
 )
 def test_words_that_mean_nothing_are_refused(act, said):
     with pytest.raises(ArgumentError) as refused:
         act()
     assert said in str(refused.value)
-
-
-def test_engines_by_their_options():
-    assert choose_engine(2, None).name == "local, 2 workers"
-    assert choose_engine(None, "tcp://here:1").name == "dask, tcp://here:1"
-    here = choose_engine(3, "local")
-    assert (here.name, here.workers) == ("dask, on this machine", 3)
 
 
 def test_the_command_sweeps_resumes_and_exports(tmp_path):
@@ -120,7 +111,7 @@ def test_a_summary_tells_what_is_missing_and_damaged(planar, tmp_path):
         "grid", {"places": "4x4", "forces": "0.3"}, mechanics="reduced", presses_per_chunk=5
     )
     folder = tmp_path / "set"
-    made = run_sweep(planar, plan, folder, engine=LocalEngine(1))
+    made = run_sweep(planar, plan, folder, engine=Engine(1))
     assert made.sound
     assert summarise(folder) == made
     told = json.loads(sweep("--summary", folder, "--json"))
@@ -135,7 +126,7 @@ def test_a_summary_tells_what_is_missing_and_damaged(planar, tmp_path):
     assert "missing rows: 6; damaged chunks: 1; repeat the sweep" in lines
     told = json.loads(sweep("--summary", folder, "--json", code=1))
     assert (told["missing_rows"], told["damaged_chunks"]) == (6, 1)
-    assert run_sweep(planar, plan, folder, engine=LocalEngine(1)).sound
+    assert run_sweep(planar, plan, folder, engine=Engine(1)).sound
     assert json.loads(sweep("--summary", folder, "--json"))["damaged_chunks"] == 0
 
 
@@ -161,7 +152,7 @@ def test_the_whole_sheet_fills_a_set_bit_for_bit(planar, tmp_path):
         presses_per_chunk=16,
     )
     sets = [
-        run_sweep(planar, sweep, tmp_path / str(workers), engine=LocalEngine(workers)).dataset
+        run_sweep(planar, sweep, tmp_path / str(workers), engine=Engine(workers)).dataset
         for workers in (1, 2)
     ]
     process = subprocess.Popen(

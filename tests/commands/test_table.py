@@ -1,6 +1,7 @@
 """`smoskin table`: the table that it makes, and what it says of it."""
 
 import json
+import shutil
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from types import SimpleNamespace
@@ -11,10 +12,14 @@ from typer.testing import CliRunner
 
 from smoskin.cli import app
 from smoskin.commands.table import Effort, make_table
-from smoskin.errors import ArgumentError
-from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
+from smoskin.datasets.patterns import Repeated
+from smoskin.datasets.store import open_dataset
+from smoskin.datasets.workers import Engine
+from smoskin.errors import ArgumentError, RecordingError
 from smoskin.origami.geometry import geometry
+from smoskin.records import Motion
 from smoskin.sensing.response.table import load_response_table
+from smoskin.twin.manufacture import Tolerances
 from tables_of_response import reduced_table
 
 
@@ -23,10 +28,11 @@ def run(*arguments):
 
 
 def test_a_table_is_made_with_the_effort_asked_for(planar, tmp_path, monkeypatch):
-    asked = []
+    asked, where = [], []
 
-    def made(design, effort, progress):
+    def made(design, effort, folder, engine, progress):
         asked.append(effort)
+        where.append((folder, engine.workers))
         progress("pressing", 0.5)
         return reduced_table(design)
 
@@ -39,7 +45,9 @@ def test_a_table_is_made_with_the_effort_asked_for(planar, tmp_path, monkeypatch
     assert asked == [replace(Effort(), presses=50, pairs=0, skins=3, seed=2)]
     assert "normal forces" in result.stdout
     assert load_response_table("planar.table").design_hash == planar.content_hash
-    machines = run("table", "planar", "--out", tmp_path / "c.table", "--json")
+    kept = ("--folder", tmp_path / "kept", "--workers", 3)
+    machines = run("table", "planar", "--out", tmp_path / "c.table", *kept, "--json")
+    assert where == [(None, Engine().workers), (tmp_path / "kept", 3)]
     answer = json.loads(machines.stdout)
     assert answer["chips"] == [0, 1, 2]
     assert answer["file"] == str(tmp_path / "c.table")
@@ -49,17 +57,18 @@ def test_a_table_is_made_with_the_effort_asked_for(planar, tmp_path, monkeypatch
 
 
 class Bench:
-    """Stands for twins, chips and fits: keeps what they are asked, answers with plain numbers."""
+    """Stands for presses, chips and fits: keeps what they are asked, answers with plain numbers."""
 
-    def __init__(self, monkeypatch):
-        self.pressed, self.fits, self.made = [], {}, []
+    def __init__(self, monkeypatch, table):
+        self.table, self.sweeps, self.fits = table, {}, {}
         for name in ("fit_response_table", "add_coupling", "add_warmth", "add_modes"):
             monkeypatch.setattr(f"smoskin.commands.table.{name}", self.fit(name))
-        for name in ("Twin", "Readout"):
-            monkeypatch.setattr(f"smoskin.commands.table.{name}", getattr(self, name.lower()))
-        monkeypatch.setattr("smoskin.commands.table.grip_compliance", lambda *parts: len(parts))
+        monkeypatch.setattr("smoskin.commands.table.write_dataset", self.write_dataset)
+        monkeypatch.setattr("smoskin.commands.table.Readout", self.readout)
+        monkeypatch.setattr("smoskin.commands.table.Twin", self.twin)
+        monkeypatch.setattr("smoskin.commands.table.grip_compliance", lambda *parts: parts)
         monkeypatch.setattr(
-            "smoskin.commands.table.made_mechanics", lambda design, deviations, t: (deviations, t)
+            "smoskin.commands.table.made_mechanics", lambda design, deviations, t: (*deviations, t)
         )
         monkeypatch.setattr(
             "smoskin.commands.table.draw", lambda design, rng, tolerances: rng.uniform(1, 2)
@@ -72,81 +81,88 @@ class Bench:
 
         return keep
 
-    def twin(self, design, *, seed, manufactured=False, tolerances=None):
-        if manufactured:
-            self.made.append((seed, tolerances))
+    def write_dataset(self, path, design, sweep, *, engine, progress):
+        self.sweeps[path.name] = (path.parent, sweep, engine)
+        progress("5 rows", 0.5)
+        return SimpleNamespace(sweep=sweep, chunks=lambda: self.rows(design, sweep))
 
-        def motions(touches, temperature=REFERENCE_TEMPERATURE):
-            self.pressed.append((seed, touches, temperature))
-            size = np.full((len(touches.position), 3, 3), temperature + seed)
-            return SimpleNamespace(size=size, valid=np.arange(len(size)) % 5 > 0)
-
-        return SimpleNamespace(motions=motions, deviations=seed)
+    def rows(self, design, sweep):
+        """Magnets move by the temperature and the skin's seed; every fifth press finds no rest."""
+        for chunk in range(sweep.chunks):
+            touches = sweep.touches(design, chunk)
+            size = float(sweep.temperature(chunk) + (sweep.skin(chunk) or 0))
+            motion = Motion.rest(len(design.magnets), (len(touches),))
+            motion = Motion(magnets=motion.magnets + size, board=motion.board)
+            if "pairs" in self.sweeps and sweep is self.sweeps["pairs"][1]:
+                motion = motion.where(np.arange(len(touches)) % 5 > 0)
+            yield SimpleNamespace(position=touches.position, force=touches.force, motion=motion)
 
     def readout(self, design, made=1.0):
-        return SimpleNamespace(risen=lambda motion: made * motion.size)
+        return SimpleNamespace(risen=lambda motion: made * motion.magnets[:, :, :3])
+
+    def twin(self, design, *, seed, manufactured, tolerances):
+        assert manufactured
+        return SimpleNamespace(deviations=(seed, tolerances.remanence if tolerances else 0.0))
 
 
-def test_a_table_is_made_of_the_presses_that_its_effort_names(planar, monkeypatch):
-    bench = Bench(monkeypatch)
-    bench.table = reduced_table(planar)
+def test_a_table_is_made_of_the_presses_that_its_effort_names(planar, monkeypatch, tmp_path):
+    bench = Bench(monkeypatch, reduced_table(planar))
     effort = Effort(presses=4000, pairs=500, skins=3, draws=2, presses_a_skin=70, seed=4)
-    told = []
+    tolerances, told = Tolerances(remanence=0.01), []
     table = make_table(
-        planar, effort, tolerances="t", progress=lambda task, share: told.append((task, share))
+        planar,
+        effort,
+        tolerances=tolerances,
+        folder=tmp_path,
+        engine="e",
+        progress=lambda task, share: told.append((task, share)),
     )
     assert table.origin == {"smoskin": version("smoskin"), "effort": asdict(effort)}
-    assert [task for task, _ in told] == ["the skin as designed", "pairs of touches",
-                                          "warm and cold rubber", *["made skins"] * 3]  # fmt: skip
-    assert [share for _, share in told] == pytest.approx(
-        [0.0, 0.1, 0.2, 0.3, 0.3 + 0.7 / 3, 0.3 + 1.4 / 3]
-    )
-    # Presses all over the skin, two in five straight, the others dragged evenly over a disc.
+    assert [(path, engine) for path, _, engine in bench.sweeps.values()] == [(tmp_path, "e")] * 4
+    assert [task for task, _ in told] == [
+        "designed: 5 rows", "pairs: 5 rows", "warmth: 5 rows", "skins: 5 rows"
+    ]  # fmt: skip
+    begun = np.cumsum([0, 4000, 500, 210, 210])
+    assert [share for _, share in told] == pytest.approx((begun[1:] + begun[:-1]) / 2 / begun[-1])
+    sweeps = {name: sweep for name, (_, sweep, _) in bench.sweeps.items()}
+    patterns = [sweep.presses for sweep in sweeps.values()]
+    forces, cell = effort.force, geometry(planar).cell
+    assert patterns == [
+        Repeated(count=4000, forces=forces, drag=0.6, seed=12),
+        Repeated(count=500, forces=forces, apart=float(max(cell.length, cell.width)), seed=13),
+        *[Repeated(count=70, forces=forces, drag=0.6, seed=14)] * 2,
+    ]
     _, place, force, _ = bench.fits["fit_response_table"]
-    extent = geometry(planar).extent
-    assert place.shape == (4000, 2)
-    assert place.min(axis=0) == pytest.approx([0, 0], abs=2e-4)
-    assert place.max(axis=0) == pytest.approx(extent, abs=2e-4)
-    assert (force[:, 2].min(), force[:, 2].max()) == pytest.approx((-1.15, -0.05), abs=2e-3)
-    drag = np.hypot(force[:, 0], force[:, 1])
-    assert (drag == 0).mean() == pytest.approx(0.4, abs=0.03)
-    assert drag.max() == pytest.approx(0.6, abs=2e-3)
-    assert np.mean(drag[drag > 0] ** 2) == pytest.approx(0.6**2 / 2, rel=0.05)
-    assert np.abs(force[:, :2].mean(axis=0)).max() < 0.03
-    # Pairs that found an equilibrium, straight and more than a cell apart.
+    assert (place.shape, force.shape) == ((4000, 2), (4000, 3))
+    # Pairs that found an equilibrium.
     _, grip, place, force, both = bench.fits["add_coupling"]
-    assert grip == 1
-    assert place.shape == (400, 2, 2)
-    assert both.shape == (400, 3, 3)
-    assert not force[..., :2].any()
-    assert (force[..., 2].min(), force[..., 2].max()) == pytest.approx((-1.15, -0.05), abs=0.02)
-    cell = geometry(planar).cell
-    apart = np.hypot(*(place[:, 0] - place[:, 1]).T).min()
-    assert apart == pytest.approx(max(cell.length, cell.width), rel=0.05)
-    assert apart >= max(cell.length, cell.width)
+    assert grip == (planar,)
+    assert (place.shape, force.shape, both.shape) == ((399, 2, 2), (399, 2, 3), (399, 3, 3))
     # A degree's share of the step from ten below to ten above the reference.
     _, place, force, per_degree = bench.fits["add_warmth"]
-    assert place.shape == (70, 2)
-    assert force.shape == (70, 3)
+    assert sweeps["warmth"].temperatures == (15.0, 25.0, 35.0)
+    assert (place.shape, force.shape) == ((70, 2), (70, 3))
     np.testing.assert_allclose(per_degree, 1.0)
     # The same presses on every made skin, each read by two draws of chips and magnets.
-    assert bench.made == [(5_000_000 + k, "t") for k in range(3)]
-    assert all((one[1].force[:, 0] == force).all() for one in bench.pressed[2:])
+    assert sweeps["skins"].skins == (5_000_000, 5_000_001, 5_000_002)
+    assert sweeps["skins"].tolerances == tolerances
+    assert sweeps["skins"].chunks == 3
     _, again, _, deviations, grips = bench.fits["add_modes"]
     assert (again == place).all()
     assert deviations.shape == (6, 70, 3, 3)
-    assert list(grips) == [2] * 6
-    assert (deviations > 4e6).all()
-    read = (deviations[:, 0, 0, 0] + 25.0) / (5_000_025.0 + np.repeat(np.arange(3), 2))
+    seeds = np.repeat(sweeps["skins"].skins, 2)
+    assert grips.tolist() == [[seed, 0.01, 25.0] for seed in seeds]
+    read = (deviations[:, 0, 0, 0] + 25.0) / (25.0 + seeds)
     assert len(set(read.round(9))) == 6
     assert (read > 1).all() and (read < 2).all()  # noqa: PT018
 
 
 def test_a_table_of_little_effort_has_neither_pairs_nor_modes(planar, monkeypatch):
-    bench = Bench(monkeypatch)
-    bench.table = reduced_table(planar)
+    bench = Bench(monkeypatch, reduced_table(planar))
     make_table(planar, Effort(presses=50, pairs=0, skins=1, draws=1, presses_a_skin=5))
     assert set(bench.fits) == {"fit_response_table", "add_warmth"}
+    (folder,) = {path for path, _, _ in bench.sweeps.values()}
+    assert not folder.exists()
 
 
 def test_the_usual_effort_is_that_of_the_table_that_ships():
@@ -167,12 +183,29 @@ def test_impossible_efforts_are_refused():
 
 
 @pytest.mark.slow
-def test_a_table_is_made_from_presses_of_the_twin(planar):
+def test_a_table_that_was_interrupted_is_the_same_to_the_last_bit(planar, tmp_path):
     pytest.importorskip("jax")
+    pytest.importorskip("h5py")
     small = Effort(presses=3700, pairs=200, skins=3, draws=2, presses_a_skin=120)
-    shares = []
-    table = make_table(planar, small, progress=lambda task, share: shares.append(share))
+    folder, shares = tmp_path / "presses", []
+    table = make_table(
+        planar, small, folder=folder, progress=lambda task, share: shares.append(share)
+    )
     assert shares == sorted(shares)
     assert np.sqrt(np.diag(table.misfit)).max() < 100e-6
     assert len(table.modes) >= 3
     assert table.origin["effort"] == asdict(small)
+    table.save(tmp_path / "whole.table")
+    lost = [folder / "designed" / "chunk-000003.h5", folder / "skins" / "chunk-000001.h5"]
+    for file in lost:
+        file.unlink()
+    shutil.rmtree(folder / "pairs")
+    damaged = folder / "warmth" / "chunk-000000.h5"
+    damaged.write_bytes(damaged.read_bytes()[:-1])
+    again = make_table(planar, small, folder=folder, engine=Engine(1))
+    again.save(tmp_path / "again.table")
+    assert (tmp_path / "again.table").read_bytes() == (tmp_path / "whole.table").read_bytes()
+    runs = open_dataset(folder / "skins").manifest.runs
+    assert [(run.chunks, run.engine) for run in runs][1:] == [(1, "local, 1 worker")]
+    with pytest.raises(RecordingError, match=r"presses.count is 3700 there and 3701 here"):
+        make_table(planar, replace(small, presses=3701), folder=folder)

@@ -12,6 +12,7 @@ from smoskin.datasets.patterns import (
     Grid,
     Pairs,
     Random,
+    Repeated,
     Sweep,
     format_sweep,
     parse_sweep,
@@ -19,6 +20,8 @@ from smoskin.datasets.patterns import (
 )
 from smoskin.errors import ArgumentError, RecordingError
 from smoskin.mechanics.sheet.touches import Covered, Frictionless, Sliding
+from smoskin.origami.geometry import geometry
+from smoskin.twin.manufacture import Tolerances
 
 TENTHS = tuple(k / 10 for k in range(1, 11))
 
@@ -90,6 +93,36 @@ def test_random_presses_keep_within_bounds(planar, seed, most, margin, high, wid
     assert ((touches.radius >= 0.001) & (touches.radius <= wide)).all()
 
 
+def test_repeated_presses_are_the_same_on_every_skin_at_every_temperature(planar):
+    presses = Repeated(count=4000, forces=(0.05, 1.15), drag=0.6, seed=3)
+    sweep = Sweep(presses=presses, temperatures=(15.0, 35.0), skins=(4, 9), presses_per_chunk=1500)
+    position, force = all_touches(sweep, planar)
+    for values in (position, force):
+        assert (values.reshape(4, 4000, -1) == values[:4000].reshape(4000, -1)).all()
+    # All over the skin, two in five straight, the others dragged evenly over a disc.
+    place, force = position[:4000, 0], force[:4000, 0]
+    assert place.min(axis=0) == pytest.approx([0, 0], abs=2e-4)
+    assert place.max(axis=0) == pytest.approx(geometry(planar).extent, abs=2e-4)
+    assert (force[:, 2].min(), force[:, 2].max()) == pytest.approx((-1.15, -0.05), abs=2e-3)
+    drag = np.hypot(force[:, 0], force[:, 1])
+    assert (drag == 0).mean() == pytest.approx(0.4, abs=0.03)
+    assert drag.max() == pytest.approx(0.6, abs=2e-3)
+    assert np.mean(drag[drag > 0] ** 2) == pytest.approx(0.6**2 / 2, rel=0.05)
+    assert np.abs(force[:, :2].mean(axis=0)).max() < 0.03
+    other = replace(presses, seed=4).touches(planar, np.arange(2), np.random.default_rng(0))
+    assert (other.position[:, 0] != place[:2]).all()
+
+
+def test_repeated_pairs_are_straight_and_apart(planar):
+    presses = Repeated(count=500, forces=(0.05, 1.15), apart=0.03)
+    position, force = all_touches(Sweep(presses=presses), planar)
+    assert position.shape == (500, 2, 2)
+    assert not force[..., :2].any()
+    assert (force[..., 2].min(), force[..., 2].max()) == pytest.approx((-1.15, -0.05), abs=0.02)
+    apart = np.hypot(*(position[:, 0] - position[:, 1]).T).min()
+    assert 0.03 <= apart == pytest.approx(0.03, rel=0.05)
+
+
 def test_random_presses_are_spread_evenly(planar):
     touches = Sweep(presses=Random(count=4000), presses_per_chunk=4000).touches(planar, 0)
     counts, _, _ = np.histogram2d(*touches.position[:, 0].T, bins=5, range=[[0, 0.12], [0, 0.16]])
@@ -133,7 +166,10 @@ SWEEPS = (
     Sweep(presses=Grid(forces=(0.5,)), grip=Sliding(friction=0.3), skins=(1, 2, 3)),
     Sweep(presses=Grid(forces=(0.5,)), grip=Frictionless(), presses_per_chunk=7),
     Sweep(presses=Grid(forces=(0.5,)), grip=Covered()),
-)
+    Sweep(presses=Repeated(count=3, forces=(0.1, 1.0), drag=0.5, apart=0.03, seed=4)),
+    Sweep(presses=Repeated(count=3, forces=(0.1, 1.0)), skins=(1,),
+          tolerances=Tolerances(remanence=0.01, magnet_tilt=0.02, chip_zero=3e-6)),
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("sweep", SWEEPS)
@@ -182,7 +218,8 @@ def test_whatever_changes_the_rows_changes_the_hash():
     ],
 )
 def test_what_describes_no_sweep_is_refused(damage):
-    with pytest.raises(RecordingError, match="not the description of a sweep"):
+    where = next(iter(damage)).removesuffix("_degC")
+    with pytest.raises(RecordingError, match=where):
         parse_sweep(format_sweep(SWEEPS[0]) | damage)
 
 
@@ -200,7 +237,11 @@ def test_what_describes_no_sweep_is_refused(damage):
         (lambda: Pairs(forces=(99.0,)), "forces must lie in 0..50 N; got 99"),
         (lambda: Random(count=0), "count must be at least 1; got 0"),
         (lambda: Random(count=1, forces=(1.0, 0.5)), "forces must be from and to, rising"),
-        (lambda: Random(count=1, touches_at_once=(0, 1)), "touches_at_once must rise from 1"),
+        (lambda: Random(count=1, touches_at_once=(0, 1)), "touches_at_once must be at least 1"),
+        (lambda: Random(count=1, touches_at_once=(2, 1)), "touches_at_once must be from and to"),
+        (lambda: Repeated(count=0, forces=(0.1, 1.0)), "count must be at least 1; got 0"),
+        (lambda: Repeated(count=1, forces=(1.0, 0.1)), "forces must be from and to, rising"),
+        (lambda: Repeated(count=1, forces=(0.1, 1.0), drag=60.0), "drag must lie in 0..50 N"),
         (lambda: Random(count=1, margin=-1.0), "margin must lie in 0..inf m; got -1"),
         (lambda: sideways([0.1], 0), "directions must be at least 1; got 0"),
     ],
@@ -217,8 +258,8 @@ def test_absurd_patterns_are_refused_by_name(make, said):
         ({"temperatures": (25.0, 90.0)}, "temperatures must lie in -40..75 degC; got 90"),
         ({"temperatures": ()}, "temperatures must name at least one"),
         ({"presses_per_chunk": 0}, "presses_per_chunk must be at least 1; got 0"),
-        ({"seed": -1}, "seed must be >= 0; got -1"),
-        ({"skins": (1, -2)}, "skins must be >= 0; got -2"),
+        ({"seed": -1}, "seed must be at least 0; got -1"),
+        ({"skins": (1, -2)}, "skins must be at least 0; got -2"),
         ({"skins": (1, 1)}, "skins must differ"),
         ({"mechanics": "magic"}, "mechanics must be whole or reduced; got 'magic'"),
         ({"mechanics": "reduced", "skins": (1,)}, "skins must be left out with reduced"),

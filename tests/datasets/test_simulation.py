@@ -12,6 +12,7 @@ from smoskin.datasets.simulation import Simulation
 from smoskin.magnetics import mlx90393
 from smoskin.mechanics.sheet.touches import Frictionless
 from smoskin.records import ChipFlag
+from smoskin.twin.manufacture import Tolerances
 from smoskin.twin.reduced import ReducedTwin
 
 SWEEP = Sweep(
@@ -41,13 +42,19 @@ def test_each_skin_is_made_once_as_the_sweep_says(planar, made):
     compute = Simulation(planar, SWEEP)
     skins = [compute(chunk).skin.tolist() for chunk in range(SWEEP.chunks)]
     assert [row for rows in skins for row in rows] == [3] * 12 + [8] * 12
-    assert made == [{"seed": k, "manufactured": True, "grip": Frictionless()} for k in (3, 8)]
+    usual = {"manufactured": True, "tolerances": None, "grip": Frictionless()}
+    assert made == [{"seed": k, **usual} for k in (3, 8)]
+    tighter = replace(SWEEP, tolerances=Tolerances(remanence=0.01))
+    Simulation(planar, tighter)(0)
+    assert made[-1] == {"seed": 3, **usual, "tolerances": tighter.tolerances}
 
 
 def test_without_seeds_the_skin_is_as_designed(planar, made):
     rows = Simulation(planar, replace(SWEEP, skins=()))(0)
     assert rows.skin.tolist() == [-1] * 4
-    assert made == [{"seed": None, "manufactured": False, "grip": Frictionless()}]
+    assert made == [
+        {"seed": None, "manufactured": False, "tolerances": None, "grip": Frictionless()}
+    ]
 
 
 def test_rows_hold_what_the_skin_does_at_their_temperature(planar, made):
@@ -65,6 +72,8 @@ def test_rows_hold_what_the_skin_does_at_their_temperature(planar, made):
         assert_array_equal(rows.magnet_turn, motion.magnets[..., 3:])
         assert_array_equal(rows.board_shift, motion.board[:, :2])
         assert_array_equal(rows.board_turn, motion.board[:, 2])
+        assert_array_equal(rows.motion.magnets, motion.magnets)
+        assert_array_equal(rows.motion.board, motion.board)
         assert_allclose(rows.field, twin.field(motion, degrees), rtol=1e-12)
         assert_array_equal(rows.reading, mlx90393.tesla(sample.counts, planar.hall_setting))
         assert_array_equal(rows.flags, sample.flags)

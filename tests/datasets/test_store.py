@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from dataclasses import fields, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,9 +18,9 @@ import pytest
 import chunk_work as work
 from chunk_work import contents
 from smoskin.datasets.patterns import Grid, Random, Sweep
-from smoskin.datasets.simulation import Rows, Simulation
-from smoskin.datasets.store import COLUMNS, open_dataset, write_dataset
-from smoskin.datasets.workers import DaskEngine, LocalEngine
+from smoskin.datasets.simulation import COLUMNS, Rows, Simulation
+from smoskin.datasets.store import open_dataset, write_dataset
+from smoskin.datasets.workers import Engine
 from smoskin.design.document import parse_design
 from smoskin.errors import ArgumentError, EngineError, MissingExtraError, RecordingError
 
@@ -46,7 +47,7 @@ def write(folder, planar, tmp_path, sweep=SMALL, engine=None, seconds=0.0):
         planar,
         sweep,
         simulation=made_up(planar, tmp_path, sweep, seconds),
-        engine=engine or LocalEngine(2),
+        engine=engine or Engine(2),
     )
 
 
@@ -54,7 +55,7 @@ def write(folder, planar, tmp_path, sweep=SMALL, engine=None, seconds=0.0):
 def unbroken(planar, tmp_path_factory):
     """A data set made in one go by one worker."""
     folder = tmp_path_factory.mktemp("unbroken")
-    return write(folder / "set", planar, folder, engine=LocalEngine(1))
+    return write(folder / "set", planar, folder, engine=Engine(1))
 
 
 def test_two_workers_write_what_one_writes(planar, tmp_path, unbroken):
@@ -85,7 +86,7 @@ def test_a_cluster_with_a_killed_worker_writes_the_same(planar, tmp_path, unbrok
 
     killer = threading.Thread(target=kill)
     killer.start()
-    done = write(tmp_path / "set", planar, tmp_path, engine=DaskEngine(workers=2), seconds=0.1)
+    done = write(tmp_path / "set", planar, tmp_path, engine=Engine(2, "local"), seconds=0.1)
     killer.join()
     assert contents(done.path) == contents(unbroken.path)
     assert len(work.begun(tmp_path / "begun")) > SMALL.chunks
@@ -96,9 +97,9 @@ import pickle, sys
 from pathlib import Path
 import chunk_work
 from smoskin.datasets.store import write_dataset
-from smoskin.datasets.workers import LocalEngine
+from smoskin.datasets.workers import Engine
 folder, made_up = Path(sys.argv[1]), pickle.loads(Path(sys.argv[2]).read_bytes())
-write_dataset(folder, made_up.design, made_up.sweep, simulation=made_up, engine=LocalEngine(2))
+write_dataset(folder, made_up.design, made_up.sweep, simulation=made_up, engine=Engine(2))
 """
 
 
@@ -139,18 +140,18 @@ def test_a_complete_set_is_not_computed_again(planar, tmp_path, unbroken):
         planar,
         SMALL,
         simulation=made_up(planar, tmp_path),
-        progress=heard.append,
+        progress=lambda *told: heard.append(told),
     )
     assert work.begun(tmp_path / "begun") == []
     assert again == unbroken
-    assert [(one.chunks, one.rows) for one in heard] == [(SMALL.chunks, SMALL.rows)]
+    assert heard == [("360/360 rows", 1.0)]
 
 
 def test_columns_are_the_rows_of_the_chunks(planar, tmp_path, unbroken):
     expected = [made_up(planar, tmp_path)(chunk) for chunk in range(SMALL.chunks)]
-    assert {column.field for column in COLUMNS} == {one.name for one in fields(Rows)}
-    for column in unbroken.columns:
-        whole = np.concatenate([getattr(rows, column.field) for rows in expected])
+    assert set(COLUMNS) == {one.name for one in fields(Rows)}
+    for field, column in COLUMNS.items():
+        whole = np.concatenate([getattr(rows, field) for rows in expected])
         read = unbroken.column(column.name)
         assert read.dtype == column.kind
         assert np.array_equal(read, whole, equal_nan=column.kind == "float64")
@@ -165,8 +166,8 @@ def test_a_set_goes_into_one_file(unbroken, tmp_path):
 
     unbroken.export(tmp_path / "one.h5")
     with h5py.File(tmp_path / "one.h5") as file:
-        assert set(file) == {column.name for column in COLUMNS}
-        for column in COLUMNS:
+        assert set(file) == {column.name for column in COLUMNS.values()}
+        for column in COLUMNS.values():
             whole = unbroken.column(column.name)
             assert np.array_equal(file[column.name][...], whole, equal_nan=whole.dtype == float)
         manifest = json.loads(file.attrs["manifest"])
@@ -244,7 +245,7 @@ def test_a_flipped_bit_anywhere_is_noticed_and_mended(planar, tmp_path, unbroken
     file.write_bytes(image)
     assert unbroken.damaged() == ()
     assert open_dataset(folder).damaged() == (3,)
-    done = write(folder, planar, tmp_path, engine=LocalEngine(1))
+    done = write(folder, planar, tmp_path, engine=Engine(1))
     assert [item for item, _ in work.begun(tmp_path / "begun")] == [3]
     assert contents(done.path) == contents(unbroken.path)
     assert done.damaged() == ()
@@ -292,7 +293,7 @@ def test_an_empty_set_has_no_columns(planar, tmp_path):
     folder = tmp_path / "set"
     failing = work.FailsAt(made_up(planar, tmp_path), 0)
     with pytest.raises(EngineError, match="item 0"):
-        write_dataset(folder, planar, SMALL, simulation=failing, engine=LocalEngine(1))
+        write_dataset(folder, planar, SMALL, simulation=failing, engine=Engine(1))
     begun = open_dataset(folder)
     assert (begun.present, begun.invalid, begun.flagged) == ((), 0, 0)
     assert len(begun.missing_rows) == SMALL.rows
@@ -331,8 +332,8 @@ def test_two_writers_keep_out_of_each_others_way(planar, tmp_path):
     folder = tmp_path / "set"
     refusals = []
 
-    def intrude(state):
-        if state.chunks == 3:
+    def intrude(what, share):
+        if share > 0.2 and not refusals:
             with pytest.raises(RecordingError, match="being written by another process") as refused:
                 write(folder, planar, tmp_path)
             refusals.append(refused)
@@ -341,49 +342,38 @@ def test_two_writers_keep_out_of_each_others_way(planar, tmp_path):
     assert len(refusals) == 1
 
 
-def test_progress_has_rate_and_time_left(planar, tmp_path):
-    heard = []
+def test_progress_tells_rows_and_rate_of_what_is_computed_now(planar, tmp_path, monkeypatch):
     ticks = iter(range(1000))
-    write_dataset(
-        tmp_path / "set",
-        planar,
-        SMALL,
-        simulation=made_up(planar, tmp_path),
-        engine=LocalEngine(1),
-        progress=heard.append,
-        clock=lambda: float(next(ticks)),
-    )
-    assert [one.chunks for one in heard] == list(range(13))
-    assert heard[0].rate == 0
-    assert heard[0].seconds_left == np.inf
-    assert (heard[1].rows, heard[1].rate) == (40, 20.0)  # the clock ticks twice up to there
-    assert heard[1].seconds_left == (360 - 40) / 20
-    assert heard[-1].seconds_left == 0
+    clock = SimpleNamespace(monotonic=lambda: float(next(ticks)))
+    monkeypatch.setattr("smoskin.datasets.store.time", clock)
 
+    def told():
+        heard = []
+        write_dataset(
+            tmp_path / "set",
+            planar,
+            SMALL,
+            simulation=made_up(planar, tmp_path),
+            engine=Engine(1),
+            progress=lambda *what: heard.append(what),
+        )
+        return heard
 
-def test_the_rate_counts_what_is_computed_now(planar, tmp_path, unbroken):
-    folder, heard = tmp_path / "set", []
-    shutil.copytree(unbroken.path, folder)
-    (folder / "chunk-000001.h5").unlink()
-    ticks = iter(range(1000))
-    write_dataset(
-        folder,
-        planar,
-        SMALL,
-        simulation=made_up(planar, tmp_path),
-        engine=LocalEngine(1),
-        progress=heard.append,
-        clock=lambda: float(next(ticks)),
-    )
-    assert [(state.chunks, state.rows) for state in heard] == [(11, 320), (12, 360)]
-    assert [state.rate for state in heard] == [0.0, 20.0]
+    first = told()
+    assert first[:3] == [
+        ("0/360 rows", 0.0), ("40/360 rows, 40/s", 40 / 360), ("80/360 rows, 40/s", 80 / 360)
+    ]  # fmt: skip
+    assert len(first) == 1 + SMALL.chunks
+    assert first[-1][1] == 1.0
+    (tmp_path / "set" / "chunk-000001.h5").unlink()
+    assert told() == [("320/360 rows", 320 / 360), ("360/360 rows, 40/s", 1.0)]
 
 
 def test_failing_work_leaves_what_is_done(planar, tmp_path):
     folder = tmp_path / "set"
     failing = work.FailsAt(made_up(planar, tmp_path), 5)
     with pytest.raises(EngineError, match="item 5: RuntimeError: out of luck"):
-        write_dataset(folder, planar, SMALL, simulation=failing, engine=LocalEngine(1))
+        write_dataset(folder, planar, SMALL, simulation=failing, engine=Engine(1))
     assert open_dataset(folder).present == (0, 1, 2, 3, 4)
 
 
@@ -406,7 +396,7 @@ def test_what_is_not_installed_is_named(planar, tmp_path, monkeypatch):
     assert not (tmp_path / "set").exists()
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(MissingExtraError, match=r"a cluster needs the extra 'cluster'"):
-        list(DaskEngine().run(abs, (1,)))
+        list(Engine(scheduler="local").run(abs, (1,)))
 
 
 def test_a_design_travels_to_other_processes(planar):
@@ -429,7 +419,7 @@ def test_the_reduced_model_fills_a_set_bit_for_bit(planar, tmp_path):
     from smoskin.twin.reduced import ReducedTwin
 
     one, two = (
-        write_dataset(tmp_path / str(workers), planar, REDUCED, engine=LocalEngine(workers))
+        write_dataset(tmp_path / str(workers), planar, REDUCED, engine=Engine(workers))
         for workers in (1, 2)
     )
     assert contents(one.path) == contents(two.path)

@@ -11,7 +11,7 @@ import time
 import pytest
 
 import chunk_work as work
-from smoskin.datasets.workers import ONE_THREAD, DaskEngine, LocalEngine
+from smoskin.datasets.workers import ONE_THREAD, Engine
 from smoskin.errors import ArgumentError, EngineError
 
 ITEMS = tuple(range(8))
@@ -35,8 +35,8 @@ def scheduler():
 @pytest.fixture(params=["local", "dask"])
 def engine(request):
     if request.param == "local":
-        return LocalEngine(2)
-    return DaskEngine(request.getfixturevalue("scheduler"))
+        return Engine(2)
+    return Engine(scheduler=request.getfixturevalue("scheduler"))
 
 
 def squares(items=ITEMS):
@@ -81,13 +81,13 @@ def test_a_worker_that_kills_itself_once_is_forgiven(engine, tmp_path):
     assert sorted(engine.run(work.Deadly(str(tmp_path), 1), ITEMS)) == squares()
 
 
-@pytest.mark.parametrize("kind", [LocalEngine, pytest.param(DaskEngine, marks=pytest.mark.slow)])
-def test_an_item_that_ends_every_worker_is_given_up(kind, tmp_path):
+@pytest.mark.parametrize("scheduler", [None, pytest.param("local", marks=pytest.mark.slow)])
+def test_an_item_that_ends_every_worker_is_given_up(scheduler, tmp_path):
     pytest.importorskip("distributed")
-    engine = kind(workers=2)
-    with pytest.raises(EngineError, match=r"item 2 ended|item \d saw several workers end"):
+    engine = Engine(2, scheduler)
+    with pytest.raises(EngineError, match=r"item 2 ended 3 workers|item \d: KilledWorker: .* died"):
         list(engine.run(work.Deadly(str(tmp_path), 99), ITEMS))
-    if kind is LocalEngine:
+    if scheduler is None:
         assert sum(item == 2 for item, _ in work.begun(tmp_path)) == 3
 
 
@@ -98,7 +98,7 @@ def test_what_the_work_raises_is_told_with_its_item(engine):
 
 def test_nobody_waits_past_the_deadline(engine, tmp_path):
     begun = time.monotonic()
-    with pytest.raises(EngineError, match=r"(in|than) 1 s"):
+    with pytest.raises(EngineError, match=r"item \d took longer than 1 s"):
         list(engine.run(work.Square(str(tmp_path), 4.0), ITEMS[:2], deadline=1.0))
     assert time.monotonic() - begun < 30
 
@@ -117,13 +117,13 @@ def test_wrong_use(engine):
 
 
 def test_only_the_item_of_the_killed_worker_is_computed_again(tmp_path):
-    list(LocalEngine(2).run(work.Deadly(str(tmp_path), 1), ITEMS))
+    list(Engine(2).run(work.Deadly(str(tmp_path), 1), ITEMS))
     counts = [sum(one == item for one, _ in work.begun(tmp_path)) for item in ITEMS]
     assert counts == [1, 1, 2, 1, 1, 1, 1, 1]
 
 
 def test_workers_end_with_a_consumer_that_stops(tmp_path):
-    results = LocalEngine(2).run(work.Square(str(tmp_path), 0.05), range(100))
+    results = Engine(2).run(work.Square(str(tmp_path), 0.05), range(100))
     next(results)
     results.close()
     for _, pid in work.begun(tmp_path):
@@ -134,8 +134,8 @@ def test_workers_end_with_a_consumer_that_stops(tmp_path):
 def test_workers_end_with_a_killed_parent(tmp_path):
     program = (
         "import sys; import chunk_work as work\n"
-        "from smoskin.datasets.workers import LocalEngine\n"
-        "list(LocalEngine(2).run(work.Square(sys.argv[1], 60.0), range(4)))\n"
+        "from smoskin.datasets.workers import Engine\n"
+        "list(Engine(2).run(work.Square(sys.argv[1], 60.0), range(4)))\n"
     )
     path = os.pathsep.join([os.path.dirname(work.__file__), *sys.path])
     parent = subprocess.Popen(
@@ -151,13 +151,15 @@ def test_workers_end_with_a_killed_parent(tmp_path):
 
 def test_a_crowd_of_workers_is_refused_by_name(tmp_path):
     with pytest.raises(ArgumentError, match="workers must be at least 1; got 0"):
-        LocalEngine(0)
+        Engine(0)
     with pytest.raises(ArgumentError, match="workers must be at least 1; got 0"):
-        DaskEngine(workers=0)
+        Engine(0, "local")
     with pytest.raises(ArgumentError, match="workers must be left out"):
-        DaskEngine("tcp://10.0.0.1:8786", workers=2)
-    assert (LocalEngine(1).name, LocalEngine(2).name) == ("local, 1 worker", "local, 2 workers")
-    assert DaskEngine().name == "dask, on this machine"
+        Engine(2, "tcp://10.0.0.1:8786")
+    assert (Engine(1).name, Engine(2).name) == ("local, 1 worker", "local, 2 workers")
+    here = Engine(3, "local")
+    assert (here.name, here.workers) == ("dask, on this machine", 3)
+    assert Engine(None, "tcp://here:1").name == "dask, tcp://here:1"
 
 
 def test_a_cluster_whose_workers_have_many_threads_is_refused():
@@ -168,14 +170,14 @@ def test_a_cluster_whose_workers_have_many_threads_is_refused():
         ) as cluster,
         pytest.raises(EngineError, match=r"one thread each .* got 2 threads"),
     ):
-        list(DaskEngine(cluster.scheduler_address).run(math.factorial, (3,)))
+        list(Engine(scheduler=cluster.scheduler_address).run(math.factorial, (3,)))
 
 
 def test_a_scheduler_that_does_not_answer_is_named(monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr("smoskin.datasets.workers._CONNECT", 0.5)
     with pytest.raises(EngineError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:9"):
-        list(DaskEngine("tcp://127.0.0.1:9").run(math.factorial, (3,)))
+        list(Engine(scheduler="tcp://127.0.0.1:9").run(math.factorial, (3,)))
 
 
 def until(condition, seconds=20.0):

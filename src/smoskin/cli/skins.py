@@ -110,6 +110,7 @@ def sweep(
     code is 1 if rows are missing or damaged.
     """
     from smoskin.commands import sweep as sweeps
+    from smoskin.datasets.workers import Engine
 
     if summary is not None:
         report = sweeps.summarise(summary)
@@ -132,12 +133,9 @@ def sweep(
                 skin,
                 plan,
                 out or Path(f"{skin.name}-{kind}"),
-                engine=sweeps.choose_engine(workers, scheduler),
+                engine=Engine(workers, scheduler),
                 export=export,
-                progress=lambda now: bar(
-                    f"{now.rows}/{now.rows_in_all} rows, {now.rate:.0f}/s",
-                    now.rows / now.rows_in_all,
-                ),
+                progress=bar,
             )
     typer.echo(json.dumps(report.as_json()) if as_json else "\n".join(report.lines()))
     if not report.sound:

@@ -26,14 +26,20 @@ def make_table(
     ] = None,
     skins: Annotated[Whole, Option(min=1, help="Made sheets, which show how skins differ.")] = None,
     seed: Annotated[int, Option(min=0, help="Seed of the presses and made skins.")] = 0,
+    folder: Annotated[
+        File, Option(help="Keep the presses here and go on where they stop.", file_okay=False)
+    ] = None,
+    workers: Annotated[Whole, Option(min=1, help="Processes; one a core.")] = None,
     as_json: Json = False,
 ) -> None:
     """Press a design's twin all over and write what its chips read as a response table.
 
-    It takes a minute or two. Calibration by a few touches, networks and the Bayesian estimator all
-    start from this file. The table of the planar design comes with the package.
+    It takes a minute or two; with --folder a killed run goes on. Calibration by a few touches,
+    networks and the Bayesian estimator all start from this file. The table of the planar design
+    comes with the package.
     """
     from smoskin.commands import table as making
+    from smoskin.datasets.workers import Engine
 
     usual = making.Effort(seed=seed)
     effort = replace(
@@ -44,7 +50,9 @@ def make_table(
     )
     file = out or Path(f"{Path(design).stem}.table")
     with progress_bar() as progress:
-        table = making.make_table(load_design(design), effort, progress=progress)
+        table = making.make_table(
+            load_design(design), effort, folder=folder, engine=Engine(workers), progress=progress
+        )
     table.save(file)
     if as_json:
         typer.echo(json.dumps({"file": str(file), **making.table_facts(table)}))

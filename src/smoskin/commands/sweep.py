@@ -4,7 +4,7 @@ Decides how sweeps are written on a command line, in N, mm and degC, and what is
 """
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -20,20 +20,19 @@ from smoskin.datasets.patterns import (
     format_sweep,
     sideways,
 )
-from smoskin.datasets.store import Dataset, State, open_dataset, write_dataset
-from smoskin.datasets.workers import DaskEngine, Engine, LocalEngine
+from smoskin.datasets.store import Dataset, open_dataset, write_dataset
+from smoskin.datasets.workers import Engine
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.mechanics.sheet.touches import FINGERTIP
+from smoskin.roles import Progress, unheard
 
 Kind = Literal["grid", "shear", "pairs", "random"]
 
 _MM: Final = 1e-3
 _TENTHS: Final = "0.1:1:10"
 """N: forces of a grid unless told otherwise, as in the SI."""
-_HERE: Final = "local"
-"""Stands for the address of a dask cluster that is started on this machine."""
 _OPTIONS: Final[Mapping[Kind, tuple[str, ...]]] = MappingProxyType(
     {
         "grid": ("forces", "places", "radius"),
@@ -175,7 +174,7 @@ def run_sweep(
     *,
     engine: Engine | None = None,
     export: Path | None = None,
-    progress: Callable[[State], None] | None = None,
+    progress: Progress = unheard,
 ) -> SweepReport:
     """Compute a sweep, or what is missing of it, into a folder; and into one file if asked.
 
@@ -206,27 +205,6 @@ def summarise(path: str | os.PathLike[str]) -> SweepReport:
     return SweepReport(
         dataset=sound, damaged=len(damaged), invalid=sound.invalid, flagged=sound.flagged
     )
-
-
-def choose_engine(workers: int | None, scheduler: str | None) -> Engine:
-    """The engine for these options.
-
-    Parameters
-    ----------
-    workers : int, optional
-        How many processes; one a core by default.
-    scheduler : str, optional
-        Address of a running dask cluster, or ``local`` for one that is started on this machine;
-        without it plain processes compute.
-
-    Raises
-    ------
-    ArgumentError
-        If workers are given beside a cluster that has its own, or fewer than one.
-    """
-    if scheduler is None:
-        return LocalEngine(workers)
-    return DaskEngine(None if scheduler == _HERE else scheduler, workers=workers)
 
 
 def _regular(kind: Kind, given: Mapping[str, str]) -> Grid | Pairs:

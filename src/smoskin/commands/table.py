@@ -2,24 +2,31 @@
 
 Decides which presses a table is made of: many of the skin as designed, with drags, with pairs and
 with warm and cold rubber; and one set on many made skins, from which come the modes in which skins
-differ. Each made sheet is read by chips and magnets of several draws, which cost next to nothing.
-The equations are those of "Fit" and "Modes" in `docs/derivations.md`.
+differ. Each is a data set, so that it resumes. Each made sheet is read by chips and magnets of
+several draws. The equations are those of "Fit" and "Modes" in `docs/derivations.md`.
 """
 
+import os
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from importlib.metadata import version
-from typing import TYPE_CHECKING
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from smoskin.arrays import Floats
-from smoskin.datasets.patterns import far_pairs
+from smoskin.datasets.patterns import Repeated, Sweep
+from smoskin.datasets.store import Dataset, write_dataset
+from smoskin.datasets.workers import Engine
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.mechanics.sheet.compliance import grip_compliance
-from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.geometry import geometry
+from smoskin.records import Motion
 from smoskin.roles import Progress, unheard
 from smoskin.sensing.response.fit import add_coupling, add_modes, add_warmth, fit_response_table
 from smoskin.sensing.response.table import ResponseTable
@@ -29,6 +36,9 @@ from smoskin.twin.whole import Twin
 
 if TYPE_CHECKING:
     from rich.table import Table
+
+_WARMTH: Final = tuple(REFERENCE_TEMPERATURE + degrees for degrees in (-10.0, 0.0, 10.0))
+"""Temperatures between which the effect of warmth is taken, degC."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,9 +81,14 @@ def make_table(
     effort: Effort | None = None,
     *,
     tolerances: Tolerances | None = None,
+    folder: str | os.PathLike[str] | None = None,
+    engine: Engine | None = None,
     progress: Progress = unheard,
 ) -> ResponseTable:
     """The response table of a design, from presses of its twin; a minute or two.
+
+    The presses are data sets. Made again in the same folder, after a kill too, the table is the
+    same to the last bit, and what has been pressed already is not pressed again.
 
     Parameters
     ----------
@@ -81,63 +96,100 @@ def make_table(
     effort : Effort, optional
     tolerances : Tolerances, optional
         What made skins are drawn from.
+    folder : path, optional
+        Folder that keeps the presses; by default they are thrown away.
+    engine : Engine, optional
+        Where to press; by default one process a core of this machine.
     progress : callable, optional
 
     Raises
     ------
+    RecordingError
+        If the folder holds presses of another design, effort or version.
+    EngineError
+        If the workers fail; what has been pressed stays in the folder.
     MissingExtraError
-        If the extra `twin` is not installed.
+        If the extras `twin` and `data` are not installed.
     """
     work = effort or Effort()
-    rng = np.random.default_rng([work.seed, 1])
-    twin, ideal = Twin(design, seed=0), Readout(design)
-    progress("the skin as designed", 0.0)
-    presses = _draw_presses(design, work, rng, work.presses)
-    signals = ideal.risen(twin.motions(presses))
-    table = fit_response_table(design, presses.position[:, 0], presses.force[:, 0], signals)
-    if work.pairs:
-        progress("pairs of touches", 0.1)
-        pairs = _draw_pairs(design, work, rng)
-        motion = twin.motions(pairs)
-        place, force = pairs.position[motion.valid], pairs.force[motion.valid]
-        signals = ideal.risen(motion)[motion.valid]
-        table = add_coupling(table, grip_compliance(design), place, force, signals)
-    progress("warm and cold rubber", 0.2)
-    presses = _draw_presses(design, work, rng, work.presses_a_skin)
-    place, force = presses.position[:, 0], presses.force[:, 0]
-    cold, hot = (
-        ideal.risen(twin.motions(presses, temperature=REFERENCE_TEMPERATURE + degrees))
-        for degrees in (-10.0, 10.0)
-    )
-    table = add_warmth(table, place, force, (hot - cold) / 20)
-    signals, grips = _made_skins(design, work, presses, rng, tolerances, progress)
-    if len(signals) > 1:
-        designed = ideal.risen(twin.motions(presses))
-        table = add_modes(table, place, force, signals - designed, grips)
+    sweeps = _plan(design, work, tolerances)
+    total, before = sum(sweep.rows for sweep in sweeps.values()), 0
+    pressed: dict[str, Dataset] = {}
+    with TemporaryDirectory() as passing:
+        for name, sweep in sweeps.items():
+            told = partial(_tell, progress, name, before / total, sweep.rows / total)
+            file = Path(folder or passing) / name
+            pressed[name] = write_dataset(file, design, sweep, engine=engine, progress=told)
+            before += sweep.rows
+        table = _fit(design, work, pressed)
     return replace(table, origin={"smoskin": version("smoskin"), "effort": asdict(work)})
 
 
-def _made_skins(
-    design: SkinDesign,
-    work: Effort,
-    presses: Touches,
-    rng: np.random.Generator,
-    tolerances: Tolerances | None,
-    progress: Progress,
-) -> tuple[Floats, Floats]:
+def _tell(
+    progress: Progress, name: str, begin: float, share: float, rows: str, done: float
+) -> None:
+    """Tell how far one data set among others is."""
+    progress(f"{name}: {rows}", begin + share * done)
+
+
+def _plan(design: SkinDesign, work: Effort, tolerances: Tolerances | None) -> dict[str, Sweep]:
+    """What is pressed, by the names of the data sets."""
+    press, seed, cell = partial(Repeated, forces=work.force), 3 * work.seed, geometry(design).cell
+    compared = press(count=work.presses_a_skin, drag=work.drag, seed=seed + 2)
+    plan = {"designed": Sweep(presses=press(count=work.presses, drag=work.drag, seed=seed))}
+    if work.pairs:
+        apart = float(max(cell.length, cell.width))
+        plan["pairs"] = Sweep(presses=press(count=work.pairs, apart=apart, seed=seed + 1))
+    plan["warmth"] = Sweep(presses=compared, temperatures=_WARMTH)
+    first = 1_000_000 * (work.seed + 1)  # far from the small seeds that people try
+    plan["skins"] = Sweep(
+        presses=compared,
+        skins=tuple(range(first, first + work.skins)),
+        tolerances=tolerances,
+        presses_per_chunk=work.presses_a_skin,
+    )
+    return plan
+
+
+def _fit(design: SkinDesign, work: Effort, pressed: Mapping[str, Dataset]) -> ResponseTable:
+    """The table of these presses."""
+    ideal = Readout(design)
+    place, force, motion = _read(pressed["designed"])
+    table = fit_response_table(design, place[:, 0], force[:, 0], ideal.risen(motion))
+    if work.pairs:
+        place, force, motion = _read(pressed["pairs"])
+        valid, signals = motion.valid, ideal.risen(motion)
+        grip = grip_compliance(design)
+        table = add_coupling(table, grip, place[valid], force[valid], signals[valid])
+    place, force, motion = _read(pressed["warmth"])
+    cold, designed, hot = np.split(ideal.risen(motion), len(_WARMTH))
+    place, force = place[: len(cold), 0], force[: len(cold), 0]
+    table = add_warmth(table, place, force, (hot - cold) / (_WARMTH[-1] - _WARMTH[0]))
+    signals, grips = _made_skins(design, work, pressed["skins"])
+    return table if len(signals) < 2 else add_modes(table, place, force, signals - designed, grips)
+
+
+def _made_skins(design: SkinDesign, work: Effort, pressed: Dataset) -> tuple[Floats, Floats]:
     """Signals of L made skins in B presses, (L, B, S, 3), and their grips, (L, H, 2, H, 3)."""
+    rng, tolerances = np.random.default_rng([work.seed, 1]), pressed.sweep.tolerances
     signals, grips = [], []
-    for skin in range(work.skins):
-        progress("made skins", 0.3 + 0.7 * skin / work.skins)
-        # Seeds far from the small ones that people try.
-        seed = 1_000_000 * (work.seed + 1) + skin
+    for seed, rows in zip(pressed.sweep.skins, pressed.chunks(), strict=True):
         made = Twin(design, seed=seed, manufactured=True, tolerances=tolerances)
-        motion = made.motions(presses)
         grip = grip_compliance(*made_mechanics(design, made.deviations, REFERENCE_TEMPERATURE))
         for _ in range(work.draws):
-            signals.append(Readout(design, draw(design, rng, tolerances)).risen(motion))
+            signals.append(Readout(design, draw(design, rng, tolerances)).risen(rows.motion))
             grips.append(grip)
     return np.stack(signals), np.stack(grips)
+
+
+def _read(pressed: Dataset) -> tuple[Floats, Floats, Motion]:
+    """Places, (R, K, 2), forces, (R, K, 3), and motions of all presses of a data set."""
+    rows = list(pressed.chunks())
+    return (
+        np.concatenate([part.position for part in rows]),
+        np.concatenate([part.force for part in rows]),
+        Motion.concatenate([part.motion for part in rows]),
+    )
 
 
 def table_facts(table: ResponseTable) -> dict[str, object]:
@@ -171,26 +223,3 @@ def table_rows(table: ResponseTable, title: str) -> "Table":
 def _misfit_microtesla(table: ResponseTable) -> Floats:
     """Root mean square misfit of each signal, (C,), uT/N."""
     return np.asarray(np.sqrt(np.diag(table.misfit)) * 1e6)
-
-
-def _draw_presses(
-    design: SkinDesign, work: Effort, rng: np.random.Generator, count: int
-) -> Touches:
-    """Presses of one touch all over the skin; two in five are straight."""
-    place = rng.uniform(0, geometry(design).extent, (count, 2))
-    force = np.zeros((count, 3))
-    force[:, 2] = -rng.uniform(*work.force, count)
-    drag = work.drag * np.sqrt(rng.uniform(0, 1, count)) * (rng.uniform(0, 1, count) > 0.4)
-    angle = rng.uniform(0, 2 * np.pi, count)
-    force[:, 0], force[:, 1] = drag * np.cos(angle), drag * np.sin(angle)
-    return Touches(position=place[:, None], force=force[:, None])
-
-
-def _draw_pairs(design: SkinDesign, work: Effort, rng: np.random.Generator) -> Touches:
-    """Presses of two straight touches, more than a cell apart."""
-    cell = geometry(design).cell
-    apart = float(max(cell.length, cell.width))
-    place = far_pairs(geometry(design).extent, apart, work.pairs, rng)
-    force = np.zeros((work.pairs, 2, 3))
-    force[..., 2] = -rng.uniform(*work.force, (work.pairs, 2))
-    return Touches(position=place, force=force)

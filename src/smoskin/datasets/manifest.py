@@ -9,7 +9,7 @@ import fcntl
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
@@ -42,10 +42,6 @@ class Run:
     """Duration, s."""
 
 
-def _this_version() -> str:
-    return version("smoskin")
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Manifest:
     """What the rows of a data set are of."""
@@ -54,7 +50,7 @@ class Manifest:
     """The skin that was pressed, as designed."""
     sweep: Sweep
     """What was pressed."""
-    version: str = field(default_factory=_this_version)
+    version: str = field(default_factory=lambda: version("smoskin"))
     """Version of the package that computes the rows."""
     runs: tuple[Run, ...] = ()
     """Runs that ended well; a killed one leaves its chunks alone."""
@@ -108,10 +104,9 @@ def read_manifest(folder: Path) -> Manifest:
     file = folder / FILE
     try:
         document = json.loads(file.read_bytes())
-        if document["format"] != FORMAT:
+        if (form := document["format"]) != FORMAT:
             raise RecordingError(
-                f"{file} must be of format {FORMAT!r}; got {document['format']!r}; repeat the "
-                "sweep in another folder"
+                f"must be of format {FORMAT!r}; got {form!r}; repeat the sweep in another folder"
             )
         manifest = Manifest(
             design=parse_design(document["design"]),
@@ -121,9 +116,9 @@ def read_manifest(folder: Path) -> Manifest:
         )
     except OSError as error:
         raise RecordingError(f"{folder} holds no data set: {error}") from error
-    except RecordingError:
-        raise
-    except (KeyError, TypeError, ValueError, SmoskinError) as error:
+    except SmoskinError as error:
+        raise RecordingError(f"{file}: {error}") from error
+    except (KeyError, TypeError, ValueError) as error:
         raise RecordingError(f"{file} is damaged: {error!r}") from error
     if document.get("identity") != manifest.identity:
         raise RecordingError(f"{file} has been changed: its identity is not that of its values")
@@ -211,12 +206,9 @@ def _values(manifest: Manifest) -> tuple[dict[str, Any], ...]:
     return {"version": manifest.version}, design, _flat(format_sweep(manifest.sweep))
 
 
-def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+def _flat(value: Any, key: str = "") -> dict[str, Any]:
     """Nested tables as one, by dotted keys."""
-    flat: dict[str, Any] = {}
-    for key, value in table.items():
-        if isinstance(value, Mapping):
-            flat |= _flat(value, f"{prefix}{key}.")
-        else:
-            flat[f"{prefix}{key}"] = value
-    return flat
+    if not isinstance(value, dict):
+        return {key: value}
+    parts = [_flat(part, f"{key}.{name}".removeprefix(".")) for name, part in value.items()]
+    return {name: part for flat in parts for name, part in flat.items()}

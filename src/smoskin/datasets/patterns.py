@@ -3,6 +3,7 @@
 Decides the order of presses and where chunks begin and end, from the sweep alone: a chunk holds
 the same rows whoever computes it, whenever, and beside whom. Hides random draws, which each chunk
 makes from the sweep's seed and its own number, and the sweep's written form, which is hashed.
+Every record raises `ArgumentError` where a number is out of bounds.
 """
 
 import hashlib
@@ -10,7 +11,6 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, Final, Literal, get_args
 
 import numpy as np
@@ -20,34 +20,25 @@ from smoskin.design.skin import SkinDesign
 from smoskin.documents import Form
 from smoskin.errors import ArgumentError, RecordingError
 from smoskin.magnetics.temperature import SERVICE_LIMITS
-from smoskin.mechanics.sheet.touches import (
-    FINGERTIP,
-    Grip,
-    Sticking,
-    Touches,
-)
+from smoskin.mechanics.sheet.touches import FINGERTIP, Grip, Sticking, Touches
 from smoskin.origami.geometry import geometry, places_to_the_rim
+from smoskin.twin.manufacture import Tolerances
 
 LARGEST_FORCE: Final = 50.0
 """N: any more would tear a skin; the model is meant for presses of a few newtons."""
-_SMALLEST_RADIUS, _LARGEST_RADIUS = 1e-4, 0.05
-"""m: of a touch."""
+_FORCE: Final = (0.0, LARGEST_FORCE, "N")
+_RADIUS: Final = (1e-4, 0.05, "m")
 
 Mechanics = Literal["whole", "reduced"]
 
 _STICKING: Final = Sticking()
 _PRESSES, _NOISE = 0, 1
-"""What a chunk draws, each from its own stream."""
+"""Streams of what a chunk draws."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grid:
     """Every force and drag at every place of a grid, one touch a press.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of bounds.
 
     Examples
     --------
@@ -64,20 +55,15 @@ class Grid:
     places: tuple[int, int] = (25, 33)
     """Places along x and y, evenly from rim to rim: 5 mm apart on the reference skin."""
     radius: float = FINGERTIP
-    """m, of the touch."""
+    """m, radius of the touch."""
 
     def __post_init__(self) -> None:
-        _check_forces(self.forces)
+        _check_bounds(self, forces=_FORCE, drags=(-LARGEST_FORCE, *_FORCE[1:]), radius=_RADIUS)
         _check_places(self.places)
-        _within("radius", (self.radius,), _SMALLEST_RADIUS, _LARGEST_RADIUS, "m")
-        if not self.drags:
-            raise ArgumentError("drags must name at least one; got none")
-        for drag in self.drags:
-            _within("drags", drag, -LARGEST_FORCE, LARGEST_FORCE, "N")
 
     @property
     def count(self) -> int:
-        """How many presses."""
+        """Number of presses."""
         return math.prod(self.places) * len(self.forces) * len(self.drags)
 
     def touches(self, design: SkinDesign, index: Ints, rng: np.random.Generator) -> Touches:
@@ -88,42 +74,28 @@ class Grid:
         push = np.empty((len(index), 1, 3))
         push[:, 0, :2] = np.array(self.drags)[drag]
         push[:, 0, 2] = -np.array(self.forces)[force]
-        position = _places(design, self.places)[place][:, None]
-        return Touches(position=position, force=push, radius=np.full((len(index), 1), self.radius))
+        places = places_to_the_rim(geometry(design).extent, self.places)
+        return Touches(position=places[place][:, None], force=push, radius=self.radius)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pairs:
-    """Every pair of places of a grid touched at once, each of both with every force.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of bounds.
-
-    Examples
-    --------
-    As many as the SI counts for ten forces:
-
-    >>> Pairs(forces=tuple(k / 10 for k in range(1, 11))).count
-    68062500
-    """
+    """Every pair of places of a grid touched at once, each of both with every force."""
 
     forces: tuple[float, ...]
     """N, how hard each of both pushes down, from 0 to `LARGEST_FORCE`."""
     places: tuple[int, int] = (25, 33)
     """Places along x and y, evenly from rim to rim."""
     radius: float = FINGERTIP
-    """m, of both touches."""
+    """m, radius of both touches."""
 
     def __post_init__(self) -> None:
-        _check_forces(self.forces)
+        _check_bounds(self, forces=_FORCE, radius=_RADIUS)
         _check_places(self.places)
-        _within("radius", (self.radius,), _SMALLEST_RADIUS, _LARGEST_RADIUS, "m")
 
     @property
     def count(self) -> int:
-        """How many presses."""
+        """Number of presses."""
         return (math.prod(self.places) * len(self.forces)) ** 2
 
     def touches(self, design: SkinDesign, index: Ints, rng: np.random.Generator) -> Touches:
@@ -133,43 +105,39 @@ class Pairs:
         weak, strong, first, second = np.unravel_index(index, shape)
         push = np.zeros((len(index), 2, 3))
         push[..., 2] = -np.array(self.forces)[np.stack([weak, strong], axis=1)]
-        position = _places(design, self.places)[np.stack([first, second], axis=1)]
-        return Touches(position=position, force=push, radius=np.full((len(index), 2), self.radius))
+        place = places_to_the_rim(geometry(design).extent, self.places)
+        position = place[np.stack([first, second], axis=1)]
+        return Touches(position=position, force=push, radius=self.radius)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Random:
-    """Presses drawn evenly: places over the skin, forces, drags and radii within bounds.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of bounds.
-    """
+    """Presses drawn evenly: places over the skin, forces, drags and radii within bounds."""
 
     count: int
-    """How many presses."""
+    """Number of presses."""
     forces: tuple[float, float] = (0.1, 1.0)
     """N, from and to: how hard each touch pushes down."""
     drags: tuple[float, float] = (0.0, 0.0)
     """N, from and to: sideways, in any direction."""
     radius: tuple[float, float] = (FINGERTIP, FINGERTIP)
-    """m, from and to: of each touch."""
+    """m, from and to: radius of each touch."""
     touches_at_once: tuple[int, int] = (1, 1)
     """Fewest and most touches in a press."""
     margin: float = 0.0
     """m: how far within the rim the places lie."""
 
     def __post_init__(self) -> None:
-        if self.count < 1:
-            raise ArgumentError(f"count must be at least 1; got {self.count}")
-        least, most = self.touches_at_once
-        if not 1 <= least <= most:
-            raise ArgumentError(f"touches_at_once must rise from 1; got {self.touches_at_once}")
-        _rising("forces", self.forces, 0.0, LARGEST_FORCE, "N")
-        _rising("drags", self.drags, 0.0, LARGEST_FORCE, "N")
-        _rising("radius", self.radius, _SMALLEST_RADIUS, _LARGEST_RADIUS, "m")
-        _within("margin", (self.margin,), 0.0, math.inf, "m")
+        _check_bounds(
+            self,
+            count=(1, math.inf, ""),
+            forces=_FORCE,
+            drags=_FORCE,
+            radius=_RADIUS,
+            touches_at_once=(1, math.inf, ""),
+            margin=(0.0, math.inf, "m"),
+        )
+        _check_rising(self, "forces", "drags", "radius", "touches_at_once")
 
     def touches(self, design: SkinDesign, index: Ints, rng: np.random.Generator) -> Touches:
         """As many presses as numbers are given."""
@@ -183,12 +151,51 @@ class Random:
         position = rng.uniform(self.margin, extent - self.margin, (*shape, 2))
         push = np.empty((*shape, 3))
         push[..., 2] = -rng.uniform(*self.forces, shape)
-        drag, angle = rng.uniform(*self.drags, shape), rng.uniform(0.0, 2 * np.pi, shape)
-        push[..., 0], push[..., 1] = drag * np.cos(angle), drag * np.sin(angle)
+        push[..., :2] = _turned(rng.uniform(*self.drags, shape), rng)
         radius = rng.uniform(*self.radius, shape)
         present = rng.integers(self.touches_at_once[0], most, len(index), endpoint=True)
         push[np.arange(most) >= present[:, None]] = 0.0
         return Touches(position=position, force=push, radius=radius)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Repeated:
+    """Presses drawn evenly, the same on every skin and at every temperature, as for a table."""
+
+    count: int
+    """Number of presses."""
+    forces: tuple[float, float]
+    """N, from and to: how hard each touch pushes down."""
+    drag: float = 0.0
+    """N, largest; drags fill the disc evenly, and two presses in five are straight."""
+    apart: float | None = None
+    """m, least distance of the two touches of a press; None: one touch a press."""
+    seed: int = 0
+    """Seed of the presses."""
+
+    def __post_init__(self) -> None:
+        _check_bounds(
+            self, count=(1, math.inf, ""), forces=_FORCE, drag=_FORCE, seed=(0, math.inf, "")
+        )
+        _check_rising(self, "forces")
+
+    def touches(self, design: SkinDesign, index: Ints, rng: np.random.Generator) -> Touches:
+        """The presses of these numbers."""
+        extent, drawn = geometry(design).extent, np.random.default_rng(self.seed)
+        if self.apart is None:
+            place = drawn.uniform(0, extent, (self.count, 1, 2))
+        else:
+            place = far_pairs(extent, self.apart, self.count, drawn)
+        shape = place.shape[:2]
+        drag = self.drag * np.sqrt(drawn.uniform(0, 1, shape)) * (drawn.uniform(0, 1, shape) > 0.4)
+        sideways = _turned(drag, drawn)
+        down = -drawn.uniform(*self.forces, (*shape, 1))
+        return Touches(
+            position=place[index], force=np.concatenate([sideways, down], axis=-1)[index]
+        )
+
+
+Presses = Grid | Pairs | Random | Repeated
 
 
 def far_pairs(extent: Floats, apart: float, count: int, rng: np.random.Generator) -> Floats:
@@ -228,11 +235,6 @@ class Sweep:
     Each skin is pressed in every way of the pattern at each temperature. Rows are ordered by skin,
     then temperature, then press; a chunk holds presses of one skin at one temperature.
 
-    Raises
-    ------
-    ArgumentError
-        If a number is out of bounds.
-
     Examples
     --------
     >>> sweep = Sweep(presses=Grid(forces=(0.5,)), temperatures=(25.0, 35.0), skins=(1, 2, 3))
@@ -240,11 +242,14 @@ class Sweep:
     (4950, 24)
     """
 
-    presses: Grid | Pairs | Random
+    presses: Presses
+    """What is pressed."""
     temperatures: tuple[float, ...] = (25.0,)
     """degC, of rubber, magnets and chips, within what they stand."""
     skins: tuple[int, ...] = ()
     """Seeds of manufactured skins; none: one skin, as designed."""
+    tolerances: Tolerances | None = None
+    """Tolerances that the skins are drawn from; None: `Tolerances()`."""
     mechanics: Mechanics = "whole"
     """The whole sheet, or the reduced model of the SI."""
     grip: Grip = _STICKING
@@ -252,42 +257,40 @@ class Sweep:
     seed: int = 0
     """Seed of random presses and of the chips' noise."""
     presses_per_chunk: int = 256
+    """Most presses in a chunk."""
 
     def __post_init__(self) -> None:
-        for name, kind in (("presses", Grid | Pairs | Random), ("grip", Grip)):
+        for name, kind in (("presses", Presses), ("grip", Grip)):
             if not isinstance(getattr(self, name), kind):
                 names = ", ".join(each.__name__ for each in get_args(kind))
                 raise ArgumentError(f"{name} must be one of {names}; got {getattr(self, name)!r}")
-        _within("temperatures", self.temperatures, *SERVICE_LIMITS, "degC")
-        if self.presses_per_chunk < 1:
-            raise ArgumentError(
-                f"presses_per_chunk must be at least 1; got {self.presses_per_chunk}"
-            )
-        for name, seeds in (("seed", (self.seed,)), ("skins", self.skins)):
-            if any(seed < 0 for seed in seeds):
-                raise ArgumentError(f"{name} must be >= 0; got {min(seeds)}")
+        _check_bounds(
+            self,
+            temperatures=(*SERVICE_LIMITS, "degC"),
+            presses_per_chunk=(1, math.inf, ""),
+            seed=(0, math.inf, ""),
+        )
+        if self.skins:
+            _check_bounds(self, skins=(0, math.inf, ""))
         if len(set(self.skins)) < len(self.skins):
             raise ArgumentError(f"skins must differ; got {self.skins}")
-        if self.mechanics not in ("whole", "reduced"):
+        if self.mechanics not in get_args(Mechanics):
             raise ArgumentError(f"mechanics must be whole or reduced; got {self.mechanics!r}")
-        if self.mechanics == "reduced" and self.grip != Sticking():
-            raise ArgumentError(
-                f"grip must be left out with reduced mechanics, which know none; got {self.grip}"
-            )
-        if self.mechanics == "reduced" and self.skins:
-            raise ArgumentError(
-                "skins must be left out with reduced mechanics, which know the design alone; "
-                f"got {len(self.skins)}"
-            )
+        for name, usual in (("grip", _STICKING), ("skins", ())):
+            if self.mechanics == "reduced" and getattr(self, name) != usual:
+                raise ArgumentError(
+                    f"{name} must be left out with reduced mechanics, which know the design alone; "
+                    f"got {getattr(self, name)}"
+                )
 
     @property
     def chunks(self) -> int:
-        """How many chunks."""
+        """Number of chunks."""
         return max(len(self.skins), 1) * len(self.temperatures) * self._parts
 
     @property
     def rows(self) -> int:
-        """How many rows in all chunks."""
+        """Number of rows in all chunks."""
         return max(len(self.skins), 1) * len(self.temperatures) * self.presses.count
 
     def rows_of(self, chunk: int) -> range:
@@ -339,14 +342,7 @@ class Sweep:
 
 
 def sideways(sizes: Sequence[float], directions: int) -> tuple[tuple[float, float], ...]:
-    """Drags of each size in evenly spread directions, the first along x; for `Grid`.
-
-    Parameters
-    ----------
-    sizes : sequence of float
-        N.
-    directions : int
-        How many.
+    """Drags of each size, N, in evenly spread directions, the first along x; for `Grid`.
 
     Examples
     --------
@@ -366,25 +362,20 @@ def sideways(sizes: Sequence[float], directions: int) -> tuple[tuple[float, floa
 
 _FORM: Final = Form(
     units={
-        "forces": "N",
-        "drags": "N",
-        "radius": "mm",
-        "margin": "mm",
-        "temperatures": "degC",
+        **dict.fromkeys(("forces", "drags", "drag"), "N"),
+        **dict.fromkeys(("radius", "margin", "apart"), "mm"),
+        **dict.fromkeys(("column_height", "magnet_place", "chip_place"), "mm"),
+        **dict.fromkeys(("magnet_tilt", "chip_tilt"), "deg"),
+        **dict.fromkeys(("temperatures", "chip_warmth"), "degC"),
+        "chip_zero": "uT",
     },
     error=RecordingError,
 )
-_KINDS: Final[Mapping[str, tuple[type[Any], ...]]] = MappingProxyType(
-    {"presses": get_args(Grid | Pairs | Random), "grip": get_args(Grip)}
-)
-"""Kinds that a part of a sweep can be."""
 
 
 def format_sweep(sweep: Sweep) -> dict[str, Any]:
     """A sweep in plain values, with units in its keys; `parse_sweep` reads it back."""
-    kinds = {name: type(getattr(sweep, name)).__name__.lower() for name in _KINDS}
-    table = _FORM.table(sweep)
-    return table | {name: {"kind": kind, **table[name]} for name, kind in kinds.items()}
+    return _FORM.table(sweep)
 
 
 def parse_sweep(document: Mapping[str, Any]) -> Sweep:
@@ -395,21 +386,13 @@ def parse_sweep(document: Mapping[str, Any]) -> Sweep:
     RecordingError
         If they do not describe one.
     """
-    try:
-        values = dict(document)
-        for name, kinds in _KINDS.items():
-            table = dict(values[name])
-            named = {kind.__name__.lower(): kind for kind in kinds}
-            values[name] = _FORM.record(named[table.pop("kind")], table)
-        values["temperatures"] = tuple(values.pop("temperatures_degC"))
-        return Sweep(**values | {"skins": tuple(values["skins"])})
-    except (KeyError, TypeError, ValueError, ArgumentError) as error:
-        raise RecordingError(f"not the description of a sweep: {error!r}") from error
+    return _FORM.record(Sweep, document)
 
 
-def _places(design: SkinDesign, places: tuple[int, int]) -> Floats:
-    """Places of a grid, shape (P, 2), m; y changes fastest."""
-    return places_to_the_rim(geometry(design).extent, places)
+def _turned(sizes: Floats, rng: np.random.Generator) -> Floats:
+    """Drags of these sizes, (..., 2), in directions drawn evenly."""
+    angle = rng.uniform(0.0, 2 * np.pi, sizes.shape)
+    return np.stack([sizes * np.cos(angle), sizes * np.sin(angle)], axis=-1)
 
 
 def _check_places(places: tuple[int, int]) -> None:
@@ -417,20 +400,24 @@ def _check_places(places: tuple[int, int]) -> None:
         raise ArgumentError(f"places must be two numbers of at least 2; got {places}")
 
 
-def _check_forces(forces: tuple[float, ...]) -> None:
-    _within("forces", forces, 0.0, LARGEST_FORCE, "N")
+def _check_bounds(record: object, **bounds: tuple[float, float, str]) -> None:
+    """Refuse fields without a number, or with one not finite or below the least or above the most.
+
+    Each field comes with its least and most value and their unit.
+    """
+    for name, (least, most, unit) in bounds.items():
+        values = np.ravel(getattr(record, name))
+        if not len(values):
+            raise ArgumentError(f"{name} must name at least one; got none")
+        for value in values:
+            if not (math.isfinite(value) and least <= value <= most):
+                span = f"lie in {least:g}..{most:g} {unit}" if unit else f"be at least {least:g}"
+                raise ArgumentError(f"{name} must {span}; got {value:g}")
 
 
-def _within(name: str, values: Sequence[float], least: float, most: float, unit: str) -> None:
-    """Refuse none at all, and any that are out of bounds or not finite."""
-    if not values:
-        raise ArgumentError(f"{name} must name at least one; got none")
-    for value in values:
-        if not (math.isfinite(value) and least <= value <= most):
-            raise ArgumentError(f"{name} must lie in {least:g}..{most:g} {unit}; got {value:g}")
-
-
-def _rising(name: str, pair: tuple[float, float], least: float, most: float, unit: str) -> None:
-    _within(name, pair, least, most, unit)
-    if len(pair) != 2 or pair[0] > pair[1]:
-        raise ArgumentError(f"{name} must be from and to, rising; got {pair}")
+def _check_rising(record: object, *names: str) -> None:
+    """Refuse fields that are not two numbers of which the second is no less."""
+    for name in names:
+        pair = getattr(record, name)
+        if len(pair) != 2 or pair[0] > pair[1]:
+            raise ArgumentError(f"{name} must be from and to, rising; got {pair}")

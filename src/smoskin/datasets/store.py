@@ -8,7 +8,7 @@ is refused. Hides names, columns, locks and renaming.
 
 import hashlib
 import io
-import math
+import itertools
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -23,64 +23,16 @@ from smoskin.arrays import Ints
 from smoskin.datasets import manifest as manifests
 from smoskin.datasets.manifest import PART, Manifest, Run, settle, write_whole
 from smoskin.datasets.patterns import Sweep
-from smoskin.datasets.simulation import Rows, Simulation
-from smoskin.datasets.workers import Engine, LocalEngine
+from smoskin.datasets.simulation import COLUMNS, Column, Rows, Simulation
+from smoskin.datasets.workers import Engine
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import MissingExtraError, RecordingError
+from smoskin.roles import Progress, unheard
 
 _ROWS_AT_ONCE: Final = 4096
 """Rows that HDF5 compresses together."""
 _SUMS: Final = "checksums.sha256"
 """File of the chunks' SHA-256, as ``sha256sum --check`` reads it; of two lines the last counts."""
-
-
-@dataclass(frozen=True, slots=True)
-class Column:
-    """One quantity of every row."""
-
-    name: str
-    """Name in files, with the unit."""
-    field: str
-    """Field of `Rows`."""
-    kind: str
-    """NumPy's name of the numbers' type."""
-    about: str
-    """What it is."""
-
-
-COLUMNS: Final = (
-    Column("skin_seed", "skin", "int64", "seed of the manufactured skin; -1: as designed"),
-    Column("position_m", "position", "float64", "(touch, x y) on the undeformed skin"),
-    Column("force_N", "force", "float64", "(touch, x y z) on the skin; all zero: no touch"),
-    Column("radius_m", "radius", "float64", "(touch) of its patch"),
-    Column("temperature_degC", "temperature", "float64", "of rubber, magnets and chips"),
-    Column("magnet_shift_m", "magnet_shift", "float64", "(magnet, x y z) over the board"),
-    Column("magnet_turn_rad", "magnet_turn", "float64", "(magnet, x y z) rotation vector"),
-    Column("board_shift_m", "board_shift", "float64", "(x y) over the base"),
-    Column("board_turn_rad", "board_turn", "float64", "about z"),
-    Column("field_T", "field", "float64", "(chip, x y z) exact, in the skin's frame"),
-    Column("reading_T", "reading", "float64", "(chip, x y z) as read, in the chip's axes"),
-    Column("flags", "flags", "int64", "(chip) 2 saturated, 16 invalid; 0: good"),
-    Column("valid", "valid", "bool", "whether the skin is in equilibrium; otherwise NaN"),
-)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class State:
-    """How far a sweep has come."""
-
-    chunks: int
-    """Chunks on disk."""
-    chunks_in_all: int
-    """Chunks of the whole sweep."""
-    rows: int
-    """Rows on disk."""
-    rows_in_all: int
-    """Rows of the whole sweep."""
-    rate: float
-    """Rows a second since the start or the resumption; zero before the first chunk."""
-    seconds_left: float
-    """Time left at this rate, s; infinite before the first chunk."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,11 +72,6 @@ class Dataset:
         return len(self.present) == self.sweep.chunks
 
     @property
-    def columns(self) -> tuple[Column, ...]:
-        """What every row holds."""
-        return COLUMNS
-
-    @property
     def invalid(self) -> int:
         """Number of rows on disk without an equilibrium."""
         return sum(int((~self._read(chunk, "valid")).sum()) for chunk in self.present)
@@ -149,9 +96,9 @@ class Dataset:
         RecordingError
             If there is no such column, chunks are missing or one is damaged.
         """
-        if name not in {column.name for column in COLUMNS}:
-            names = ", ".join(column.name for column in COLUMNS)
-            raise RecordingError(f"column must be one of {names}; got {name!r}")
+        names = [column.name for column in COLUMNS.values()]
+        if name not in names:
+            raise RecordingError(f"column must be one of {', '.join(names)}; got {name!r}")
         if not partial:
             self._require_all()
         if not self.present:
@@ -168,7 +115,9 @@ class Dataset:
         """
         self._require_all()
         for chunk in self.present:
-            yield Rows(**{column.field: self._read(chunk, column.name) for column in COLUMNS})
+            yield Rows(
+                **{field: self._read(chunk, column.name) for field, column in COLUMNS.items()}
+            )
 
     def damaged(self) -> tuple[int, ...]:
         """Chunks on disk whose files are no longer as they were written; reads them all.
@@ -181,7 +130,10 @@ class Dataset:
         sums = _read_sums(self.path)
         files = {chunk: _chunk_file(self.path, chunk) for chunk in self.present}
         try:
-            sums_now = {chunk: _sum(file.read_bytes()) for chunk, file in files.items()}
+            sums_now = {
+                chunk: hashlib.sha256(file.read_bytes()).hexdigest()
+                for chunk, file in files.items()
+            }
         except OSError as error:
             raise RecordingError(f"{self.path} cannot be read: {error}") from error
         return tuple(chunk for chunk in files if sums_now[chunk] != sums.get(files[chunk].name))
@@ -202,13 +154,11 @@ class Dataset:
         try:
             with _h5py().File(part, "w") as file:
                 file.attrs["manifest"] = (self.path / manifests.FILE).read_text(encoding="utf-8")
-                for column in COLUMNS:
-                    for chunk in self.present:
-                        values, rows = self._read(chunk, column.name), self.sweep.rows_of(chunk)
-                        if chunk == 0:
-                            shape = (self.sweep.rows, *values.shape[1:])
-                            data = _create(file, column, shape, values.dtype)
-                        data[rows.start : rows.stop] = values
+                for chunk, column in itertools.product(self.present, COLUMNS.values()):
+                    values, rows = self._read(chunk, column.name), self.sweep.rows_of(chunk)
+                    if chunk == 0:
+                        _create(file, column, (self.sweep.rows, *values.shape[1:]))
+                    file[column.name][rows.start : rows.stop] = values
             settle(part, target)
         except OSError as error:
             part.unlink(missing_ok=True)
@@ -234,17 +184,7 @@ class Dataset:
 
 
 def open_dataset(path: str | os.PathLike[str]) -> Dataset:
-    """A data set on disk, complete or not.
-
-    Parameters
-    ----------
-    path : str or path-like
-        The folder that `write_dataset` wrote.
-
-    Returns
-    -------
-    Dataset
-        Columns are read when they are asked for.
+    """The data set in a folder, complete or not; columns are read when they are asked for.
 
     Raises
     ------
@@ -267,9 +207,7 @@ def write_dataset(
     *,
     engine: Engine | None = None,
     simulation: Callable[[int], Rows] | None = None,
-    progress: Callable[[State], None] | None = None,
-    deadline: float = 600.0,
-    clock: Callable[[], float] = time.monotonic,
+    progress: Progress = unheard,
 ) -> Dataset:
     """Compute a sweep, or what is missing of it or damaged, and keep it on disk.
 
@@ -279,23 +217,14 @@ def write_dataset(
     ----------
     path : str or path-like
         A folder: new, empty, or with the same sweep begun.
-    design : SkinDesign
-    sweep : Sweep
+    design, sweep
+        The skin and what is pressed.
     engine : Engine, optional
         Where to compute; by default one process a core of this machine.
     simulation : callable, optional
         Computes the rows of a chunk; by default ``Simulation(design, sweep)``.
     progress : callable, optional
-        Called when a chunk is on disk, and once at the start.
-    deadline : float, optional
-        s that one chunk may take.
-    clock : callable, optional
-        A monotonic clock in s.
-
-    Returns
-    -------
-    Dataset
-        Complete.
+        Called at the start and whenever a chunk is on disk.
 
     Raises
     ------
@@ -310,37 +239,22 @@ def write_dataset(
     """
     _h5py()
     compute = Simulation(design, sweep) if simulation is None else simulation
-    workers = LocalEngine() if engine is None else engine
+    workers = Engine() if engine is None else engine
     folder = Path(path)
     with manifests.locked(folder):
         manifest = manifests.claim(folder, Manifest(design=design, sweep=sweep))
         damaged = _remove_damaged(folder)
         missing = open_dataset(folder).missing
-        begun, before = clock(), sweep.rows - sum(len(sweep.rows_of(c)) for c in missing)
-        rows, left = before, len(missing)
-
-        def report() -> None:
-            taken = clock() - begun
-            rate = (rows - before) / taken if rows > before and taken > 0 else 0.0
-            if progress is not None:
-                progress(
-                    State(
-                        chunks=sweep.chunks - left,
-                        chunks_in_all=sweep.chunks,
-                        rows=rows,
-                        rows_in_all=sweep.rows,
-                        rate=rate,
-                        seconds_left=(sweep.rows - rows) / rate if rate else math.inf,
-                    )
-                )
-
-        report()
-        for chunk, image in workers.run(_Packer(compute), missing, deadline=deadline):
+        begun, computed = time.monotonic(), 0
+        rows = sweep.rows - sum(len(sweep.rows_of(chunk)) for chunk in missing)
+        progress(f"{rows}/{sweep.rows} rows", rows / sweep.rows)
+        for chunk, image in workers.run(_Packer(compute), missing):
             _write_chunk(_chunk_file(folder, chunk), image)
-            rows, left = rows + len(sweep.rows_of(chunk)), left - 1
-            report()
+            computed += len(sweep.rows_of(chunk))
+            there, rate = rows + computed, computed / (time.monotonic() - begun)
+            progress(f"{there}/{sweep.rows} rows, {rate:.0f}/s", there / sweep.rows)
         if missing:
-            seconds = clock() - begun
+            seconds = time.monotonic() - begun
             run = Run(engine=workers.name, chunks=len(missing), damaged=damaged, seconds=seconds)
             manifests.save_manifest(folder, replace(manifest, runs=(*manifest.runs, run)))
         return open_dataset(folder)
@@ -356,18 +270,18 @@ class _Packer:
         rows = self.simulation(chunk)
         image = io.BytesIO()
         with _h5py().File(image, "w") as file:
-            for column in COLUMNS:
-                values = np.asarray(getattr(rows, column.field), dtype=column.kind)
-                _create(file, column, values.shape, values.dtype)[...] = values
+            for field, column in COLUMNS.items():
+                values = np.asarray(getattr(rows, field))
+                _create(file, column, values.shape)[...] = values
         return image.getvalue()
 
 
-def _create(file: Any, column: Column, shape: tuple[int, ...], kind: np.dtype[Any]) -> Any:
-    """A column in an HDF5 file: compressed, with a checksum that finds damage."""
+def _create(file: Any, column: Column, shape: tuple[int, ...]) -> Any:
+    """A new column of an HDF5 file: compressed, with a checksum that finds damage."""
     data = file.create_dataset(
         column.name,
         shape=shape,
-        dtype=kind,
+        dtype=column.kind,
         chunks=(min(shape[0], _ROWS_AT_ONCE), *shape[1:]),
         compression="gzip",
         compression_opts=1,
@@ -382,7 +296,7 @@ def _write_chunk(file: Path, image: bytes) -> None:
     """Write a chunk; its sum first, so that no chunk is ever without."""
     try:
         with open(file.parent / _SUMS, "ab") as sums:
-            sums.write(f"{_sum(image)}  {file.name}\n".encode())
+            sums.write(f"{hashlib.sha256(image).hexdigest()}  {file.name}\n".encode())
             sums.flush()
             os.fsync(sums.fileno())
     except OSError as error:
@@ -410,10 +324,6 @@ def _read_sums(folder: Path) -> Mapping[str, str]:
     except FileNotFoundError:
         return {}
     return {name: value for value, _, name in (line.partition("  ") for line in lines)}
-
-
-def _sum(image: bytes) -> str:
-    return hashlib.sha256(image).hexdigest()
 
 
 def _chunk_file(folder: Path, chunk: int) -> Path:
