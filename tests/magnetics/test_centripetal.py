@@ -125,6 +125,7 @@ def test_usable_range_reaches_a_millimetre() -> None:
     correction = fit_correction(MAGNET, GAP, 1e-3)
     assert usable_range(MAGNET, GAP, correction, 20e-6) > 1e-3
     assert usable_range(MAGNET, GAP, correction, 1e-12) == 0.0
+    assert usable_range(MAGNET, GAP, correction, 1.0) == pytest.approx(0.95 * GAP)
 
 
 def test_wrong_use_is_named() -> None:
@@ -132,8 +133,20 @@ def test_wrong_use_is_named() -> None:
         fit_correction(MAGNET, GAP, 7e-3)
     with pytest.raises(ArgumentError, match="tolerance must be positive; got 0"):
         usable_range(MAGNET, GAP, fit_correction(MAGNET, GAP, 1e-3), 0.0)
-    with pytest.raises(ArgumentError, match="wave_number must be positive"):
-        amplitude(8.04e5, -1.0, 2e-3)
+    with pytest.raises(ArgumentError, match="gap must be positive; got 0"):
+        usable_range(MAGNET, 0.0, fit_correction(MAGNET, GAP, 1e-3), 1e-6)
+    for stroke in (0.0, GAP):
+        with pytest.raises(ArgumentError, match=r"stroke must lie in \(0, gap\)"):
+            fit_correction(MAGNET, GAP, stroke)
+    for wave_number, thickness in ((-1.0, 2e-3), (0.0, 2e-3)):
+        with pytest.raises(ArgumentError, match="wave_number must be positive"):
+            amplitude(8.04e5, wave_number, thickness)
+    with pytest.raises(ArgumentError, match="thickness must be positive; got 0"):
+        amplitude(8.04e5, 300.0, 0.0)
+    numbers = {"wave_number": 300.0, "amplitude": 0.2, "gap": GAP, "side": 1.0}
+    for name in ("wave_number", "amplitude", "gap"):
+        with pytest.raises(ArgumentError, match=f"{name} must be positive; got 0"):
+            LinearCorrection(k_c=np.ones(3), c_c=np.zeros(3), **numbers | {name: 0.0})
     with pytest.raises(ArgumentError, match="side must be -1"):
         LinearCorrection(
             k_c=np.ones(3), c_c=np.zeros(3), wave_number=300.0, amplitude=0.2, gap=GAP, side=0.0

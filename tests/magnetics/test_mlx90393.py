@@ -127,6 +127,9 @@ def test_noise_falls_with_averaging_down_to_its_floor() -> None:
     assert_allclose(noise(setting(oversampling=3, digital_filter=7), law), 1e-6, rtol=0.03)
     with pytest.raises(ArgumentError, match="white must be three numbers >= 0"):
         HallNoise(white=(-1e-6, 0.0, 0.0))
+    with pytest.raises(ArgumentError, match="floor must be three numbers >= 0"):
+        HallNoise(floor=(0.0, np.inf, 0.0))
+    assert_allclose(noise(slow, HallNoise(white=(0.0, 0.0, 0.0))), HallNoise().floor)
 
 
 def test_conversion_times() -> None:
@@ -144,6 +147,7 @@ def test_temperature_word_goes_both_ways(warmth: float) -> None:
 def test_temperature_word_is_the_data_sheets_at_room_temperature() -> None:
     assert temperature_counts(25.0) == 46244
     assert temperature_counts(26.0) == 46289
+    assert temperature_counts([np.nan, -1e4, 1e4]).tolist() == [0, 0, 0xFFFF]
     sample = measure(np.zeros((2, 3)), setting(), [25.0, 35.0])
     assert_allclose(degrees(sample.temperature_counts), [25.0, 35.0], atol=0.02)
 

@@ -78,6 +78,14 @@ def test_made_skins_scatter_as_stated(planar):
         assert 0.7 <= c.stiffness_variation <= 1.4
         for stiffness in (board_stiffness, sheet_stiffness):
             assert 0.9 - 1e-9 <= stiffness(made) / stiffness(planar) <= 1.1 + 1e-9
+        given = planar.coefficients
+        for axis in ("folding_correction_x", "folding_correction_y"):
+            factors = np.divide(getattr(c, axis), getattr(given, axis))
+            assert 0.8 <= factors.min() < factors.max() <= 1.2
+        strengths = [
+            m.remanence / n.remanence for m, n in zip(made.magnets, planar.magnets, strict=True)
+        ]
+        assert 0.97 <= min(strengths) < max(strengths) <= 1.03
         chips = skin.deviations.chips
         assert 0 < np.degrees(np.linalg.norm(chips.turn, axis=1)).max() <= 2.0
         assert 0 < np.abs(chips.zero).max() <= 50e-6
@@ -106,6 +114,24 @@ def test_gauge_and_stage_are_as_noisy_as_asked(planar):
     np.testing.assert_allclose((table.depth / twin.depths([load])).std(), 0.02, rtol=0.1)
     assert np.all(table.force[:, 1] == 0)
     np.testing.assert_allclose(table.temperature[[0, -1], 0], (24.0, 27.0), atol=0.1)
+    # Gauge and stage show millinewtons and micrometres.
+    for shown, step in ((table.force, 1e-3), (table.depth, 1e-6)):
+        np.testing.assert_allclose(shown / step, np.rint(shown / step), atol=1e-6)
+        assert np.diff(np.unique(shown)).min() == pytest.approx(step)
+
+
+def test_a_state_that_is_none_is_a_row_without_field(planar, monkeypatch):
+    twin = ReducedTwin(planar, seed=None)
+    load = Contact(position=geometry(planar).tops[1, 1], force=(0.0, 0.0, -0.5))
+    still = twin.motions
+
+    def lost(touches, **options):
+        return still(touches, **options).where(np.array([True, False, True]))
+
+    monkeypatch.setattr(twin, "motions", lost)
+    table = measure(twin, [load] * 3, np.random.default_rng(0))
+    assert np.isnan(table.field).all(axis=(1, 2)).tolist() == [False, True, False]
+    assert np.isfinite(table.field[[0, 2]]).all()
 
 
 def test_an_untouched_skin_is_measured_as_such(planar):

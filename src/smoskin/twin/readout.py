@@ -66,14 +66,14 @@ class Readout:
 
     def field(self, motion: Motion, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
         """As `VirtualSkin.field`."""
-        return self._field(motion, _turn_about_z(motion.board[..., 2]), temperature)
+        return self._field(motion, _yaw(motion), temperature)
 
     def seen(self, motion: Motion, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
         """Readings of chips without noise, steps and limits, (..., S, 3), T, in their own axes.
 
         Where they sit and what their axes get wrong is included.
         """
-        board = _turn_about_z(motion.board[..., 2])
+        board = _yaw(motion)
         to_skin = board[..., None, :, :] @ self._to_skin
         field = self._field(motion, board, temperature)
         turned = np.einsum("...sij,...si->...sj", to_skin, field)
@@ -186,8 +186,6 @@ class MagneticSkin(VirtualSkin):
         return self.readout.read(motion, self.noise, time=time, temperature=temperature)
 
 
-def _turn_about_z(angle: Floats) -> Floats:
-    """Rotation matrices, shape (..., 3, 3)."""
-    vector = np.zeros((*angle.shape, 3))
-    vector[..., 2] = angle
-    return rotation_matrix(vector)
+def _yaw(motion: Motion) -> Floats:
+    """Rotation matrices of the board about z, (..., 3, 3)."""
+    return rotation_matrix(motion.board[..., 2:] * [0.0, 0.0, 1.0])
