@@ -131,17 +131,12 @@ def fit_paper(
 
     Parameters
     ----------
-    design : SkinDesign
     touches : path
         CSV, as `smoskin.measurement.read_touches` describes it.
     output : path
         TOML file to write.
-    date : str
-        ISO date of the measurement.
     recording : path, optional
         MCAP file with the chips' readings, where the CSV says only when each touch was held.
-    attenuation : {"equal", "separate"}
-        Whether v_a is one number or one each in X and Y.
 
     Raises
     ------
@@ -165,16 +160,9 @@ def write_virtual_bench(
 ) -> None:
     """Write the touches that a bench would measure on a virtual skin unlike its design.
 
-    Parameters
-    ----------
-    design : SkinDesign
-    output : path
-        CSV to write.
-    seed : int
-        Seed of the skin and of the bench's noise.
-    sheet : {"whole", "reduced"}
-        Whether the skin is the whole sheet's twin, every cell of which is pressed and dragged, or
-        one of the reduced model, whose coefficients the loads of SI Text S5 tell.
+    The skin is the whole sheet's twin, every cell of which is pressed and dragged, or one of the
+    reduced model, whose coefficients the loads of SI Text S5 tell. The seed is that of the skin
+    and of the bench's noise.
 
     Raises
     ------

@@ -29,17 +29,12 @@ from smoskin.sensing.closed_form.location import (
     readout,
     unit_press,
 )
+from smoskin.sensing.signals.signals import chip_noise
 
 Axis = Literal["x", "y"]
 
 _ALIKE: Final = 1e-6
 """rad: directions closer than this are one; their cosines differ by less than rounding."""
-
-
-def chip_noise(design: SkinDesign) -> Floats:
-    """Noise of one reading along each axis of a chip, its rounding included, (3,), T."""
-    setting = design.hall_setting
-    return np.asarray(np.hypot(mlx90393.noise(setting), mlx90393.sensitivity(setting) / 12**0.5))
 
 
 def motion_noise(design: SkinDesign) -> Floats:
@@ -55,52 +50,36 @@ def motion_noise(design: SkinDesign) -> Floats:
 def readout_noise(design: SkinDesign, matrix: Floats) -> Floats:
     """Covariance that one reading's noise makes in the magnets' displacements and the drag.
 
-    Parameters
-    ----------
-    design : SkinDesign
-    matrix : Floats, shape (3S, 2G + 2)
-        `location.readout`; columns may be left out.
-
-    Returns
-    -------
-    Floats, shape (2G + 2, 2G + 2)
-        m^2, and of the drag N^2. The drag is taken off all magnets alike, so that the lower chip's
-        noise is common to them.
+    The matrix (3S, 2G + 2) is `location.readout`, of which columns may be left out; the covariance
+    is (2G + 2, 2G + 2), m^2, and of the drag N^2. The drag is taken off all magnets alike, so that
+    the lower chip's noise is common to them.
     """
     return np.asarray((matrix.T * motion_noise(design)) @ matrix)
 
 
 class Cones(NamedTuple):
-    """The cone of displacements of each of N x M cells as its faces, F of them at most."""
+    """The cone of displacements of each of N x M cells."""
 
-    normals: Floats
-    """(N, M, F, 2G), 1/m: times a displacement, how many standard deviations it lies inside; zeros
-    for each face that is not there."""
-    certainty: Floats
-    """(N, M): 1, and half for each face that is not there and so weighs a half."""
+    faces: list[list[Floats]]
+    """Faces of each cell, (F, 2G), 1/m: times a displacement, how many standard deviations it lies
+    inside."""
     share: Floats
     """(N, M): chance of the cell among those of the very same direction."""
 
     def confidence(self, cell: tuple[int, int], displacements: Floats) -> float:
         """Probability that without noise the same cell would have been decided on.
 
-        Parameters
-        ----------
-        cell : tuple of int
-            Cell decided on.
-        displacements : Floats, shape (2G,)
-            m.
-
         Notes
         -----
-        A displacement U across a face lies U sin(angle) from it: with noise sigma the true one is
-        on the other side with probability Phi(-U sin(angle) / sigma). The sum over the faces is at
-        least the doubt, and all of it where two faces meet at a wide angle.
+        A displacement U, (2G,), m, across a face lies U sin(angle) from it: with noise sigma the
+        true one is on the other side with probability Phi(-U sin(angle) / sigma). The sum over the
+        faces is at least the doubt, and all of it where two faces meet at a wide angle.
         Valid for a true direction of which nothing is known beforehand: presses on top vertices
         alone, whose directions lie well inside their cones, are right more often than this says.
         """
-        doubt = total_tail(self.normals[cell] @ displacements)
-        return max(float(self.certainty[cell]) - doubt, 0.0) * float(self.share[cell])
+        n, m = cell
+        doubt = total_tail(self.faces[n][m] @ displacements)
+        return max(1.0 - doubt, 0.0) * float(self.share[cell])
 
 
 def total_tail(distances: Floats) -> float:
@@ -120,22 +99,17 @@ def cones(rule: Rule, unit: Floats, noise: Floats) -> Cones:
     noise : Floats, shape (2G, 2G)
         m^2, of the displacements: the first part of `readout_noise`.
     """
-    cells = unit.shape[:2]
-    of_cell: list[list[Floats]] = [[] for _ in range(cells[0] * cells[1])]
-    share = np.ones(len(of_cell))
+    columns, rows = unit.shape[:2]
+    normals: list[list[Floats]] = [[] for _ in range(columns * rows)]
+    share = np.ones(columns * rows)
     for part in _partings(rule, unit, noise):
         for wall in part.walls:
             for cell in part.members[wall.own].tolist():
-                of_cell[cell].append(wall.normal)
+                normals[cell].append(wall.normal)
         share[part.members] /= part.alike.sum(axis=1)[:, None]
-    counts = np.array([len(walls) for walls in of_cell])
-    normals = np.zeros((len(of_cell), max(1, counts.max()), len(noise)))
-    for cell, walls in enumerate(of_cell):
-        normals[cell, : len(walls)] = np.reshape(walls, (-1, len(noise)))
-    certainty = 1 + (normals.shape[1] - counts) / 2
-    return Cones(
-        normals.reshape(*cells, *normals.shape[1:]), certainty.reshape(cells), share.reshape(cells)
-    )
+    faces = [np.reshape(normal, (-1, len(noise))) for normal in normals]
+    by_column = [faces[n * rows : (n + 1) * rows] for n in range(columns)]
+    return Cones(by_column, share.reshape(columns, rows))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,8 +124,6 @@ class Ambiguity:
     """Whether all magnets move the same ways along the axis."""
     ratios: tuple[float, float]
     """First over second magnet's displacement along the axis; NaN unless there are two."""
-    angle: float
-    """rad, between the directions of the displacements."""
     force: float
     """N, from which they are told apart at the stated error rate; inf where never."""
 
@@ -182,7 +154,6 @@ def ambiguities(
 
     Parameters
     ----------
-    design : SkinDesign
     calibration : Calibration, optional
         Coefficients and stiffnesses of the sheet; as designed by default.
     force : float
@@ -311,12 +282,10 @@ def _ambiguity(unit: Floats, axis: Axis, force: float, first: int, second: int) 
     if len(moved) == 2:
         with np.errstate(divide="ignore", invalid="ignore"):
             ratios = float(moved[0] / moved[1]), float(other[0] / other[1])
-    chord = moved / np.linalg.norm(moved) - other / np.linalg.norm(other)
     return Ambiguity(
         axis=axis,
         pair=(pair[0], pair[1]),
         same_signs=bool((np.sign(moved) == np.sign(other)).all()),
         ratios=ratios,
-        angle=2 * math.asin(min(float(np.linalg.norm(chord)) / 2, 1.0)),
         force=force,
     )

@@ -8,7 +8,7 @@ name.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Final, Literal, NamedTuple
+from typing import Final, Literal
 
 import numpy as np
 
@@ -22,8 +22,8 @@ from smoskin.sensing.closed_form.calibration import (
     ResidualSummary,
     Uncertainty,
 )
-from smoskin.sensing.closed_form.confidence import chip_noise
 from smoskin.sensing.closed_form.press_model import LOGARITHMS, PressModel
+from smoskin.sensing.signals.signals import chip_noise
 
 Attenuation = Literal["equal", "separate"]
 
@@ -73,10 +73,6 @@ class Fit:
     touches: TouchTable
     noise: tuple[float, float, float]
     """Noise found: force and depth relative to their size, fields in T; NaN where not read."""
-    depth: Floats
-    """(T,), m: depth of each touch, as fitted."""
-    drag: Floats
-    """(T, 2), N: drag of each touch, as fitted."""
     residual: Floats
     """(T, 4 + 3 S): measured less modelled force, N, depth, m, and fields in the skin's axes, T;
     NaN where nothing was measured."""
@@ -94,7 +90,6 @@ def fit_calibration(
 
     Parameters
     ----------
-    design : SkinDesign
     touches : TouchTable
         Straight presses on cells of every layer, 45-degree loads in X and in Y on every layer
         and, best, readings of all chips, some of them untouched. Without any reading K_sf, the
@@ -124,7 +119,8 @@ def fit_calibration(
     nominal = Calibration.nominal(design)
     values, levels, sigma = _fitted(model, nominal)
     # The uncertainty is that of the noise found last.
-    solved = _Problem(model, sigma).solve(values)
+    solved = _Problem(model, sigma)
+    solved.solve(values)
     measured = np.isfinite(sigma)
     freedom = int(measured.sum() - 3 * len(touches.force) - model.size + (_prior(model) > 0).sum())
     residual = np.where(measured, solved.residual, np.nan)
@@ -133,7 +129,7 @@ def fit_calibration(
         data_sha256=data_sha256,
         touches=len(touches.force),
         freedom=max(freedom, 1),
-        uncertainty=_uncertainty(model, solved),
+        uncertainty=_uncertainty(model, values, solved.reduced),
         residuals=tuple(_summaries(design, residual)),
     )
     field = float(levels[2] * chip_noise(design)[0]) if model.read.any() else np.nan
@@ -142,8 +138,6 @@ def fit_calibration(
         evidence=evidence,
         touches=touches,
         noise=(*levels[:2].tolist(), field),
-        depth=solved.own[:, 0],
-        drag=solved.own[:, 1:],
         residual=residual,
     )
 
@@ -168,11 +162,11 @@ def _fitted(model: PressModel, nominal: Calibration) -> tuple[Floats, Floats, Fl
             ftol=1e-8,
             max_nfev=60,
         ).x
-        solved = problem.solve(values)
-        _check_determined(names, tolerance, solved.reduced)
-        levels = _levels(levels, group, solved, merged=not model.read.any())
+        problem.solve(values)
+        _check_determined(names, tolerance, problem.reduced)
+        levels = _levels(levels, group, problem, merged=not model.read.any())
         # Noise as large as the modelled values say: the measured ones would weigh low values more.
-        sigma = _sigmas(model, levels, solved.residual)
+        sigma = _sigmas(model, levels, problem.residual)
     for name, value, low, high in zip(names, values, least, most, strict=True):
         if not low + 1e-6 < value < high - 1e-9:
             raise ModelError(
@@ -182,15 +176,11 @@ def _fitted(model: PressModel, nominal: Calibration) -> tuple[Floats, Floats, Fl
     return values, levels, sigma
 
 
-class _Solved(NamedTuple):
-    """One weighted solution of P numbers by T touches with V values each."""
+class _Problem:
+    """The least squares over the skin's P numbers alone; T touches with V values each."""
 
-    values: Floats
-    """(P,)."""
-    own: Floats
-    """(T, 3): depth and drag of each touch."""
     residual: Floats
-    """(T, V), SI."""
+    """(T, V), SI, at the numbers solved last."""
     scaled: Floats
     """(T, V): residual over the noise."""
     used: Floats
@@ -198,49 +188,41 @@ class _Solved(NamedTuple):
     reduced: Floats
     """(T V + P, P): weighted derivatives without the touches' own unknowns, then the prior's."""
 
-
-class _Problem:
-    """The least squares over the skin's numbers alone."""
-
     def __init__(self, model: PressModel, sigma: Floats) -> None:
         self._model = model
         self._weight = 1 / sigma
         self._prior = _prior(model)
         self._own = np.column_stack([model.depth, model.touches.force[:, :2]])
-        self._last: _Solved | None = None
+        self._values = np.full(model.size, np.nan)
 
     def residuals(self, values: Floats) -> Floats:
         """Weighted residuals of the values, then of the prior, which holds c_c at zero."""
-        return np.concatenate([self.solve(values).scaled.ravel(), self._prior * values])
+        self.solve(values)
+        return np.concatenate([self.scaled.ravel(), self._prior * values])
 
     def jacobian(self, values: Floats) -> Floats:
         """Derivatives of the residuals."""
-        return self.solve(values).reduced
+        self.solve(values)
+        return self.reduced
 
-    def solve(self, values: Floats) -> _Solved:
-        """Every touch's own depth and drag for these numbers, and what is left."""
-        if self._last is not None and np.array_equal(self._last.values, values):
-            return self._last
+    def solve(self, values: Floats) -> None:
+        """Find every touch's own depth and drag for these numbers, and what is left."""
+        if np.array_equal(self._values, values):
+            return
         weight = self._weight
         for _ in range(_OWN_STEPS):
-            at = self._model.predict(values, self._own)
-            basis, triangle = np.linalg.qr(at.by_own * weight[..., None])
-            scaled = at.residual * weight
-            inside = np.einsum("tvk,tv->tk", basis, scaled)
+            self.residual, by_own, by_skin = self._model.predict(values, self._own)
+            basis, triangle = np.linalg.qr(by_own * weight[..., None])
+            self.scaled = self.residual * weight
+            inside = np.einsum("tvk,tv->tk", basis, self.scaled)
             if np.abs(inside).max() < _OWN_SETTLED:
                 break
             self._own = self._own - np.linalg.solve(triangle, inside[..., None])[..., 0]
-        by_skin = at.by_skin * weight[..., None]
+        by_skin = by_skin * weight[..., None]
         by_skin -= np.einsum("tvk,tkp->tvp", basis, np.einsum("tvk,tvp->tkp", basis, by_skin))
-        self._last = _Solved(
-            values=np.array(values),
-            own=self._own,
-            residual=at.residual,
-            scaled=scaled,
-            used=(basis**2).sum(axis=-1),
-            reduced=np.concatenate([by_skin.reshape(-1, len(values)), np.diag(self._prior)]),
-        )
-        return self._last
+        self.used = (basis**2).sum(axis=-1)
+        self.reduced = np.concatenate([by_skin.reshape(-1, len(values)), np.diag(self._prior)])
+        self._values = np.array(values)
 
 
 def _check_loads(model: PressModel) -> None:
@@ -285,7 +267,7 @@ def _groups(model: PressModel) -> Ints:
     return np.column_stack([force, depth, np.where(np.repeat(model.read, 3, axis=1), 2, -1)])
 
 
-def _levels(levels: Floats, group: Ints, solved: _Solved, *, merged: bool) -> Floats:
+def _levels(levels: Floats, group: Ints, solved: _Problem, *, merged: bool) -> Floats:
     """Noise levels that the residuals show; without readings force and depth share one factor."""
     group = np.where(group == 1, 0, group) if merged else group
     scaled = levels.copy()
@@ -352,12 +334,12 @@ def _check_determined(names: list[str], tolerance: Floats, reduced: Floats) -> N
         )
 
 
-def _uncertainty(model: PressModel, solved: _Solved) -> Uncertainty:
+def _uncertainty(model: PressModel, values: Floats, reduced: Floats) -> Uncertainty:
     """Standard uncertainties in the numbers' own units."""
-    spread = np.sqrt(np.diag(np.linalg.inv(solved.reduced.T @ solved.reduced)))
+    spread = np.sqrt(np.diag(np.linalg.inv(reduced.T @ reduced)))
     for part in LOGARITHMS:
         place = getattr(model.layout, part)
-        spread[place] *= np.exp(solved.values[place])
+        spread[place] *= np.exp(values[place])
     chips, nothing = len(model.design.halls), float("nan")
     unread = Uncertainty(
         attenuation=(nothing, nothing),

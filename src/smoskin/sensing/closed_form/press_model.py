@@ -84,17 +84,6 @@ class Layout(NamedTuple):
         return {name: value for name, value in fields.items() if value not in (None, ())}
 
 
-class Predicted(NamedTuple):
-    """Measured less modelled values, V = 3 + 1 + 3 S a touch, and their derivatives."""
-
-    residual: Floats
-    """(T, V): force, depth, fields turned into the skin's axes; in SI."""
-    by_own: Floats
-    """(T, V, 3): derivatives by the touch's own depth and drag."""
-    by_skin: Floats
-    """(T, V, P): derivatives by the skin's numbers."""
-
-
 class PressModel:
     """The measured values of a table of touches as functions of a skin's numbers.
 
@@ -162,8 +151,8 @@ class PressModel:
         """K_z of each touch's cell with v_s = 1, shape (T,), N/m."""
         return self._sheet(tuple(values[self.layout.attenuation].tolist()))[0]
 
-    def predict(self, values: Floats, own: Floats) -> Predicted:
-        """Residuals and derivatives.
+    def predict(self, values: Floats, own: Floats) -> tuple[Floats, Floats, Floats]:
+        """Measured less modelled values, V = 3 + 1 + 3S a touch, and their derivatives.
 
         Parameters
         ----------
@@ -171,6 +160,15 @@ class PressModel:
             The skin's numbers, as `start` orders them.
         own : Floats, shape (T, 3)
             Press depth, m, and drag in x and y, N, of each touch.
+
+        Returns
+        -------
+        residual : Floats, shape (T, V)
+            Force, depth, fields turned into the skin's axes; in SI.
+        by_own : Floats, shape (T, V, 3)
+            Derivatives by the touch's own depth and drag.
+        by_skin : Floats, shape (T, V, P)
+            Derivatives by the skin's numbers.
         """
         state = self._state(values, own)
         measured = np.column_stack([self.touches.force, self.depth])
@@ -193,7 +191,7 @@ class PressModel:
             )
             residual = np.concatenate([residual, misread], axis=1)
             slopes = np.concatenate([slopes, by_field], axis=1)
-        return Predicted(residual, slopes[..., -3:], slopes[..., :-3])
+        return residual, slopes[..., -3:], slopes[..., :-3]
 
     def _state(self, values: Floats, own: Floats) -> Floats:
         """Force, depth and motion of each chip against each magnet in x and y, (T, 4 + 2G)."""

@@ -144,8 +144,7 @@ class Signals:
         Raises
         ------
         ArgumentError
-            If there are none, or none in which all chips answered within their range, or one has
-            another number of chips than the design.
+            If none has all chips good, or one has another number of chips than the design.
         """
         for reading in readings:
             self._check_chips(reading)
@@ -158,13 +157,7 @@ class Signals:
         self._begin(np.mean(offsets, axis=0))
 
     def step(self, reading: Reading) -> Signal:
-        """Signals of the next reading; the zero follows those of an idle skin.
-
-        Raises
-        ------
-        ArgumentError
-            If it has another number of chips than the design.
-        """
+        """Signals of the next reading; the zero follows those of an idle skin."""
         self._check_chips(reading)
         if not reading.time > self._last_time:
             return self._refused(Status.STALE)
@@ -182,11 +175,9 @@ class Signals:
         return Signal(values, self._thermometer.rubber, status)
 
     def _begin(self, offset: Floats) -> None:
-        """Start from an offset, (S, 3), T, of the chips turned as designed; the skin has rested.
-
-        It is one at reference temperature: nearly all of it is what a made skin's magnets differ
-        from the designed ones, which weakens as they do.
-        """
+        """Start from an offset, (S, 3), T, of the chips turned as designed; the skin has rested."""
+        # At reference temperature: nearly all of it is what a made skin's magnets differ from the
+        # designed ones, which weakens as they do.
         self._untouched = self._ideal + offset
         self._zero = Zero(self._tracking, self._idle, np.zeros_like(self.rest_field))
         self._settled_time = math.inf
@@ -230,11 +221,10 @@ class Signals:
         if not all(abs(value) <= self._limit for value in values):
             finite = all(map(math.isfinite, values))
             return Status.SATURATED if finite else Status.CHIP_MISSING
-        if self._jump is not None and self._last_raw is not None:
-            jumped = np.abs(reading.field - self._last_raw) > self._jump
-            if jumped.any():
-                return Status.SATURATED
-        return None
+        if self._jump is None or self._last_raw is None:
+            return None
+        jumped = np.abs(reading.field - self._last_raw) > self._jump
+        return Status.SATURATED if jumped.any() else None
 
     def _own_field(self, reading: Reading) -> Floats:
         """Fields B + X + e of the chips, (S, 3), turned as designed, at reference temperature."""
@@ -253,14 +243,14 @@ def rest_field(design: SkinDesign) -> Floats:
     )
 
 
-def signal_noise(design: SkinDesign, chips: Sequence[int] | None = None) -> Floats:
-    """Covariance N of an untouched skin's signals.
+def chip_noise(design: SkinDesign) -> Floats:
+    """Noise of one reading along each axis of a chip, its rounding included, (3,), T."""
+    setting = design.hall_setting
+    return np.asarray(np.hypot(mlx90393.noise(setting), mlx90393.sensitivity(setting) / 12**0.5))
 
-    Parameters
-    ----------
-    design : SkinDesign
-    chips : sequence of int, optional
-        Which of its chips; all by default.
+
+def signal_noise(design: SkinDesign, chips: Sequence[int] | None = None) -> Floats:
+    """Covariance N of an untouched skin's signals, of all its chips or those chosen.
 
     Returns
     -------
@@ -268,10 +258,9 @@ def signal_noise(design: SkinDesign, chips: Sequence[int] | None = None) -> Floa
         T^2: noise and rounding of the field, and rounding of the temperature by which the rest
         field is scaled.
     """
-    setting = design.hall_setting
     rest = rest_field(design)
     used = range(len(rest)) if chips is None else chips
-    own = mlx90393.noise(setting) ** 2 + mlx90393.sensitivity(setting) ** 2 / 12
+    own = np.diag(chip_noise(design) ** 2)
     step = float(mlx90393.degrees(1) - mlx90393.degrees(0))
     warm = float(temperature_factor(REFERENCE_TEMPERATURE + 1) - 1)
     noise = np.zeros((3 * len(used), 3 * len(used)))
@@ -280,5 +269,5 @@ def signal_noise(design: SkinDesign, chips: Sequence[int] | None = None) -> Floa
         turn = mlx90393.rotation(design.halls[chip])
         shift = warm * rest[chip]
         part = slice(3 * row, 3 * row + 3)
-        noise[part, part] = turn @ np.diag(own) @ turn.T + np.outer(shift, shift) * step**2 / 12
+        noise[part, part] = turn @ own @ turn.T + np.outer(shift, shift) * step**2 / 12
     return noise
