@@ -10,6 +10,7 @@ from smoskin.commands.optimise import Limits
 from smoskin.commands.optimise.limits import (
     Reached,
     allowed_field,
+    alone_over,
     clearances,
     fit_gaps,
     largest_field,
@@ -96,3 +97,18 @@ def test_the_setting_is_the_least_noisy_that_is_fast_enough(planar):
             other = replace(chosen, oversampling=over, digital_filter=smooth)
             if mlx90393.settles(other) and mlx90393.conversion_time(other, 0) * rate <= 1:
                 assert float(mlx90393.noise(other)[0]) >= noise
+
+
+def test_a_column_too_short_for_what_manufacture_needs_breaks_a_limit(planar):
+    short = replace(planar, columns=replace(planar.columns, height=8.5e-3))
+    sheet = PressedSheet(short, places=(2, 2))
+    fitted = fit_gaps(short, sheet, Limits())
+    slip, stronger, _ = made_allowance(Limits())
+    for chip, site in enumerate(fitted.halls):
+        nearer = replace(site, gap=site.gap - slip)
+        alone = alone_over(replace(fitted, halls=(nearer,)), nearer)
+        seen = largest_field(alone, sheet.rated(alone))[0]
+        used = (stronger * seen / allowed_field(short, Limits())).max()
+        assert used < 1.01, chip  # the gap is solved for to a micrometre
+    broken = [one.name for one in own_limits(fitted, Limits()) if not one.kept]
+    assert "M2's holder wall, mm" in broken

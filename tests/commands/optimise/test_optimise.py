@@ -19,8 +19,8 @@ from smoskin.commands.optimise import (
     optimise,
 )
 from smoskin.commands.optimise.limits import Reached, own_limits, stood_limits
-from smoskin.commands.optimise.objective import try_design
 from smoskin.commands.optimise.pressed import PressedSheet
+from smoskin.commands.optimise.search import try_design
 from smoskin.errors import ArgumentError
 from smoskin.feasibility import load_design
 from smoskin.magnetics import mlx90393

@@ -1,15 +1,22 @@
 """Signals and slopes straight from presses of the twin."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from searches_of_designs import COARSE
-from smoskin.commands.optimise.pressed import rated_touches
+from smoskin.commands.optimise import design_bound
+from smoskin.commands.optimise.pressed import rated_touches, unknown_of
 from smoskin.mechanics.sheet.holders import holder_matrix
 from smoskin.mechanics.sheet.model import BarHinge
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.geometry import geometry, places_to_the_rim
 from smoskin.records import Motion
+from smoskin.sensing.response.bound import bound_of_slopes
+from smoskin.sensing.signals.signals import signal_noise
+from smoskin.twin.manufacture import draw
 from smoskin.twin.readout import Readout
 
 
@@ -60,3 +67,38 @@ def test_the_rated_touches_press_and_drag_every_way(planar):
     assert sorted({tuple(one) for one in push[:, :2].tolist()}) == [
         (-0.5, 0.0), (0.0, -0.5), (0.0, 0.0), (0.0, 0.5), (0.5, 0.0)
     ]  # fmt: skip
+
+
+def test_a_design_has_a_bound_without_a_table(planar, sheet):
+    found = design_bound(planar, places=COARSE)
+    slopes = sheet.slopes(planar)[1]
+    direct = bound_of_slopes(sheet.x, sheet.y, slopes, signal_noise(planar))
+    assert found.location == pytest.approx(direct.location, rel=1e-3)
+    assert not found.blind.any()
+    straight = design_bound(planar, places=COARSE, drags=False)
+    assert (straight.location < found.location).all()
+
+
+def test_a_made_skin_is_bounded_much_like_its_design(planar):
+    made = draw(planar, np.random.default_rng(5))
+    whole, one = design_bound(planar, places=COARSE), design_bound(planar, made, places=COARSE)
+    ratio = one.location / whole.location
+    assert (abs(ratio - 1) > 1e-3).any()
+    assert ((ratio > 0.5) & (ratio < 2)).all()
+
+
+def test_a_row_of_cells_is_blind_across_it(planar):
+    magnets = [
+        replace(m, corner=c) for m, c in zip(planar.magnets, [(3, 0), (4, 1), (2, 1)], strict=True)
+    ]
+    row = replace(planar, cells=(6, 1), magnets=tuple(magnets))
+    found = design_bound(row, places=COARSE)
+    assert found.blind.all()
+    assert found.place[..., 1] == pytest.approx(found.y[-1] / math.sqrt(12), rel=1e-3)
+
+
+def test_a_share_of_each_signal_is_unknown_by_the_inverse_square_of_the_gap(planar):
+    signals = np.arange(1.0, 10.0) * 1e-4
+    far = replace(planar, halls=tuple(replace(site, gap=11e-3) for site in planar.halls))
+    spread = unknown_of(far, signals, 0.02)
+    assert spread == pytest.approx(np.diag((0.02 / 4 * signals) ** 2))

@@ -9,8 +9,9 @@ import pytest
 from searches_of_designs import AIM, PLACED, WITHIN, ticking
 from smoskin.commands.optimise import Limits, SearchEffort
 from smoskin.commands.optimise.limits import alone_over
-from smoskin.commands.optimise.objective import design_information, worth
-from smoskin.commands.optimise.search import Search, _point, _varied, exchange
+from smoskin.commands.optimise.pressed import design_information
+from smoskin.commands.optimise.search import Search, _point, _varied, exchange, try_design, worth
+from smoskin.sensing.response.bound import bound_of_information, figures
 
 
 def test_magnets_are_placed_where_they_tell_most(planar, sheet):
@@ -106,3 +107,19 @@ def test_no_time_leaves_a_design_all_the_same(planar):
     ).run()
     assert math.isfinite(best.merit)
     assert len(told) == 4
+
+
+def test_broken_limits_weigh_on_a_design(planar, sheet):
+    trial = try_design(planar, sheet, AIM, Limits())
+    assert trial.merit == trial.value
+    strict = try_design(planar, sheet, AIM, Limits(crush=0.01))
+    broken = sum(max(-one.slack, 0.0) for one in (*strict.own, *strict.stood))
+    assert broken > 1
+    assert strict.merit == pytest.approx(strict.value * (1 + 20 * broken))
+    straight, free = (
+        figures(bound_of_information(sheet.x, sheet.y, informed, 3, drags=drags).location)
+        for informed in [design_information(planar, sheet, AIM.unmodelled)]
+        for drags in (False, True)
+    )
+    both = [one.mean + AIM.worst_weight * one.worst for one in (straight, free)]
+    assert trial.value == pytest.approx(np.mean(both))

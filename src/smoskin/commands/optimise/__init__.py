@@ -25,9 +25,8 @@ from smoskin.commands.optimise.limits import (
     own_limits,
     stood_limits,
 )
-from smoskin.commands.optimise.objective import Objective, design_bound, unknown_of
-from smoskin.commands.optimise.pressed import Places, PressedSheet
-from smoskin.commands.optimise.search import Search, SearchEffort
+from smoskin.commands.optimise.pressed import Places, PressedSheet, design_bound, unknown_of
+from smoskin.commands.optimise.search import Objective, Search, SearchEffort
 from smoskin.design.document import design_values, format_design
 from smoskin.design.skin import Provenance, SkinDesign
 from smoskin.roles import Progress, unheard
@@ -169,15 +168,13 @@ def optimise(
     ----------
     design : SkinDesign
         Start of the search. Cells, creases, panels, board and shear layer stay as they are.
-    name : str, optional
+    name : str
         Name of the new design.
     objective, limits, effort : optional
         What is made small, what is kept, and how long is searched.
-    places : tuple of int, optional
+    places : tuple of int
         Numbers of places along x and y of the maps that are compared.
-    progress : Progress, optional
-        Listener.
-    clock : callable, optional
+    clock : callable
         Seconds, rising.
 
     Raises

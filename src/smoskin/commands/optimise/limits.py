@@ -27,7 +27,7 @@ from smoskin.twin.readout import Readout
 _EXTREME: Final = 8
 """States that decide a gap: so many with the magnet lowest, and so many with it farthest off."""
 _DEEPEST: Final = 12e-3
-"""Largest gap of a magnet on the base, m: a usual base's thickness."""
+"""Largest gap, m: a usual base's thickness, and more than any column has room for."""
 GAP_STEP: Final = 0.05e-3
 """Steps in which gaps are made, m."""
 
@@ -243,32 +243,25 @@ def fit_gaps(
     """The design with every gap as small as range, clearance and manufacture allow.
 
     `sheet` is the pressed one of this design's columns and frame. Gaps are rounded up to multiples
-    of a step, m; 0 leaves them as they come.
+    of a step, m; 0 leaves them as they come. A column too short for the gap breaks a limit of
+    `own_limits`: nothing is left for its magnet's holder.
     """
     slip, stronger, further = made_allowance(limits)
     bound = allowed_field(design, limits) / stronger
     sites = []
     for site in design.halls:
         alone = alone_over(design, site)
-        magnet = alone.magnets[0]
         motion = _extremes(sheet.rated(alone), further)
         least = limits.clearance + site.gap - float(clearances(alone, motion)[0]) + slip
-        most = _DEEPEST
-        if magnet.mount == "sheet":
-            used = design.board.sensing_height + magnet.height + limits.wall
-            most = design.columns.height - used
 
         def excess(gap: float, alone: SkinDesign = alone, motion: Motion = motion) -> float:
             nearer = replace(alone.halls[0], gap=max(gap - slip, 1e-4))
             seen = largest_field(replace(alone, halls=(nearer,)), motion)
             return float((seen / bound).max()) - 1
 
-        if least >= most or excess(most) > 0:
-            gap = max(most, 1e-4)
-        elif excess(least) <= 0:
-            gap = least
-        else:
-            gap = float(brentq(excess, least, most, xtol=1e-6))
+        gap, most = least, max(least, _DEEPEST)
+        if excess(least) > 0:
+            gap = most if excess(most) > 0 else float(brentq(excess, least, most, xtol=1e-6))
         if step:
             gap = round(math.ceil(gap / step - 1e-9) * step, 9)
         sites.append(replace(site, gap=gap))

@@ -1,8 +1,9 @@
-"""Signals about touches of one force, straight from the twin: values and slopes.
+"""Signals about touches of one force, straight from the twin, and their bound without a table.
 
 A sheet on its columns is pressed once; whatever magnets then hang on it, over whatever chips, are
-read from the same presses. Decides which presses it takes and how slopes follow from them: as
-differences of presses so near to each other that the field is straight between them.
+read from the same presses. Decides which presses it takes, how slopes follow from them, as
+differences of presses so near to each other that the field is straight between them, and what of
+a signal counts as unknown besides the chips' noise.
 """
 
 from typing import Final
@@ -19,6 +20,8 @@ from smoskin.mechanics.sheet.model import BarHinge
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.geometry import geometry, places_to_the_rim
 from smoskin.records import Motion
+from smoskin.sensing.response.bound import BoundMap, bound_of_slopes, information
+from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.manufacture import Deviations, made_mechanics
 from smoskin.twin.readout import Readout
 
@@ -32,24 +35,14 @@ _TOLERANCE: Final = 1e-7
 """Tolerance of equilibria: a ten-thousandth of the smallest difference that is taken."""
 _RATED: Final = (5, 7)
 """Places of the rated presses: rims, corners and the middle are among them."""
+_GAP: Final = 5.5e-3
+"""Gap of the reference design, m, for which the unknown share of signals is given."""
 
 
 class PressedSheet:
-    """A sheet under the touches of a bound and under the rated ones.
+    """A sheet under touches without drag at some places, N, and under the rated ones at others.
 
-    Parameters
-    ----------
-    design : SkinDesign
-        Design, whose magnets and chips play no part here.
-    deviations : Deviations, optional
-        Deviations of a made skin; by default it is as designed.
-    force : float
-        Normal force of the touches whose slopes are asked for, N; they have no drag.
-    places : tuple of int
-        Places of those touches.
-    rated_places : tuple of int
-        Places of the rated touches: the rated press alone, and with the rated drag in four
-        directions.
+    The design's magnets and chips play no part here; a made skin deviates from it.
 
     Raises
     ------
@@ -132,6 +125,44 @@ class PressedSheet:
         flat = moved.reshape(len(moved), -1) @ holders.reshape(-1, moved[0].size).T
         motion = Motion(magnets=flat.reshape(len(moved), -1, 6), board=self._board[rows])
         return motion.where(valid)
+
+
+def design_information(design: SkinDesign, sheet: PressedSheet, unmodelled: float) -> Floats:
+    """Information of a design's signals at every place, (L, W, 5, 5)."""
+    signals, slopes = sheet.slopes(design)
+    noise = signal_noise(design) + unknown_of(design, signals, unmodelled)
+    return information(slopes, noise)
+
+
+def unknown_of(design: SkinDesign, signals: Floats, unmodelled: float) -> Floats:
+    """Covariance of what is not known of signals (..., C), shape (..., C, C), T^2."""
+    gaps = np.array([site.gap for site in design.halls])
+    share = unmodelled * np.repeat((_GAP / gaps) ** 2, 3)
+    return np.asarray((share * signals)[..., None] ** 2 * np.eye(len(share)))
+
+
+def design_bound(
+    design: SkinDesign,
+    made: Deviations | None = None,
+    *,
+    force: float = 0.5,
+    drags: bool = True,
+    places: Places = (13, 17),
+) -> BoundMap:
+    """The bound of a design, or of one made skin of it, that has no response table.
+
+    Touches have this normal force, N, and no drag; `drags` says whether drags are unknown too.
+
+    Raises
+    ------
+    ArgumentError
+        If the force or the places are not positive, or a touch has no equilibrium.
+    """
+    sheet = PressedSheet(design, made, force=force, places=places, rated_places=(2, 2))
+    slopes = sheet.slopes(design)[1]
+    if not np.isfinite(slopes).all():
+        raise ArgumentError(f"force must leave the skin an equilibrium everywhere; got {force} N")
+    return bound_of_slopes(sheet.x, sheet.y, slopes, signal_noise(design), drags=drags)
 
 
 def rated_touches(where: Floats) -> tuple[Floats, Floats]:

@@ -163,17 +163,7 @@ class Candidate:
 
 
 def candidate(given: Scored, design: SkinDesign, exam: Exam) -> Candidate:
-    """A file, model or estimator, ready for an exam.
-
-    Raises
-    ------
-    ModelError
-        If it holds nothing that can be examined, or belongs to another design.
-    ArgumentError
-        If it does not read the exam's chips.
-    MissingExtraError
-        If `safetensors` is not installed.
-    """
+    """A file, model or estimator, ready for an exam; refused as `score` says."""
     digest = ""
     if isinstance(given, (Path, str)):
         path, given = Path(given), load_estimator(given, design)

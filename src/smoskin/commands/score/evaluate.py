@@ -68,21 +68,10 @@ def grid_sessions(
     drag: float = 0.0,
     count: int | None = None,
 ) -> Iterator[Session]:
-    """A session a force: every place from rim to rim once, in random order, at 15 to 35 degC.
+    """A session a force, N: places from rim to rim once, in random order, at 15 to 35 degC.
 
-    Parameters
-    ----------
-    twin : Twin
-    rng : numpy.random.Generator
-        Generator of order, temperatures and drags.
-    places : tuple of int
-        Numbers of places along x and y.
-    forces : sequence of float
-        Normal forces, N.
-    drag : float
-        Largest drag, N, of any direction; evenly spread.
-    count : int, optional
-        Number of places, drawn anew for each force; all by default.
+    Of the grid's places, `count` are drawn anew for each force, all by default; drags up to
+    `drag`, N, are of any direction and evenly spread.
     """
     grid = places_to_the_rim(geometry(twin.design).extent, places)[:, None]
     for force in forces:
