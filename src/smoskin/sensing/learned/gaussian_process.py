@@ -60,14 +60,14 @@ class Metric(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """A model's answers to T rows of inputs."""
+    """A model's answers to B touches, O quantities each, SI; a network's are x, y, Fx, Fy, Fz."""
 
     values: Floats
-    """(T, O), SI."""
+    """(B, O)."""
     covariance: Floats
-    """(T, O, O), SI: covariance of the held-out residuals, scaled to the strength of the field."""
+    """(B, O, O): what the values may be off; zero along a drag that is known to be none."""
     novelty: Floats
-    """(T,): distance to the nearest example over the farthest at which the model is believed."""
+    """(B,): distance from what was seen in training, over the farthest that is believed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

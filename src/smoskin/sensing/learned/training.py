@@ -133,6 +133,9 @@ def train_model(
 ) -> LearnedModel:
     """A model of the examples; the same seed and examples give the same model.
 
+    It is fitted on all examples; its metrics, covariance and reach come from a fit that lacked the
+    held-out groups.
+
     Parameters
     ----------
     examples : Examples
@@ -150,12 +153,6 @@ def train_model(
     progress : Progress, optional
         Listener.
 
-    Returns
-    -------
-    LearnedModel
-        Fitted on all examples; its metrics, covariance and reach come from a fit that lacked
-        the held-out groups.
-
     Raises
     ------
     ArgumentError
@@ -171,7 +168,7 @@ def train_model(
     standard = _Standard.of(encoding, fit_inputs, fit_targets)
     few = rng.permutation(len(fit_inputs))[: effort.evidence_rows]
     examined = standard.rows(fit_inputs[few], fit_targets[few])
-    process = _most_probable(*examined, effort.iterations, progress)
+    parameters = _most_probable(*examined, effort.iterations, progress)
 
     progress("held-out figures", 0.0)
     # Fewer rows suffice to see how residuals scale; the final fit sees them all.
@@ -187,13 +184,13 @@ def train_model(
         data_sha256=examples.sha256(),
         split=f"{split} held out whole, drawn with seed {seed}",
         metrics=(),
-        **_solve(standard, process, fit_inputs[some], fit_targets[some]),
+        **_solve(standard, parameters, fit_inputs[some], fit_targets[some]),
     )
     judged = _judge(blank, inputs[judges], targets[judges])
 
     progress("final fit", 0.0)
     rows = np.sort(rng.permutation(len(inputs))[: effort.rows])
-    model = replace(judged, **_solve(standard, process, inputs[rows], targets[rows]))
+    model = replace(judged, **_solve(standard, parameters, inputs[rows], targets[rows]))
     progress("final fit", 1.0)
     return model
 
@@ -241,33 +238,10 @@ class _Standard(NamedTuple):
         return (inputs - self.centre) / self.spread, (targets - self.mean) / self.size, faintness
 
 
-class _Process(NamedTuple):
-    """Parameters of a process; the search's vector holds their logarithms, in this order."""
-
-    lengths: Floats
-    """(D,): lengths along the standardised inputs."""
-    amplitude: float
-    linear: float
-    floor: float
-    """Deviation of the noise at any field."""
-    faint: float
-    """Deviation of the noise that a faint field adds."""
-
-    @classmethod
-    def of(cls, vector: Floats) -> "_Process":
-        """The parameters of the search's vector."""
-        values = np.exp(vector)
-        return cls(values[:-4], *values[-4:].tolist())
-
-    def noise(self, faintness: Floats) -> Floats:
-        """Noise variance of each row, standardised."""
-        return self.floor**2 + self.faint**2 * faintness + _JITTER
-
-
 def _most_probable(
     x: Floats, y: Floats, faintness: Floats, iterations: int, progress: Progress
-) -> _Process:
-    """The process of the greatest posterior density, from a subset of the examples."""
+) -> Floats:
+    """Parameters (D + 4,) of the greatest posterior density, from a subset of the examples."""
     columns = x.shape[1]
     usual = np.log(4.0 * np.sqrt(columns))
     # The noise bounds keep the covariance positive definite in float64.
@@ -281,7 +255,7 @@ def _most_probable(
         maxiter=iterations,
         callback=lambda _: progress("lengths and noise", min(next(done) / iterations, 1.0)),
     )
-    return _Process.of(np.asarray(best))
+    return np.exp(best)
 
 
 def negative_log_posterior(
@@ -297,23 +271,23 @@ def negative_log_posterior(
     vector : Floats, shape (D + 4,)
         Logarithms of the lengths, of the amplitudes of the Matern and the linear part, and of
         the noise at any field and of a faint field.
-    x : Floats, shape (T, D)
-        Standardised inputs.
-    y : Floats, shape (T, O)
-        Standardised targets.
+    x, y : Floats, shapes (T, D) and (T, O)
+        Standardised inputs and targets.
     faintness : Floats, shape (T,)
         Factor of the faint field's noise variance.
     usual : float
         Mean of the prior of the lengths' logarithms, whose standard deviation is 1.
     """
-    p = _Process.of(vector)
+    parameters = np.exp(vector)
+    lengths, (amplitude, strength, floor, faint) = parameters[:-4], parameters[-4:]
     rows, columns = x.shape
-    scaled = x / p.lengths
+    scaled = x / lengths
     distance = cdist(scaled, scaled)
-    decay = p.amplitude**2 * np.exp(-distance)
+    decay = amplitude**2 * np.exp(-distance)
     matern = (1.0 + distance) * decay
-    linear = p.linear**2 * (x @ x.T + 1.0)
-    factor, lower = cho_factor(matern + linear + np.diag(p.noise(faintness)), lower=True)
+    linear = strength**2 * (x @ x.T + 1.0)
+    noise = floor**2 + faint**2 * faintness + _JITTER
+    factor, lower = cho_factor(matern + linear + np.diag(noise), lower=True)
     a = cho_solve((factor, lower), y)
     triangle = dpotri(factor, lower=1)[0]
     inverse = np.tril(triangle) + np.tril(triangle, -1).T
@@ -329,33 +303,36 @@ def negative_log_posterior(
     gradient[columns:] = [
         2.0 * (half * matern).sum(),
         2.0 * (half * linear).sum(),
-        2.0 * p.floor**2 * np.trace(half),
-        2.0 * p.faint**2 * float(np.diag(half) @ faintness),
+        2.0 * floor**2 * np.trace(half),
+        2.0 * faint**2 * float(np.diag(half) @ faintness),
     ]
     gradient[:columns] += off
     return (value + 0.5 * float(off @ off)) / rows, gradient / rows
 
 
-def _solve(standard: _Standard, p: _Process, inputs: Floats, targets: Floats) -> dict[str, Any]:
+def _solve(
+    standard: _Standard, parameters: Floats, inputs: Floats, targets: Floats
+) -> dict[str, Any]:
     """Fields of `LearnedModel` that hold the process's mean k(x, X) a + c given these examples.
 
     a = (K + N)^-1 y; the linear part of the mean is gathered in the slope.
     """
+    lengths, (amplitude, linear, floor, faint) = parameters[:-4], parameters[-4:]
     x, y, faintness = standard.rows(inputs, targets)
-    support = x / p.lengths
+    support = x / lengths
     kernel = cdist(support, support)
-    kernel = p.amplitude**2 * (1.0 + kernel) * np.exp(-kernel)
-    kernel += p.linear**2 * (x @ x.T + 1.0)
-    kernel[np.diag_indices(len(kernel))] += p.noise(faintness)
+    kernel = amplitude**2 * (1.0 + kernel) * np.exp(-kernel)
+    kernel += linear**2 * (x @ x.T + 1.0)
+    kernel[np.diag_indices(len(kernel))] += floor**2 + faint**2 * faintness + _JITTER
     a = cho_solve(cho_factor(kernel, lower=True, overwrite_a=True), y) * standard.size
     return {
         "centre": standard.centre,
-        "scale": standard.spread * p.lengths,
+        "scale": standard.spread * lengths,
         "support": support,
-        "weights": p.amplitude**2 * a,
-        "slope": p.linear**2 * p.lengths[:, None] * (x.T @ a),
-        "intercept": p.linear**2 * a.sum(axis=0) + standard.mean,
-        "noise": np.array([p.floor**2, p.faint**2 * standard.faint]),
+        "weights": amplitude**2 * a,
+        "slope": linear**2 * lengths[:, None] * (x.T @ a),
+        "intercept": linear**2 * a.sum(axis=0) + standard.mean,
+        "noise": np.array([floor**2, faint**2 * standard.faint]),
     }
 
 

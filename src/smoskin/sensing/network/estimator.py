@@ -13,10 +13,7 @@ from smoskin.sensing.signals.zero import ZeroTracking
 
 
 class NetworkEstimator(SignalEstimator):
-    """No or one touch, by a network, with its covariance.
-
-    Each reading is taken by itself: the moments that `Ensemble.predict` gives of its signals, where
-    they are large enough for a touch and like those of training.
+    """No or one touch, by a network, with its covariance; every reading is taken by itself.
 
     Parameters
     ----------
@@ -51,11 +48,7 @@ class NetworkEstimator(SignalEstimator):
     ) -> None:
         design.check_own("model", model.design_hash)
         super().__init__(
-            design,
-            model.chips,
-            creep=creep,
-            false_alarms=false_alarms,
-            tracking=tracking,
+            design, model.chips, creep=creep, false_alarms=false_alarms, tracking=tracking
         )
         self.model = model
         self._ensemble = Ensemble(model)

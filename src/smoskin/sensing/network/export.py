@@ -2,11 +2,12 @@
 
 The graph takes raw signals and the rubber's temperature and takes the steps of
 `smoskin.sensing.network.model.Ensemble`, with its arrays, in float32. Decides the names of its
-inputs and outputs. Needs the extra `onnx`.
+inputs and outputs; hides its nodes, which stand in `graph.onnxtxt` (a part between blank lines for
+each layer). Needs the extra `onnx`.
 """
 
+from importlib import resources
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,75 +15,6 @@ from numpy.typing import ArrayLike
 from smoskin.errors import MissingExtraError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.sensing.network.model import SPREADS, Ensemble, NetworkModel
-
-# Operators of set 17 are known to every runtime of the last years. In units of the floor no square
-# underflows float32, which would also lose inputs that were not centred before the first product.
-_START: Final = """
-<ir_version: 8, opset_import: ["": 17], producer_name: "smoskin">
-smoskin_network (float[B, SIGNALS] signals, float[1] temperature)
-    => (float[B, 5] values, float[B, 5, 5] covariance, float[B] novelty)
-    <float one = {1}, int64[1] second = {1}, int64[3] parts = {2, 2, 1},
-     int64[2] plane = {5, -1}, int64[3] each = {5, 1, -1}> {
-  rows = Transpose <perm = [1, 0]> (signals)
-  scaled = Div (rows, floor)
-  squared = ReduceSumSquare <axes = [0]> (scaled)
-  above = Add (squared, one)
-  ratio = Sqrt (above)
-  direction = Div (scaled, ratio)
-  relative = Log (ratio)
-  logarithm = Add (relative, log_floor)
-  joined = Concat <axis = 0> (direction, logarithm)
-  inputs = Sub (joined, centre)
-  product = MatMul (first, inputs)
-  both = Add (product, first_bias)
-  units, far = Split <axis = 0> (both, widths)
-  novelty = ReduceL2 <axes = [0], keepdims = 0> (far)
-  half0 = Reshape (units, members)
-"""
-_LAYER: Final = """
-  tanh# = Tanh (half#)
-  share# = Add (tanh#, one)
-  hidden# = Mul (share#, half#)
-  sums# = MatMul (weights#, hidden#)
-  half& = Add (sums#, bias#)
-"""
-_END: Final = """
-  averages, logarithms, others = Split <axis = 1> (half#, kinds)
-  clipped = Clip (logarithms, least, most)
-  deviations = Exp (clipped)
-  numbers = Concat <axis = 1> (averages, deviations, others)
-  picks = Reshape (numbers, flat)
-  left = Gather (picks, left_picks)
-  right = Gather (picks, right_picks)
-  factor = Mul (left, right)
-  weighted = Mul (factor, means)
-  mean = ReduceSum <keepdims = 1> (weighted, second)
-  column = Reshape (mean, plane)
-  sized = Mul (column, size)
-  natural = Add (sized, middle)
-  place, drags, weight = Split <axis = 0> (natural, parts)
-  length = Mul (ratio, floor)
-  warmth = Mul (temperature, softening)
-  stiffer = Add (warmth, cold)
-  strength = Mul (length, stiffer)
-  drag = Mul (drags, strength)
-  lever = Exp (weight)
-  push = Mul (lever, strength)
-  force = Neg (push)
-  answers = Concat <axis = 0> (place, drag, force)
-  values = Transpose <perm = [1, 0]> (answers)
-  ones = Div (strength, strength)
-  unit = Concat <axis = 0> (ones, ones, strength, strength, force)
-  stretched = Mul (unit, stretch)
-  wide = Reshape (stretched, each)
-  shift = Mul (mean, beside)
-  apart = Sub (factor, shift)
-  spread = Mul (apart, wide)
-  root = Transpose <perm = [2, 0, 1]> (spread)
-  turned = Transpose <perm = [2, 1, 0]> (spread)
-  covariance = MatMul (root, turned)
-}
-"""
 
 
 def export_onnx(model: NetworkModel, path: Path | str) -> None:
@@ -104,10 +36,13 @@ def export_onnx(model: NetworkModel, path: Path | str) -> None:
     except ImportError as error:
         raise MissingExtraError("writing ONNX files", "onnx") from error
     ensemble = Ensemble(model)
-    layers = range(len(ensemble.hidden) + 1)
-    text = _START.replace("SIGNALS", str(len(model.centre) - 1))
-    text += "".join(_LAYER.replace("#", str(k)).replace("&", str(k + 1)) for k in layers)
-    file = onnx.parser.parse_model(text + _END.replace("#", str(len(layers))))
+    # The file's operators, of set 17, are known to every runtime of the last years. Its signals are
+    # in units of the floor, whose squares do not underflow float32.
+    whole = resources.files("smoskin.sensing.network").joinpath("graph.onnxtxt").read_text("utf-8")
+    start, layer, end = whole.replace("SIGNALS", str(len(model.centre) - 1)).split("\n\n")
+    count = len(ensemble.hidden) + 1
+    layers = [layer.replace("#", str(k)).replace("&", str(k + 1)) for k in range(count)]
+    file = onnx.parser.parse_model("\n".join([start, *layers, end.replace("#", str(count))]))
     for name, value in _constants(ensemble).items():
         array = np.asarray(value)
         kind = np.int64 if array.dtype.kind == "i" else np.float32
@@ -136,8 +71,7 @@ def _constants(ensemble: Ensemble) -> dict[str, ArrayLike]:
         "least": SPREADS[0],
         "most": SPREADS[1],
         "flat": [members * numbers, -1],
-        "left_picks": ensemble.picks[0],
-        "right_picks": ensemble.picks[1],
+        "picked": ensemble.picks,
         "means": ensemble.means[:, None],
         "size": ensemble.size,
         "middle": ensemble.middle,

@@ -18,7 +18,7 @@ from smoskin.arrays import Floats, assign, floats
 from smoskin.errors import ModelError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.sensing.files import NETWORK, TensorFile, freeze_model
-from smoskin.sensing.learned.gaussian_process import Metric
+from smoskin.sensing.learned.gaussian_process import Metric, Prediction
 
 Singles: TypeAlias = NDArray[np.float32]
 
@@ -36,17 +36,6 @@ class Layer(NamedTuple):
     """(M, inputs, outputs)."""
     bias: Singles
     """(M, 1, outputs)."""
-
-
-class Prediction(NamedTuple):
-    """A model's answers to B touches."""
-
-    values: Floats
-    """(B, 5): x, y, m, and Fx, Fy, Fz, N."""
-    covariance: Floats
-    """(B, 5, 5), likewise; zero along a drag that is known to be none."""
-    novelty: Floats
-    """(B,): distance of the signals from those of training, over the farthest that is believed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -47,7 +47,7 @@ class TouchSpread:
     """
 
     margin: float = 2.5e-3
-    """Distance past the rim up to which places are drawn, m: whoever knows no more misreads it."""
+    """Distance past the rim, m, to which places are drawn: the rim is no end of what was seen."""
     drag: float = 0.0
     """Largest drag, N, of any direction, evenly spread; 0: touches are straight."""
     straight: float = 0.4
@@ -80,23 +80,15 @@ class Drawn(NamedTuple):
 
 
 class TouchSource:
-    """Touches of skins of a table.
+    """Touches of skins of a table: of all that a design gives, or what is open of a calibrated one.
 
     Undoing creep takes signals to be proportional to motion. While the motion still lacks a share
     c of where it will settle, what is of order n in the force is read as if weakened by
     (1 - c)^(n - 1). The touches that a table rests on lacked a share of their own, so that c is
-    drawn evenly about none, over as much as the rubber creeps.
+    drawn evenly about none, over as much as the rubber creeps (`creep`, where that is undone).
 
-    Parameters
-    ----------
-    table : ResponseTable
-        Table of a design, for all skins made of it; or calibrated, for what is open of one skin.
-    noise : Floats, shape (C, C)
-        Covariance of the signals' noise, T^2 (`smoskin.sensing.signals.signals.signal_noise`).
-    spread : TouchSpread, optional
-        How touches and disturbances are spread.
-    creep : Prony, optional
-        Creep of the rubber, where the estimator undoes it: what that leaves is drawn too.
+    `noise` is the covariance of the signals' noise, (C, C), T^2
+    (`smoskin.sensing.signals.signals.signal_noise`).
     """
 
     def __init__(
@@ -226,18 +218,9 @@ class TrainingEffort:
 
 
 class Lessons:
-    """All that stays the same during a training.
+    """All that stays the same during a training: examples of every epoch, and where it begins.
 
-    Parameters
-    ----------
-    design : SkinDesign
-        Design of the table.
-    source : TouchSource
-        Touches to learn from.
-    effort : TrainingEffort
-        Sizes of the ensemble and of the lessons.
-    start : NetworkModel, optional
-        A network to go on from; its layout, sizes and weights are taken.
+    With `start` it goes on from a network, whose layout, sizes and weights are taken.
 
     Raises
     ------

@@ -25,8 +25,8 @@ from smoskin.errors import MissingExtraError, ModelError
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.roles import Progress, unheard
 from smoskin.sensing.files import TensorFile
-from smoskin.sensing.learned.gaussian_process import Metric
-from smoskin.sensing.network.model import SPREADS, Layer, NetworkModel, Prediction, Singles
+from smoskin.sensing.learned.gaussian_process import Metric, Prediction
+from smoskin.sensing.network.model import SPREADS, Layer, NetworkModel, Singles
 from smoskin.sensing.network.samples import Drawn, Lessons, TouchSource, TouchSpread, TrainingEffort
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.signals import signal_noise
