@@ -238,14 +238,13 @@ def plan_by_hand(
 
 def write_plan(path: Path | str, design: SkinDesign, targets: Sequence[Target]) -> None:
     """Write touches to make as a sheet to fill in, the untouched skin before every ten of them."""
-    rows: list[Target | None] = []
+    untouched = Target(np.full(2, np.nan), np.zeros(3), np.nan)
+    rows: list[Target] = []
     for number, target in enumerate(targets):
-        rows += [None, target] if number % _REST_EVERY == 0 else [target]
+        rows += [untouched, target] if number % _REST_EVERY == 0 else [target]
     table = TouchTable(
-        position=np.reshape(
-            [(np.nan, np.nan) if row is None else row.position.round(5) for row in rows], (-1, 2)
-        ),
-        force=np.reshape([(0, 0, 0) if row is None else row.force for row in rows], (-1, 3)),
+        position=np.reshape([row.position.round(5) for row in rows], (-1, 2)),
+        force=np.reshape([row.force for row in rows], (-1, 3)),
         field=np.full((len(rows), len(design.halls), 3), np.nan),
     )
     write_touches(path, table)

@@ -18,19 +18,19 @@ from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate, Status
 
 PERIOD: Final = 0.8
-"""s from touch to touch."""
+"""Time from touch to touch, s."""
 _RAMP: Final = 0.15
-"""s in which a touch rises and in which it falls."""
+"""Time in which a touch rises and in which it falls, s."""
 _HOLD: Final = 0.35
-"""s for which it is held between."""
+"""Time for which it is held between, s."""
 _PRESS: Final = (0.3, 0.8)
-"""N: least and most that the hand presses."""
+"""Least and most that the hand presses, N."""
 _DRAG: Final = (0.1, 0.3)
-"""N: least and most that it drags."""
+"""Least and most that it drags, N."""
 _MARGIN: Final = 4e-3
-"""m: the hand keeps so far from the skin's rim, as a fingertip must."""
+"""Distance that the hand keeps from the skin's rim, as a fingertip must, m."""
 _FOUND: Final = 5e-3
-"""m: a touch is found where its estimate lies no further off, about a fingertip's radius."""
+"""Distance within which a touch counts as found, about a fingertip's radius, m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,15 +59,15 @@ class JudgedTouch:
 
     true: Touch
     """The touch as it was made."""
-    estimated: Touch | None
+    estimated: Touch | None = None
     """The median over the hold; None where no contact was reported for most of it."""
     status: str
     """The commonest status while it was held; NO_READING where nothing was read then."""
-    found: bool
+    found: bool = False
     """Whether the estimate lies within 5 mm of the touch."""
-    position_error_mm: float | None
+    position_error_mm: float | None = None
     """Distance of the estimate from the touch."""
-    force_error_percent: float | None
+    force_error_percent: float | None = None
     """Error of the force vector, relative to the true force."""
 
 
@@ -77,22 +77,8 @@ def scripted_hand(
     """As many touches as fit into so many seconds, spread over the whole skin.
 
     The skin is gone over cell by cell in a random order, each touch anywhere in its cell. Every
-    other touch drags as well; the first presses straight.
-
-    Parameters
-    ----------
-    design : SkinDesign
-    seconds : float
-        How long the hand has.
-    seed : int
-        Seed of places and forces.
-    start : float
-        When it begins, s.
-
-    Raises
-    ------
-    ArgumentError
-        If not even one touch fits.
+    other touch drags as well; the first, `start` s after the beginning, presses straight.
+    `ArgumentError` if not even one fits.
     """
     count = math.floor((seconds - start) / PERIOD + 1e-9)
     if count < 1:
@@ -114,12 +100,7 @@ def scripted_hand(
 class Hand:
     """The scripted hand, the mouse beside it, and what was estimated meanwhile.
 
-    Parameters
-    ----------
-    script : sequence of Contact
-        Its touches, one after the other.
-    repeat : bool
-        Whether it starts over at the end.
+    It makes the touches of its script one after the other, and starts over if it shall repeat.
     """
 
     def __init__(self, script: Sequence[Contact], *, repeat: bool) -> None:
@@ -199,14 +180,8 @@ def judge(true: Contact, held: Sequence[Estimate]) -> JudgedTouch:
     commonest = Counter(estimate.status for estimate in held).most_common(1)
     status = commonest[0][0] if commonest else None
     if status is not Status.CONTACT:
-        return JudgedTouch(
-            true=Touch.of(true),
-            estimated=None,
-            status="NO_READING" if status is None else status.name,
-            found=False,
-            position_error_mm=None,
-            force_error_percent=None,
-        )
+        name = "NO_READING" if status is None else status.name
+        return JudgedTouch(true=Touch.of(true), status=name)
     contacts = [contact for estimate in held for contact in estimate.contacts]
     median = Contact(
         position=np.median([contact.position for contact in contacts], axis=0),

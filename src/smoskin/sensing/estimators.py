@@ -1,8 +1,6 @@
 """Estimators from files, and the zero that an estimator takes before it answers.
 
-Decides which estimator reads which file: a calibration (TOML) goes with the closed forms, a
-response table with the Bayesian estimator, a network and a learned model each with its own. Hides
-how kinds of files are told apart.
+Decides which estimator reads which file, and hides how kinds of files are told apart.
 """
 
 import os
@@ -26,7 +24,7 @@ from smoskin.sensing.response.table import load_response_table
 
 
 def load_estimator(path: str | os.PathLike[str], design: SkinDesign | None = None) -> Estimator:
-    """The estimator that reads a file of this package.
+    """The estimator that reads a file of this package, not zeroed yet unless its bench was.
 
     Parameters
     ----------
@@ -34,11 +32,6 @@ def load_estimator(path: str | os.PathLike[str], design: SkinDesign | None = Non
         A calibration (TOML), a response table, a network or a learned model.
     design : SkinDesign, optional
         Design of the skin; by default the shipped one that the file was made for.
-
-    Returns
-    -------
-    Estimator
-        Not zeroed yet, except that a calibration brings the zero of its bench.
 
     Raises
     ------
@@ -66,12 +59,10 @@ def load_estimator(path: str | os.PathLike[str], design: SkinDesign | None = Non
     match files.tensor_key(file):
         case files.RESPONSE_TABLE:
             table = load_response_table(file)
-            skin = _design_of(file, table.design_hash, design)
-            return BayesEstimator(skin, table)
+            return BayesEstimator(_design_of(file, table.design_hash, design), table)
         case files.NETWORK:
             network = load_network(file)
-            skin = _design_of(file, network.design_hash, design)
-            return NetworkEstimator(skin, network)
+            return NetworkEstimator(_design_of(file, network.design_hash, design), network)
         case _:
             return LearnedEstimator(load_model(file))
 
@@ -80,18 +71,7 @@ class ZeroFirst(Estimator):
     """An estimator that takes the first good readings for the zero of another, then is that one.
 
     Until then good readings are answered by `Status.NOT_CALIBRATED`; nothing may touch the skin.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        The estimator to be zeroed.
-    count : int
-        Number of good readings whose mean is the zero.
-
-    Raises
-    ------
-    ArgumentError
-        If the count is not positive.
+    The mean of `count` of them is the zero; `ArgumentError` if that is not positive.
     """
 
     def __init__(self, estimator: Estimator, *, count: int = 20) -> None:
@@ -114,25 +94,13 @@ class ZeroFirst(Estimator):
         self._zeroed = False
 
     def zero(self, readings: Sequence[Reading]) -> None:
-        """Take these readings of the untouched skin as the zero, and wait for no others.
-
-        Raises
-        ------
-        ArgumentError
-            If there are none with all chips good.
-        """
+        """Take these readings of the untouched skin as the zero, and wait for no others."""
         self.estimator.zero(readings)
         self._untouched.clear()
         self._zeroed = True
 
     def step(self, reading: Reading) -> Estimate:
-        """The other estimator's answer, once it is zeroed.
-
-        Raises
-        ------
-        ArgumentError
-            If the reading has another number of chips than the estimator was made for.
-        """
+        """The other estimator's answer, once it is zeroed."""
         if self._zeroed:
             return self.estimator.step(reading)
         try:

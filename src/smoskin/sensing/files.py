@@ -38,13 +38,7 @@ class TensorFile(NamedTuple):
     def write(
         self, path: Path | str, arrays: Mapping[str, NDArray[Any]], header: Mapping[str, object]
     ) -> None:
-        """Write arrays and header.
-
-        Raises
-        ------
-        MissingExtraError
-            If `safetensors` is not installed.
-        """
+        """Write arrays and header; `MissingExtraError` if `safetensors` is not installed."""
         try:
             from safetensors.numpy import save_file
         except ImportError as error:
@@ -104,12 +98,7 @@ def freeze_model(record: object, kind: str, **shapes: tuple[int | None, ...]) ->
 def tensor_key(path: Path | str) -> str:
     """Key of a tensor file's header, which tells its kind; "" if there is none.
 
-    Raises
-    ------
-    ModelError
-        If it is no tensor file.
-    MissingExtraError
-        If `safetensors` is not installed.
+    Errors are those of `TensorFile.read`.
     """
     with _opened(path, "a tensor file") as file:
         return next(iter(file.metadata() or {}), "")

@@ -44,14 +44,10 @@ class BayesEstimator(SignalEstimator):
     table : ResponseTable
         Table of this skin or of its design; of some of its chips, to use only those.
     priors : TouchPriors, optional
-    creep : Prony, optional
-        Solid of the skin's rubber, to undo its creep; that of the design's columns by default,
-        `smoskin.mechanics.viscoelasticity.ELASTIC` for none.
-    false_alarms : float
-        Chance of a reading of the untouched skin to count as touched.
-    tracking : ZeroTracking, optional
-        How the zero follows drift while nothing touches;
-        `smoskin.sensing.signals.estimator.FOLLOWING` by default.
+    creep, false_alarms, tracking
+        As `smoskin.sensing.signals.estimator.SignalEstimator` takes them; by default the creep of
+        the design's columns is undone (`smoskin.mechanics.viscoelasticity.ELASTIC` for none), and
+        the zero follows drift.
 
     Raises
     ------

@@ -5,7 +5,7 @@ still fit; else from coarse places, the likeliest first, of which many take a fe
 nearest are followed to the end.
 """
 
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -23,18 +23,9 @@ _BRIEF: Final = 4
 """Steps after which many starts are compared."""
 
 
-class _Search(NamedTuple):
-    """How K touches are searched."""
-
-    starts: int
-    """Number of coarse starts."""
-    followed: int
-    """Number of them that are followed to the end at least."""
-    enough: float
-    """Squared residual a signal at which no other is followed."""
-
-
-_SEARCHES: Final = {1: _Search(3, 1, 2.0), 2: _Search(14, 3, 0.5)}
+_SEARCHES: Final = {1: (3, 1, 2.0), 2: (14, 3, 0.5)}
+"""Search for K touches: coarse starts, how many of them are followed to the end at least, and the
+squared residual a signal at which no other is followed."""
 
 
 class TouchSolver:
@@ -111,19 +102,18 @@ class TouchSolver:
         standing: Standing | None,
     ) -> TouchPosterior:
         """The likeliest of several descents."""
-        search, fits = _SEARCHES[touches], _FITS * len(signals)
+        (count, followed, enough), fits = _SEARCHES[touches], _FITS * len(signals)
         if guess is not None:
             found = problem.descend(signals, problem.unknowns(guess), standing)
             if 2 * found.cost < fits:
                 return problem.posterior(found, standing)
-        begun = [problem.unknowns(one) for one in starts.best(signals, search.starts, standing)]
-        if len(begun) > search.followed > 1:
+        begun = [problem.unknowns(one) for one in starts.best(signals, count, standing)]
+        if len(begun) > followed > 1:
             brief = [problem.descend(signals, one, standing, _BRIEF) for one in begun]
             begun = [one.unknowns for one in sorted(brief, key=lambda one: one.cost)]
         best: Descent | None = None
         for tried, one in enumerate(begun):
-            enough = search.enough * len(signals)
-            if best is not None and tried >= search.followed and 2 * best.cost < enough:
+            if best and tried >= followed and 2 * best.cost < enough * len(signals):
                 break
             found = problem.descend(signals, one, standing)
             if best is None or found.cost < best.cost:

@@ -36,12 +36,11 @@ class Starts:
     places : Floats, shape (G, K, 2)
         m.
     answers : Floats, shape (G, L, C)
-        Slopes of the signals by each load, T/N: the presses of K touches, or both drags and the
-        press of one.
+        Slopes of signals by loads, T/N: presses of K touches, or drags and press of one.
     ridge : Floats, shape (L,)
         Precision root of each load beforehand, 1/N.
     whiten : Floats, shape (C, C)
-        Turns signals into standard deviations.
+        Matrix that turns signals into standard deviations, 1/T.
     least : float
         Press that each touch must have to be a start, N.
     curvature : Floats, shape (S, 3, 3, 3), optional
@@ -112,8 +111,8 @@ def single_starts(
 def pair_starts(table: ResponseTable, problem: TouchProblem) -> Starts:
     """Starts of two straight touches, freed of what bends their signals."""
     grid = middles_of_fields(table.basis.extent, _PAIR_GRID)
-    tugs = [(_TUG, 0.0), (-_TUG, 0.0), (0.0, _TUG), (0.0, -_TUG)]
-    forces = np.array([[*tug, -TYPICAL] for tug in [(0.0, 0.0), *tugs]])
+    tugs = _TUG * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
+    forces = np.insert(tugs, 2, -TYPICAL, axis=1)
     signals = table.signals(np.repeat(grid, len(forces), axis=0), np.tile(forces, (len(grid), 1)))
     flat = straightened(table.curvature, signals).reshape(len(grid), len(forces), -1)
     by_press = flat[:, 0] / TYPICAL
@@ -123,6 +122,5 @@ def pair_starts(table: ResponseTable, problem: TouchProblem) -> Starts:
     shares = table.basis.vertex_shares(grid)[pairs][:, :, None]
     _, drags = mutual_drags(table.grip, shares, np.ones((len(pairs), 2)))
     answer = by_press[pairs] + np.einsum("glkd,gkdc->glc", drags[:, :, 0], by_drag[pairs])
-    whiten = problem.whitener(2 * TYPICAL**2)
-    least = table.forces[0] / 2
+    whiten, least = problem.whitener(2 * TYPICAL**2), table.forces[0] / 2
     return Starts(grid[pairs], answer, np.zeros(2), whiten, least, table.curvature)

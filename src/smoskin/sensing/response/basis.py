@@ -160,29 +160,27 @@ def touch_arrays(position: ArrayLike, force: ArrayLike) -> tuple[Floats, Floats]
 
 def _line(x: Floats, lines: Floats, radius: float) -> tuple[Floats, Floats]:
     """Shares of the vertices on a line and products of neighbours, with their slopes."""
-    ramp, slope = _ramp((x[..., None] - lines) / radius)
+    ramps = _ramps((x[..., None] - lines) / radius)
+    ramps[0] *= radius
     # The end vertices carry on as levers: no ramp begins at them.
-    ramp[..., 0], slope[..., 0] = (x - lines[0]) / radius, 1.0
-    ramp[..., -1] = slope[..., -1] = 0.0
-    pitch = np.diff(lines)
-    rise = radius * (ramp[..., :-1] - ramp[..., 1:]) / pitch
-    tilt = (slope[..., :-1] - slope[..., 1:]) / pitch
-    shares, slopes = (np.zeros((*x.shape, len(lines))) for _ in range(2))
-    shares[..., 0] = 1.0
-    shares[..., 1:] += rise
-    shares[..., :-1] -= rise
-    slopes[..., 1:] += tilt
-    slopes[..., :-1] -= tilt
+    ramps[0, ..., 0], ramps[1, ..., 0] = x - lines[0], 1.0
+    ramps[..., -1] = 0.0
+    rise = -np.diff(ramps) / np.diff(lines)
+    both = np.zeros(ramps.shape)
+    both[0, ..., 0] = 1.0
+    both[..., 1:] += rise
+    both[..., :-1] -= rise
+    shares, slopes = both
     products = shares[..., 1:] * shares[..., :-1]
     bends = slopes[..., 1:] * shares[..., :-1] + shares[..., 1:] * slopes[..., :-1]
     return np.concatenate([shares, products], axis=-1), np.concatenate([slopes, bends], axis=-1)
 
 
-def _ramp(u: Floats) -> tuple[Floats, Floats]:
+def _ramps(u: Floats) -> Floats:
     """Mean of max(u + t, 0) over the coordinate t of a disc of radius 1, and its slope."""
     # A disc's coordinate has the density (2 / pi) sqrt(1 - t^2).
     inside = np.clip(u, -1.0, 1.0)
     root = np.sqrt(1 - inside * inside)
     angle = np.arcsin(inside)
     mean = inside / 2 + (inside * angle + root - root**3 / 3) / np.pi
-    return mean + np.maximum(u - 1, 0), 0.5 + (inside * root + angle) / np.pi
+    return np.stack([mean + np.maximum(u - 1, 0), 0.5 + (inside * root + angle) / np.pi])

@@ -16,11 +16,11 @@ from smoskin.origami.geometry import places_to_the_rim
 from smoskin.sensing.response.table import ResponseTable
 
 _BLIND: Final = 5e-3
-"""m: bound of the place from which it counts as blind."""
+"""Bound of a place from which it counts as blind, m."""
 _WORST: Final = 99.0
 """Per cent of places below the worst bound; single places say little."""
 _PRIOR: Final = 1e-6
-"""1/N^2: information about forces beforehand, next to nothing."""
+"""Information about forces beforehand, next to nothing, 1/N^2."""
 
 
 class SuperResolution(NamedTuple):
@@ -114,10 +114,8 @@ def bound_map(
         Covariance of signals, T^2 (`smoskin.sensing.signals.signals.signal_noise`).
     force : float
         Normal force of the touch, which has no drag, N.
-    drags : bool
-        Whether the drags are unknown too.
-    misfit : bool
-        Whether what the table does not know of the skin counts as noise.
+    drags, misfit : bool
+        Whether the drags are unknown too, and what the table does not know of the skin is noise.
     places : tuple of int
         Numbers of places along x and y.
 
@@ -177,9 +175,7 @@ def bound_of_information(
     x, y : Floats
         Two places or more each.
     fisher : Floats, shape (L, W, 5, 5)
-        Information of all chips, as `information` gives it.
-    chips : int
-        Their number.
+        Information of so many chips, as `information` gives it.
     drags : bool
         Whether the drags are unknown too.
 

@@ -28,19 +28,19 @@ _PLACES: Final = (13, 17)
 _LIGHT: Final = 0.4
 """Force of the lighter presses that may be proposed, over the largest."""
 _NEAR: Final = 2e-3
-"""m within which a place is not touched again while there are others."""
+"""Distance within which a place is not touched again while there are others, m."""
 _SAME: Final = 1e-6
-"""m or N within which two touches are one."""
+"""Distance, m, or force, N, within which two touches are one."""
 _LARGE: Final = 0.6
 """Share of a signal's largest value from which it may have ended a chip's range."""
 _FINE: Final = 1e-9
-"""T within which two signals are one."""
+"""Difference within which two signals are one, T."""
 _JUDGED: Final = (9, 11)
 """Places whose touches shall be estimated well."""
 _TYPICAL: Final = 0.5
-"""N, of those touches."""
+"""Press of those touches, N."""
 _WEIGHT: Final = 0.05
-"""m for which an error of the whole force counts: half a millimetre for one per cent."""
+"""Distance for which an error of the whole force counts, m: half a millimetre for 1 %."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -60,11 +60,11 @@ class LabelledTouches:
     signals: Floats
     """(N, S, 3), T, as `ResponseTable` defines them; of the table's chips."""
     temperature: Floats = field(default_factory=lambda: np.array(REFERENCE_TEMPERATURE))
-    """(N,), or one for all, degC, of the rubber."""
+    """Rubber temperature, (N,) or one for all, degC."""
     place_spread: float = 0.0
-    """m: standard deviation of the labels' places along each axis."""
+    """Standard deviation of the labels' places along each axis, m."""
     force_spread: float = 0.0
-    """N: standard deviation of the labels' forces along each axis."""
+    """Standard deviation of the labels' forces along each axis, N."""
 
     def __post_init__(self) -> None:
         freeze(self, position=(None, 2))
@@ -96,7 +96,7 @@ class Target(NamedTuple):
     force: Floats
     """(3,), N."""
     error: float
-    """m: expected distance of a located touch from its true place once this one is made; root mean
+    """Expected distance of a located touch from its true place once this one is made, m; root mean
     square over the skin, of straight touches of 0.5 N."""
 
 
@@ -162,11 +162,10 @@ def _posterior_weights(
     for _ in range(_ROUNDS):
         misfit = stretch[:, None] * table.misfit * stretch
         precision = np.linalg.inv(noise + squared[:, None, None] * misfit)
-        covariance = np.linalg.inv(
-            np.eye(len(table.modes))
-            + np.einsum("nkc,ncd,nld->kl", modes, precision, modes, optimize=True)
-        )
-        weights = covariance @ np.einsum("nkc,ncd,nd->k", modes, precision, residual, optimize=True)
+        weighed = modes @ precision
+        seen = np.tensordot(weighed, modes, ([0, 2], [0, 2]))
+        covariance = np.asarray(np.linalg.inv(np.eye(len(seen)) + seen), dtype=np.float64)
+        weights = covariance @ np.einsum("nkc,nc->k", weighed, residual)
         missed = residual - np.einsum("k,nkc->nc", weights, modes)
         # What the fit leaves, and what it would leave of touches that it has not seen.
         still_open = np.einsum("nkc,kl,nlc->nc", modes, covariance, modes, optimize=True)
@@ -269,11 +268,6 @@ class TouchPlanner:
         """So many next touches, each taken for made; fewer if `error` falls to so many metres.
 
         What a touch tells does not depend on what it reads, so that all can be planned beforehand.
-
-        Raises
-        ------
-        ArgumentError
-            If the count is not positive.
         """
         if count < 1:
             raise ArgumentError(f"count must be positive; got {count}")

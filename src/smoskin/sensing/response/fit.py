@@ -7,6 +7,7 @@ equations are those of "Fit", "Modes" and "Pairs" in `docs/derivations.md`.
 """
 
 from dataclasses import replace
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -34,7 +35,7 @@ _JITTER: Final = 1e-9
 _DEVIATION: Final = 0.2
 """Size of skins' deviations before they are known, relative to the likeliest coefficients."""
 _NOISE: Final = 0.5e-6
-"""T: scatter of the signals that a table is made of."""
+"""Scatter of the signals that a table is made of, T."""
 _BENT_AT: Final = (6, 7)
 """Places where the curvature of a table is taken."""
 _BENT_BY: Final = np.array(
@@ -44,7 +45,7 @@ _BENT_BY: Final = np.array(
         *((0.25, 0.25, -0.4), (0.25, -0.25, -0.4)),
     ]
 )
-"""N: forces between whose signals it is taken."""
+"""Forces between whose signals it is taken, N."""
 _TABLE_BLUR: Final = 3e-3
 """Error of a table's signals, relative to each chip's root mean square."""
 _PAIR_BLUR: Final = 0.1
@@ -69,10 +70,8 @@ def fit_response_table(
     ----------
     design : SkinDesign
         Design of the skin, with S chips.
-    position : array_like, shape (B, 2)
-        m.
-    force : array_like, shape (B, 3)
-        N, on the skin; with drags, where the table shall know them.
+    position, force : array_like, shapes (B, 2) and (B, 3)
+        m and N, on the skin; with drags, where the table shall know them.
     signals : array_like, shape (B, S, 3)
         T, as `ResponseTable` defines them.
     radius : float
@@ -137,9 +136,8 @@ def add_warmth(
     """The table with what a degree of the rubber changes in B presses, (B, S, 3), T/K."""
     place, push = touch_arrays(position, force)
     softened = replace(table, warmth=np.zeros_like(table.warmth))
-    colder, warmer = (
-        softened.signals(place, push, REFERENCE_TEMPERATURE + degree) for degree in (-1.0, 1.0)
-    )
+    warmer = softened.signals(place, push, REFERENCE_TEMPERATURE + 1.0)
+    colder = softened.signals(place, push, REFERENCE_TEMPERATURE - 1.0)
     change = floats("per_degree", per_degree, (None, 3)).reshape(-1, table.count)
     fitted = _deviation_fit(table, place, push, change - (warmer - colder) / 2)
     return replace(table, warmth=fitted.reshape(table.mean.shape))
@@ -180,8 +178,7 @@ def add_modes(
         raise ArgumentError(f"deviations must be of at least two skins; got {len(skins)}")
     strength = np.linalg.norm(push, axis=1)[:, None]
     misfit = table.misfit
-    held_out = len(skins) // _HELD_OUT_SKINS
-    if held_out:
+    if held_out := len(skins) // _HELD_OUT_SKINS:
         misfit = misfit + _missed(skins[:-held_out], skins[-held_out:], strength, least)
     middle = skins.mean(axis=0)
     modes, scores = _principal(skins - middle, least)
@@ -228,12 +225,11 @@ def _missed(skins: Floats, others: Floats, strength: Floats, least: float) -> Fl
 def add_coupling(
     table: ResponseTable, grip: Floats, position: ArrayLike, force: ArrayLike, signals: ArrayLike
 ) -> ResponseTable:
-    """The table with what two touches at once do beyond adding up.
+    """The table with what two touches at once do beyond adding up on the same skin.
 
     Parameters
     ----------
     table : ResponseTable
-        Table of the same skin.
     grip : Floats, shape (H, 2, H, 3)
         m/N, as `smoskin.mechanics.sheet.compliance.grip_compliance` has it.
     position, force : array_like, shapes (B, 2, 2) and (B, 2, 3)
@@ -251,8 +247,7 @@ def add_coupling(
     table = replace(table, grip=grip, curvature=table_curvature(table))
     one, other = table.dragged(place, push)
     missing = both - one - other
-    held_out = np.arange(len(place)) % _HELD_OUT == 0
-    seen = ~held_out
+    seen = np.arange(len(place)) % _HELD_OUT != 0
     curvature = _fit_curvature(one[seen], other[seen], missing[seen], table.curvature, _PAIR_BLUR)
     # A calibration of single touches does not find how a made skin holds and bends otherwise.
     added = sum(table.signals(place[:, k], push[:, k]) for k in (0, 1))
@@ -261,8 +256,8 @@ def add_coupling(
         _MADE_GRIP * (one + other - added),
         _MADE_CURVATURE * missing,
     ]
-    strength = np.linalg.norm(push[held_out, :, 2], axis=1)[:, None]
-    pair_misfit = np.sum([_scatter(part[held_out] / strength) for part in unsure], axis=0)
+    strength = np.linalg.norm(push[~seen, :, 2], axis=1)[:, None]
+    pair_misfit = np.sum([_scatter(part[~seen] / strength) for part in unsure], axis=0)
     return replace(table, curvature=curvature, pair_misfit=pair_misfit)
 
 
@@ -308,12 +303,11 @@ def _deviation_fit(table: ResponseTable, place: Floats, push: Floats, values: Fl
     """Coefficients ``S^2 X^T (X S^2 X^T + noise^2)^-1 values`` (P Q D, V) of changes (B, V)."""
     # S are sizes like those of the likeliest skin's coefficients, by kind of function.
     p, q, _ = table.basis.shape
-    sizes = np.empty(table.mean.shape[:3])
+    sizes = np.zeros(table.mean.shape[:3])
     x_kinds, y_kinds = ((slice(0, k // 2 + 1), slice(k // 2 + 1, k)) for k in (p, q))
-    for along in x_kinds:
-        for across in y_kinds:
-            block = table.mean[along, across]
-            sizes[along, across] = np.sqrt((block**2).mean(axis=(0, 1, 3))) if block.size else 0.0
+    for kind in product(x_kinds, y_kinds):
+        if (block := table.mean[kind]).size:
+            sizes[kind] = np.sqrt((block**2).mean(axis=(0, 1, 3)))
     scale = _DEVIATION * sizes.reshape(-1)
     rows = table.basis.rows(place, push) * scale
     gram = rows @ rows.T

@@ -34,11 +34,7 @@ class Label(NamedTuple):
 class Labeller:
     """Signals of held touches of one skin, one after the other: ``mean(held) - mean(rest)``.
 
-    Parameters
-    ----------
-    design : SkinDesign
-    creep : Prony, optional
-        Solid of the rubber, to undo its creep; by default touches are taken to have settled.
+    Creep of a solid of rubber is undone if it is given; else touches are taken to have settled.
     """
 
     def __init__(self, design: SkinDesign, creep: Prony | None = None) -> None:

@@ -11,6 +11,7 @@ from bisect import bisect_left, bisect_right
 import numpy as np
 
 from smoskin.arrays import Floats, Ints
+from smoskin.magnetics.nonlinearity import cross_signals
 from smoskin.sensing.response.basis import TouchBasis
 from smoskin.sensing.response.pairs import mutual_drags
 
@@ -39,15 +40,11 @@ class PointTable:
         self._block = np.ascontiguousarray(coefficients[np.ix_(*orders)].reshape(p, q, -1))
         # Which powers make each product and its slopes by each force, and their factors.
         e = basis.exponents
-        self._highest = int(e.max())
-        lower = np.repeat(e[None], 4, axis=0)
-        self._factors = np.ones((4, len(e)))
-        for axis in range(3):
-            lower[axis + 1, :, axis] = np.maximum(e[:, axis] - 1, 0)
-            self._factors[axis + 1] = e[:, axis]
-        self._powers = np.stack(
-            [axis * (self._highest + 1) + lower[..., axis] for axis in range(3)]
-        )
+        lower = np.maximum(e - np.eye(3, dtype=np.int64)[:, None], 0)
+        self._orders = np.arange(e.max() + 1.0)
+        powers = np.concatenate([e[None], lower]) + len(self._orders) * np.arange(3)
+        self._powers = np.ascontiguousarray(np.moveaxis(powers, -1, 0))
+        self._factors = np.concatenate([np.ones((1, len(e))), e.T])
 
     def at(self, x: float, y: float, force: Floats) -> tuple[Floats, Floats]:
         """Signals (C,) and their slopes by x, y, Fx, Fy, Fz, (5, C)."""
@@ -57,14 +54,8 @@ class PointTable:
         here, steep = (phi @ part).reshape(2, b, -1)
         value, by_y = (psi @ here).reshape(2, d, -1)
         by_x = (psi[0] @ steep).reshape(d, -1)
-        powers = []
-        for component in force.tolist():
-            power = 1.0
-            powers.append(power)
-            for _ in range(self._highest):
-                power *= component
-                powers.append(power)
-        g = self._factors * np.array(powers)[self._powers].prod(axis=0)
+        powers = (force[:, None] ** self._orders).ravel()
+        g = self._factors * powers[self._powers].prod(axis=0)
         both = g @ value
         out = np.empty((5, both.shape[1]))
         out[0], out[1], out[2:] = g[0] @ by_x, g[0] @ by_y, both[1:]
@@ -84,21 +75,18 @@ class PointTable:
         rates = np.stack([self._shares(float(x), float(y)) for x, y in place])
         drags, by = mutual_drags(self._grip, rates[None], press[None])
         by_drags = by.reshape(6, 2, 2)
-        chips = len(self._curvature)
-        values, slopes = [], np.zeros((2, 6, 3 * chips))
+        values, slopes = [], []
         for k in (0, 1):
             force = np.array([*drags[0, k], -press[k]])
             signals, steep = self.at(float(place[k, 0]), float(place[k, 1]), force)
             values.append(signals)
-            slopes[k] = by_drags[:, k] @ steep[2:4]
-            slopes[k, 3 * k : 3 * k + 2] += steep[:2]
-            slopes[k, 3 * k + 2] -= steep[4]
-        total, by_all = values[0] + values[1], slopes[0] + slopes[1]
-        for k in (0, 1):
-            other = values[1 - k].reshape(chips, 1, 3, 1)
-            bent = (self._curvature * other).sum(axis=2)
-            by_all += (slopes[k].reshape(6, chips, 1, 3) @ bent).reshape(6, -1)
-        total = total + (values[1].reshape(chips, 1, 3) @ bent).ravel()
+            slopes.append(by_drags[:, k] @ steep[2:4])
+            slopes[k][3 * k : 3 * k + 2] += steep[:2]
+            slopes[k][3 * k + 2] -= steep[4]
+        one, other = values
+        total = one + other + cross_signals(self._curvature, one, other)
+        by_all = slopes[0] + cross_signals(self._curvature, slopes[0], np.tile(other, (6, 1)))
+        by_all += slopes[1] + cross_signals(self._curvature, np.tile(one, (6, 1)), slopes[1])
         return total, by_all
 
     def _shares(self, x: float, y: float) -> Floats:

@@ -113,10 +113,8 @@ class ResponseTable:
 
         Parameters
         ----------
-        position : array_like, shape (B, 2)
-            m.
-        force : array_like, shape (B, 3)
-            N, on the skin; pressing is negative z.
+        position, force : array_like, shapes (B, 2) and (B, 3)
+            m and N, on the skin; pressing is negative z.
         temperature : array_like, shape (B,) or (), optional
             Rubber temperature, degC.
         """
