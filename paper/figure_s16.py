@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 
+from paper.models.reduction import magnet_motion
 from paper.shared.rows import Row, stated
 from paper.shared.setting import Setting
 from paper.shared.style import (
@@ -32,7 +33,6 @@ from paper.shared.style import (
 )
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
-from smoskin.mechanics.sheet.holders import magnet_motion
 from smoskin.mechanics.sheet.touches import Covered, Sticking, Touches
 from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.location import unit_press

@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.patches import Circle
 
+from paper.models.reduction import magnet_motion
 from paper.shared.setting import Setting
 from paper.shared.style import (
     BLUE,
@@ -34,7 +35,6 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.mechanics.reduced.attenuation import column_displacements, profiles
 from smoskin.mechanics.reduced.stiffness import stiffness_map
-from smoskin.mechanics.sheet.holders import magnet_motion
 from smoskin.mechanics.sheet.lattice import axial_stiffness
 from smoskin.mechanics.sheet.model import BarHinge
 from smoskin.mechanics.sheet.touches import Sticking, Touches

@@ -21,7 +21,7 @@ from smoskin.mechanics.reduced.stiffness import (
     column_stiffness,
     relative_stiffness_map,
 )
-from smoskin.mechanics.sheet.holders import magnet_motion
+from smoskin.mechanics.sheet.holders import holder_matrix
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.geometry import geometry
 
@@ -92,6 +92,17 @@ class Reduction:
         left = (self.measured - self.expected).reshape(*cells, -1)
         whole = self.measured.reshape(*cells, -1)
         return np.asarray(np.linalg.norm(left, axis=-1) / np.linalg.norm(whole, axis=-1))
+
+
+def magnet_motion(design: SkinDesign, displacements: Floats) -> Floats:
+    """Translation, m, and rotation vector, rad, of every magnet over the board, (..., G, 6).
+
+    The displacements are those of the sheet's vertices over the board, (..., V, 3), m.
+    """
+    matrix = holder_matrix(design)
+    flat = displacements.reshape(*displacements.shape[:-2], -1)
+    motion = flat @ matrix.reshape(-1, flat.shape[-1]).T
+    return np.asarray(motion.reshape(*flat.shape[:-1], len(design.magnets), 6))
 
 
 def unit_presses(sheet: "BarHinge", *, force: float = 5e-3) -> UnitPresses:

@@ -14,11 +14,16 @@ from smoskin.mechanics.reduced.attenuation import (
     magnet_displacements,
     profiles,
 )
-from smoskin.mechanics.sheet.holders import holder_columns, holder_matrix, magnet_motion
+from smoskin.mechanics.sheet.holders import holder_columns, holder_matrix
 from smoskin.origami.geometry import geometry
 
 SHEET = [1, 2]
 """Which of the reference design's magnets hang on the sheet."""
+
+
+def magnet_motion(design, displacements):
+    """Motion of every magnet, (G, 6), with the vertices' displacements, (..., V, 3)."""
+    return np.einsum("gkvd,...vd->...gk", holder_matrix(design), displacements)
 
 
 def on_vertices(design, loaded, attenuation):

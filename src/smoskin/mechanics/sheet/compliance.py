@@ -1,11 +1,8 @@
 """Compliance of the sheet in the plane where touches grip it, for small loads.
 
 A touch that sticks holds its patch over the ground, so that what another one does to that patch
-comes back as a sideways force. How large it is follows from one matrix between the vertices that
-can be touched: the sheet's compliance at rest and the board's on its pillars.
+comes back as a sideways force; how large it is follows from this one matrix.
 """
-
-from typing import Final
 
 import numpy as np
 
@@ -16,9 +13,6 @@ from smoskin.mechanics.sheet.lattice import Lattice, build_lattice
 from smoskin.mechanics.sheet.tangent import Tangent
 from smoskin.origami.geometry import geometry
 
-_SIGNS: Final = (1.0, 1.0, -1.0)
-"""Signs of the unit forces: along x, along y, and pressing."""
-
 
 def grip_compliance(design: SkinDesign, lattice: Lattice | None = None) -> Floats:
     """Motion in the plane of every vertex that can be touched, by a force on every other.
@@ -26,7 +20,6 @@ def grip_compliance(design: SkinDesign, lattice: Lattice | None = None) -> Float
     Parameters
     ----------
     design : SkinDesign
-        Its board carries the sheet.
     lattice : Lattice, optional
         The design's lattice with springs of its own; `build_lattice(design)` by default.
 
@@ -46,10 +39,9 @@ def grip_compliance(design: SkinDesign, lattice: Lattice | None = None) -> Float
     top = made.loaded.ravel()
     count = len(top)
     right = np.zeros((len(made.nodes), 3, count, 3))
-    for axis, sign in enumerate(_SIGNS):
+    for axis, sign in enumerate((1.0, 1.0, -1.0)):  # along x, along y, and pressing
         right[top, axis, np.arange(count), axis] = sign
-    place = tangent.at(np.zeros_like(made.nodes))
-    moved = tangent.solve(place, right)[top, :2]
+    moved = tangent.solve(tangent.at(np.zeros_like(made.nodes)), right)[top, :2]
     arms = geometry(design).tops.reshape(-1, 2) - geometry(design).extent / 2
     turned = np.stack([-arms[:, 1], arms[:, 0]], axis=-1)
     moved[..., :2] += np.eye(2)[None, :, None] / board_stiffness(design)

@@ -63,18 +63,15 @@ def follow(tangent: Tangent, press: Press, tolerance: float) -> Standing | None:
     f_inner(u) = t f + W r and W' u + G r = 0 for shares t of the load that rise to 1, each solved
     by Newton's method from the one before; a share that fails is halved.
     """
-    lattice = tangent.lattice
-    strains = len(lattice.bars) + lattice.panel_hinges
     state = Standing(
-        motion=np.zeros_like(lattice.nodes),
+        motion=np.zeros_like(press.dead),
         reaction=np.zeros(press.link.shape[0]),
-        force=np.zeros(strains),
+        force=np.zeros(len(tangent.elements.stiffness)),
         residual=0.0,
         steps=0,
     )
-    linear, _ = constrained_solve(
-        tangent, tangent.at(state.motion), press, press.dead, state.reaction
-    )
+    rest = tangent.at(state.motion)
+    linear, _ = constrained_solve(tangent, rest, press, press.dead, state.reaction)
     if _crushed(tangent, linear):
         return None
     reached, step = 0.0, 1.0

@@ -8,9 +8,8 @@ it, supports it in z alone. At the rim, where a side is missing, the three neare
 """
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from smoskin.arrays import Floats, Ints, floats
+from smoskin.arrays import Floats, Ints
 from smoskin.design.skin import Magnet, SkinDesign
 from smoskin.origami.geometry import geometry
 
@@ -43,17 +42,21 @@ def holder_columns(design: SkinDesign, magnet: Magnet) -> tuple[Ints, Ints]:
 
 
 def holder_matrix(design: SkinDesign) -> Floats:
-    """Linear map from the vertices' displacements to the magnets' motion.
+    """Linear map from the vertices' displacements to the magnets' motion, shape (G, 6, V, 3).
 
-    Returns
-    -------
-    Floats, shape (G, 6, V, 3)
-        Matrix that `magnet_motion` applies; zero for a magnet on the base.
+    Over the board, each magnet's middle along x, y, z, m, then its rotation vector, rad; zero for
+    a magnet on the base.
 
     Notes
     -----
-    Motion (t, r) of least squares of u - t - r x d over the tops that hold the magnet, d from its
-    middle: t_z, r_x, r_y from u_z of the bearing ones, t_x, t_y, r_z from u_x, u_y of the gripping.
+    Source: SI Text S3, "Structure Connections": the holder is notched to the bottom support
+    columns. Which columns, and that they hold it as rigidly as least squares says, is this
+    project's reading: (t, r) of least squares of u - t - r x d over the tops that hold the magnet,
+    d from its middle; t_z, r_x, r_y from u_z of the bearing ones, t_x, t_y, r_z from u_x, u_y of
+    the gripping. Valid for small rotations. Where the sheet moves as a rigid plate, and where
+    neighbouring cells grow alike (v_a = 1), the plane motion is that of
+    `smoskin.mechanics.reduced.attenuation.magnet_displacements`; elsewhere x differs by a quarter
+    of the difference of their growths, y not at all.
     """
     vertices = geometry(design).sheet.vertices
     matrix = np.zeros((len(design.magnets), 6, len(vertices), 3))
@@ -62,8 +65,7 @@ def holder_matrix(design: SkinDesign) -> Floats:
         if magnet.mount != "sheet":
             continue
         gripping, bearing = holder_columns(design, magnet)
-        # Least squares of u = t + r x d, d from the magnet's middle to a column's top. The
-        # rotations about x and y come from z alone; in the plane they shift by the lever d_z.
+        # The rotations about x and y come from z alone; in the plane they shift by the lever d_z.
         dx, dy, _ = (vertices[bearing] - middles[g]).T
         tilt = np.linalg.pinv(np.stack([np.ones_like(dx), dy, -dx], axis=1))
         matrix[g, [[2], [3], [4]], bearing, 2] = tilt
@@ -81,34 +83,3 @@ def holder_matrix(design: SkinDesign) -> Floats:
         matrix[g, 0] -= lever * matrix[g, 4]
         matrix[g, 1] += lever * matrix[g, 3]
     return matrix
-
-
-def magnet_motion(design: SkinDesign, displacements: ArrayLike) -> Floats:
-    """Translation and rotation of every magnet from the vertices' displacements.
-
-    Parameters
-    ----------
-    design : SkinDesign
-    displacements : array_like, shape (..., V, 3)
-        Displacements of the sheet's vertices over the board, m.
-
-    Returns
-    -------
-    Floats, shape (..., G, 6)
-        Motion over the board: each magnet's middle along x, y, z, m, then its rotation vector, rad;
-        zero for a magnet on the base.
-
-    Notes
-    -----
-    Source: SI Text S3, "Structure Connections": the holder is notched to the bottom support
-    columns. Which columns, and that they hold it as rigidly as least squares says, is this
-    project's reading. Valid for small rotations. Where the sheet moves as a rigid plate, and
-    where neighbouring cells grow alike (v_a = 1), the plane motion is that of
-    `smoskin.mechanics.reduced.attenuation.magnet_displacements`; elsewhere x differs by a quarter
-    of the difference of their growths, y not at all.
-    """
-    matrix = holder_matrix(design)
-    moved = floats("displacements", displacements, (matrix.shape[2], 3))
-    flat = moved.reshape(*moved.shape[:-2], -1)
-    motion = flat @ matrix.reshape(-1, flat.shape[-1]).T
-    return np.asarray(motion.reshape(*moved.shape[:-2], len(design.magnets), 6))

@@ -3,7 +3,7 @@
 A panel is four bars on its edges, one on its shorter diagonal and a hinge about that diagonal; a
 crease is a hinge between two panels; a column is three springs from a bottom vertex to the board,
 and the frame stiffens those of the rim in the plane. This module decides how stiff each is, and
-hides how the mesh is numbered. NumPy alone; the equilibrium is `smoskin.mechanics.sheet.model`'s.
+hides how the mesh is numbered.
 """
 
 from dataclasses import dataclass, fields
@@ -87,15 +87,10 @@ class Lattice:
 def springs_of(design: SkinDesign) -> Springs:
     """Stiffness of each kind of part of a design.
 
-    Parameters
-    ----------
-    design : SkinDesign
-
     Notes
     -----
-    Source: SI Eqs. (S16) and (S21) for creases and columns in shear; the axial stiffness of a
-    bonded rubber cylinder, E A (1 + 2 S^2) / h with E = 3 G and S = r / (2 h); panels as
-    `bending_stiffness` and `shear_stiffness` say.
+    Source: SI Eqs. (S16) and (S21) for creases and columns in shear; `axial_stiffness` and
+    `bending_stiffness` for the others.
 
     Examples
     --------
@@ -138,7 +133,9 @@ def bending_stiffness(cell: MiuraCell, panels: Panels) -> float:
     Source: SI Eq. (S25), K_p; the energy of `twist_stiffness`.
     Valid for deflections below the panel's thickness.
     """
-    return twist_stiffness(cell, panels) * (_area(cell) / _diagonal(cell)) ** 2
+    a, b = cell.panel_a, cell.panel_b
+    diagonal = float(np.sqrt(a**2 + b**2 - 2 * a * b * np.cos(cell.sector_angle)))
+    return twist_stiffness(cell, panels) * (_area(cell) / diagonal) ** 2
 
 
 def crease_stiffness(creases: Creases) -> float:
@@ -163,17 +160,15 @@ def twist_stiffness(cell: MiuraCell, panels: Panels) -> float:
     """Force per corner deflection of a panel warped into a hyperbolic paraboloid, N/m.
 
     Its straight edges stay straight, as the neighbours across the creases want them:
-    ``4 D (cot^2 alpha + (1 - nu)/2) / A`` with ``D = E t^3 / (12 (1 - nu^2))``.
+    ``4 D (cot^2 alpha + (1 - nu)/2) / A`` with ``D = E t^3 / (12 (1 - nu^2))``, that is t^2 / 3
+    times `shear_stiffness` over A^2.
 
     Notes
     -----
     Source: SI Eq. (S25), which only names it; Kirchhoff's plate with a uniform twist.
     Valid for deflections below the panel's thickness.
     """
-    material = FILMS[panels.material]
-    nu = material.poisson_ratio
-    bending = material.young_modulus * panels.thickness**3 / (12 * (1 - nu**2))
-    return 4 * bending * _shape(cell, nu) / _area(cell)
+    return panels.thickness**2 / 3 * shear_stiffness(cell, panels) / _area(cell) ** 2
 
 
 def shear_stiffness(cell: MiuraCell, panels: Panels) -> float:
@@ -188,17 +183,12 @@ def shear_stiffness(cell: MiuraCell, panels: Panels) -> float:
     material = FILMS[panels.material]
     nu = material.poisson_ratio
     membrane = material.young_modulus * panels.thickness / (1 - nu**2)
-    return membrane * _shape(cell, nu) * _area(cell)
+    shape = float(1 / np.tan(cell.sector_angle) ** 2 + (1 - nu) / 2)
+    return membrane * shape * _area(cell)
 
 
 def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice:
-    """Lattice of a design, or of its shape with other springs.
-
-    Parameters
-    ----------
-    design : SkinDesign
-    springs : Springs, optional
-        `springs_of(design)` by default.
+    """Lattice of a design, or of its shape with other springs than `springs_of(design)`.
 
     Notes
     -----
@@ -218,16 +208,14 @@ def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice
     diagonals = _panel_hinges(sheet)
     bars, bar_stiffness = _bars(sheet, diagonals, cell, design.panels)
     creases = _crease_hinges(sheet, diagonals)
-    lengths = _lengths(sheet, creases[:, :2])
+    bending = np.full(len(diagonals), springs.panel_bending)
     ground, frame = _ground(sheet, springs)
     return Lattice(
         nodes=sheet.vertices,
         bars=bars,
         bar_stiffness=springs.panel_membrane * bar_stiffness,
         hinges=np.concatenate([diagonals, creases]),
-        hinge_stiffness=np.concatenate(
-            [np.full(len(diagonals), springs.panel_bending), springs.crease * lengths]
-        ),
+        hinge_stiffness=np.append(bending, springs.crease * _lengths(sheet, creases[:, :2])),
         panel_hinges=len(diagonals),
         ground=ground,
         frame=frame,
@@ -259,10 +247,7 @@ def _bars(sheet: Sheet, diagonals: Ints, cell: MiuraCell, panels: Panels) -> tup
     diagonal = _lengths(sheet, diagonals[:, :2])
     membrane = FILMS[panels.material].young_modulus * panels.thickness
     of_diagonals = shear_stiffness(cell, panels) / membrane * (diagonal / area) ** 2
-    return (
-        np.concatenate([bars, diagonals[:, :2]]),
-        np.concatenate([of_edges, of_diagonals]),
-    )
+    return np.concatenate([bars, diagonals[:, :2]]), np.append(of_edges, of_diagonals)
 
 
 def _crease_hinges(sheet: Sheet, diagonals: Ints) -> Ints:
@@ -294,17 +279,6 @@ def _lengths(sheet: Sheet, pairs: Ints) -> Floats:
     return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=-1))
 
 
-def _shape(cell: MiuraCell, poisson_ratio: float) -> float:
-    """Shape factor of a parallelogram under a uniform twist or shear along its edges."""
-    return float(1 / np.tan(cell.sector_angle) ** 2 + (1 - poisson_ratio) / 2)
-
-
 def _area(cell: MiuraCell) -> float:
     """Area of one panel, m^2."""
     return float(cell.panel_a * cell.panel_b * np.sin(cell.sector_angle))
-
-
-def _diagonal(cell: MiuraCell) -> float:
-    """Length of a panel's shorter diagonal, m."""
-    a, b = cell.panel_a, cell.panel_b
-    return float(np.sqrt(a**2 + b**2 - 2 * a * b * np.cos(cell.sector_angle)))

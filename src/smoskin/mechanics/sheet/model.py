@@ -5,7 +5,7 @@ or is free), what carries the sheet (columns on a board that moves and turns on 
 which answers count.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 from typing import Final, NamedTuple
 
@@ -22,7 +22,7 @@ except ModuleNotFoundError as error:
 
 from smoskin.mechanics.reduced.stiffness import board_stiffness, yaw_stiffness
 from smoskin.mechanics.sheet.continuation import constrained_solve
-from smoskin.mechanics.sheet.lattice import Lattice, build_lattice
+from smoskin.mechanics.sheet.lattice import Lattice, Springs, build_lattice
 from smoskin.mechanics.sheet.tangent import Place
 from smoskin.mechanics.sheet.touches import (
     Covered,
@@ -37,15 +37,8 @@ from smoskin.mechanics.sheet.touches import (
 )
 from smoskin.origami.geometry import geometry
 
-STIFFNESSES: Final = (
-    "column_shear",
-    "column_axial",
-    "frame",
-    "crease",
-    "panel_bending",
-    "panel_membrane",
-)
-"""Kinds of springs that `Sensitivity` knows, in its order; fields of `lattice.Springs`."""
+STIFFNESSES: Final = tuple(part.name for part in fields(Springs))
+"""Kinds of springs that `Sensitivity` knows, in its order."""
 _DEEPEST: Final = 0.5
 """Share of the columns' height by which a foot may sink in an answer that counts."""
 _PAD: Final = 1e-12
@@ -311,14 +304,11 @@ class BarHinge:
             return change
         most, amount = -self.grip.friction * normal, np.hypot(asked[:, 0], asked[:, 1])
         slides = amount > most
-        along = asked[slides] / amount[slides, None]
-        across = (
-            change[slides]
-            - along[:, :, None] * np.einsum("kd,kdp->kp", along, change[slides])[:, None]
-        )
+        along = (asked[slides] / amount[slides, None])[:, :, None]
+        across = change[slides] - along * (along * change[slides]).sum(axis=1, keepdims=True)
         cut = change.copy()
         cut[slides] = across * (most[slides] / amount[slides])[:, None, None]
-        cut[slides] -= self.grip.friction * along[:, :, None] * pressing[slides, None]
+        cut[slides] -= self.grip.friction * along * pressing[slides, None]
         return cut
 
     def _loads(self, touches: Touches) -> Loads:
@@ -379,15 +369,9 @@ class BarHinge:
 def _by_stiffness(lattice: Lattice, place: Place, count: int) -> Floats:
     """Change of the inner forces with each kind of spring, relative, last of P, (V, 3, P), N."""
     bars, panels, creases, ground = place.inner
-    of_frame = np.zeros_like(ground)
-    held = lattice.ground[:, :2] > 0
-    part = np.divide(
-        np.repeat(lattice.frame[:, None], 2, axis=1),
-        lattice.ground[:, :2],
-        out=np.zeros(held.shape),
-        where=held,
-    )
-    of_frame[:, :2] = part * ground[:, :2]
+    frame = lattice.frame[:, None] * [1.0, 1.0, 0.0]
+    part = np.divide(frame, lattice.ground, out=np.zeros_like(frame), where=lattice.ground > 0)
+    of_frame = part * ground
     upright = ground * [0.0, 0.0, 1.0]
     kinds = (ground - upright - of_frame, upright, of_frame, creases, panels, bars)
     by_kind = np.zeros((*ground.shape, count))

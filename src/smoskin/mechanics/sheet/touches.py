@@ -3,8 +3,7 @@
 The SI loads top vertices only. A touch between them presses the four round it through the
 elastomer scales, in shares that keep its force and its moment: linear along each axis. Past the
 outermost vertices the scales are a lever over the last two, so that the inner one is pulled. A
-touch of some radius takes the mean of that over its disc. What presses sticks to the scales, slides
-on them, or meets them without friction; cover panels take a cell's touches to its own vertex.
+touch of some radius takes the mean of that over its disc.
 """
 
 from collections.abc import Sequence
@@ -14,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Bools, Floats, Ints, assign, floats, frozen
+from smoskin.arrays import Bools, Floats, assign, floats, frozen
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.origami.geometry import geometry
@@ -134,19 +133,10 @@ def touches_of(cases: Sequence[Sequence[Contact]], *, radius: float = FINGERTIP)
 
 
 def vertex_shares(design: SkinDesign, positions: ArrayLike) -> Floats:
-    """Share of a touch that each cell's top vertex takes.
+    """Share of a touch at positions (..., 2), m, that each cell's top vertex takes, (..., N, M).
 
-    Parameters
-    ----------
-    design : SkinDesign
-    positions : array_like, shape (..., 2)
-        Where the skin is touched, m.
-
-    Returns
-    -------
-    Floats, shape (..., N, M)
-        Their sum over the cells is 1, their mean place the touch's own; along an axis with a
-        single cell that one takes it all.
+    Their sum over the cells is 1, their mean place the touch's own; along an axis with a single
+    cell that one takes it all.
 
     Raises
     ------
@@ -162,46 +152,33 @@ def vertex_shares(design: SkinDesign, positions: ArrayLike) -> Floats:
     """
     where = floats("positions", positions, (2,))
     _check_on_skin(design, where)
-    places = geometry(design).tops
-    along = _line_shares(places[:, 0, 0], where[..., 0])
-    across = _line_shares(places[0, :, 1], where[..., 1])
+    along, across = _both_lines(design, where)
     return np.asarray(along[..., :, None] * across[..., None, :])
 
 
 def patch_shares(design: SkinDesign, touches: Touches) -> Floats:
-    """Share of each touch that each cell's top vertex takes: the mean over the touch's disc.
+    """Mean of `vertex_shares` over each touch's disc, shape (B, K, N, M).
 
-    Parameters
-    ----------
-    design : SkinDesign
-    touches : Touches
-
-    Returns
-    -------
-    Floats, shape (B, K, N, M)
-        Their sum over the cells is 1; a disc counts whole where it reaches past the rim.
+    A disc counts whole where it reaches past the rim.
 
     Raises
     ------
     ArgumentError
         If the middle of a touch lies off the skin.
     """
-    points, lines = _patch_points(design, touches)
-    along, across = (_line_shares(line, points[..., k]) for k, line in enumerate(lines))
+    along, across = _both_lines(design, _patch_points(design, touches))
     total: Floats = np.einsum("bkpn,bkpm->bknm", along, across)
-    return np.asarray(total / points.shape[2])
+    return np.asarray(total / along.shape[2])
 
 
 def patch_slopes(design: SkinDesign, touches: Touches) -> Floats:
     """Derivative of `patch_shares` by the touches' positions, shape (B, K, 2, N, M), 1/m."""
-    points, lines = _patch_points(design, touches)
-    along, across = (_line_shares(line, points[..., k]) for k, line in enumerate(lines))
-    by_x, by_y = (_line_slopes(line, points[..., k]) for k, line in enumerate(lines))
-    slopes = [
-        np.einsum("bkpn,bkpm->bknm", by_x, across),
-        np.einsum("bkpn,bkpm->bknm", along, by_y),
-    ]
-    return np.asarray(np.stack(slopes, axis=2) / points.shape[2])
+    points = _patch_points(design, touches)
+    along, across = _both_lines(design, points)
+    along_slope, across_slope = _both_lines(design, points, slopes=True)
+    by_x = np.einsum("bkpn,bkpm->bknm", along_slope, across)
+    by_y = np.einsum("bkpn,bkpm->bknm", along, across_slope)
+    return np.asarray(np.stack([by_x, by_y], axis=2) / points.shape[2])
 
 
 def cover_shares(design: SkinDesign, touches: Touches) -> Floats:
@@ -214,53 +191,48 @@ def cover_shares(design: SkinDesign, touches: Touches) -> Floats:
     """
     _check_on_skin(design, touches.position[touches.pressed])
     extent = geometry(design).cell
-    cells = np.array(design.cells)
     cell = (touches.position / [extent.length, extent.width]).astype(np.int64)
-    cell = np.clip(cell, 0, cells - 1)
-    shares = np.zeros((*touches.position.shape[:2], *design.cells))
-    row, place = np.indices(touches.position.shape[:2])
+    cell = np.clip(cell, 0, np.subtract(design.cells, 1))
+    shares = np.zeros((*cell.shape[:2], *design.cells))
+    row, place = np.indices(cell.shape[:2])
     shares[row, place, cell[..., 0], cell[..., 1]] = 1.0
     return shares
 
 
-def _patch_points(design: SkinDesign, touches: Touches) -> tuple[Floats, tuple[Floats, Floats]]:
-    """Points of the touches' discs, (B, K, P, 2), and the lines of vertices, (N,) and (M,)."""
+def _patch_points(design: SkinDesign, touches: Touches) -> Floats:
+    """Points of the touches' discs, (B, K, P, 2), m."""
     _check_on_skin(design, touches.position[touches.pressed])
     ring, spoke = np.indices((_RINGS, _SPOKES)).reshape(2, -1)
     # Rings of equal area, every other one turned by half a spoke.
     reach = np.sqrt((ring + 0.5) / _RINGS)
     angle = 2 * np.pi * (spoke + 0.5 * (ring % 2)) / _SPOKES
     offset = np.stack([reach * np.cos(angle), reach * np.sin(angle)], axis=-1)
-    places = geometry(design).tops
-    points = touches.position[:, :, None] + touches.radius[..., None, None] * offset
-    return points, (places[:, 0, 0], places[0, :, 1])
+    points: Floats = touches.position[:, :, None] + touches.radius[..., None, None] * offset
+    return points
 
 
-def _line_shares(vertices: Floats, where: Floats) -> Floats:
-    """Shares of the vertices on a line, (..., L), that keep a load's force and moment."""
-    if len(vertices) == 1:
-        return np.ones((*where.shape, 1))
-    before = _before(vertices, where)
+def _both_lines(design: SkinDesign, where: Floats, *, slopes: bool = False) -> list[Floats]:
+    """`_line_shares` along x, (..., N), and along y, (..., M), of loads at `where`, (..., 2)."""
+    tops = geometry(design).tops
+    return [
+        _line_shares(vertices, where[..., axis], slopes)
+        for axis, vertices in enumerate((tops[:, 0, 0], tops[0, :, 1]))
+    ]
+
+
+def _line_shares(vertices: Floats, where: Floats, slopes: bool) -> Floats:
+    """Shares, (..., L), that keep a load's force and moment on a line, or their slopes, 1/m."""
+    line = np.arange(len(vertices))
+    if len(line) == 1:
+        return np.full((*where.shape, 1), 0.0 if slopes else 1.0)
+    before = np.searchsorted(vertices, where, side="right") - 1
+    before = np.clip(before, 0, len(line) - 2)
     pitch = np.diff(vertices)[before]
+    here, after = line == before[..., None], line == before[..., None] + 1
+    if slopes:
+        return np.asarray((after * 1.0 - here) / pitch[..., None])
     past = ((where - vertices[before]) / pitch)[..., None]
-    line = np.arange(len(vertices))
-    here, after = line == before[..., None], line == before[..., None] + 1
     return np.asarray(here * (1 - past) + after * past)
-
-
-def _line_slopes(vertices: Floats, where: Floats) -> Floats:
-    """Derivatives of `_line_shares` by `where`, 1/m."""
-    if len(vertices) == 1:
-        return np.zeros((*where.shape, 1))
-    before = _before(vertices, where)
-    line = np.arange(len(vertices))
-    here, after = line == before[..., None], line == before[..., None] + 1
-    return np.asarray((after * 1.0 - here) / np.diff(vertices)[before][..., None])
-
-
-def _before(vertices: Floats, where: Floats) -> Ints:
-    """The first of the two vertices on a line that carry a load at `where`."""
-    return np.clip(np.searchsorted(vertices, where, side="right") - 1, 0, len(vertices) - 2)
 
 
 def _check_on_skin(design: SkinDesign, where: Floats) -> None:
