@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from smoskin.magnetics import sector
-from smoskin.magnetics.nonlinearity import bent, cross_signals, field_curvature, straightened
+from smoskin.magnetics.nonlinearity import Bend, cross_signals, field_curvature, straightened
 from smoskin.origami.geometry import geometry
 
 
@@ -38,9 +38,9 @@ def test_signals_freed_of_their_curvature_add_up():
     bend = rng.normal(size=(2, 3, 3, 3))
     bend = bend + bend.swapaxes(1, 2)
     flat = rng.normal(size=(2, 20, 6)) * 2e-3
-    one, other, both = (bent(bend, u) for u in (flat[0], flat[1], flat.sum(axis=0)))
+    one, other, both = (Bend(bend).bent(u) for u in (flat[0], flat[1], flat.sum(axis=0)))
     assert straightened(bend, both) == pytest.approx(flat.sum(axis=0), abs=1e-8)
-    assert bent(bend, straightened(bend, both)) == pytest.approx(both, abs=1e-8)
+    assert Bend(bend).bent(straightened(bend, both)) == pytest.approx(both, abs=1e-8)
     # To second order in the signals.
     together = one + other + cross_signals(bend, one, other)
     missed, plainly = (np.abs(said - both).max() for said in (together, one + other))

@@ -49,17 +49,34 @@ def cross_signals(curvature: Floats, one: Floats, other: Floats) -> Floats:
     return np.asarray((products @ curvature.reshape(chips, 9, 3)).reshape(one.shape))
 
 
+class Bend:
+    """Readings s of motions that would read x if fields were linear: s = x + c(x, x) / 2."""
+
+    def __init__(self, curvature: Floats) -> None:
+        chips = range(len(curvature))
+        rows = np.arange(3 * len(curvature)).reshape(-1, 3)
+        self._one, self._other = rows.repeat(3), np.tile(rows, 3).ravel()
+        halves = np.zeros((len(curvature), 9, len(curvature), 3))
+        halves[chips, :, chips] = 0.5 * curvature.reshape(-1, 9, 3)
+        self._halves = halves.reshape(9 * len(curvature), 3 * len(curvature))
+
+    def straightened(self, signals: Floats) -> Floats:
+        """Linear readings x of readings s; both of shape (..., 3 S) or (S, 3), T."""
+        rows = linear = signals.reshape(-1, len(self._halves) // 3)
+        for _ in range(_FIXED_POINTS):
+            linear = rows - self._half_cross(linear)
+        return np.asarray(linear.reshape(signals.shape))
+
+    def bent(self, linear: Floats) -> Floats:
+        """Readings s of linear readings x."""
+        rows = linear.reshape(-1, len(self._halves) // 3)
+        return np.asarray((rows + self._half_cross(rows)).reshape(linear.shape))
+
+    def _half_cross(self, rows: Floats) -> Floats:
+        """Half of c(x, x) for rows (B, 3 S) of x."""
+        return np.asarray((rows.take(self._one, 1) * rows.take(self._other, 1)) @ self._halves)
+
+
 def straightened(curvature: Floats, signals: Floats) -> Floats:
-    """Readings (..., 3 S), T, if fields were linear: x of x + c(x, x) / 2 = signals."""
-    chips = len(curvature)
-    halves = 0.5 * curvature.reshape(chips, 9, 3)
-    rows = linear = signals.reshape(-1, chips, 1, 3)
-    for _ in range(_FIXED_POINTS):
-        products = (linear.swapaxes(2, 3) * linear).reshape(-1, chips, 1, 9)
-        linear = rows - products @ halves
-    return np.asarray(linear.reshape(signals.shape))
-
-
-def bent(curvature: Floats, motions: Floats) -> Floats:
-    """The readings that `straightened` makes these of."""
-    return np.asarray(motions + 0.5 * cross_signals(curvature, motions, motions))
+    """Readings (..., 3 S), T, if fields were linear."""
+    return Bend(curvature).straightened(signals)

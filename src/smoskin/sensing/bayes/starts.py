@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from smoskin.arrays import Floats
-from smoskin.magnetics.nonlinearity import straightened
+from smoskin.magnetics.nonlinearity import Bend, straightened
 from smoskin.origami.geometry import middles_of_fields, places_to_the_rim
 from smoskin.sensing.bayes.posterior import APART, TouchProblem
 from smoskin.sensing.bayes.priors import Standing
@@ -56,7 +56,8 @@ class Starts:
         least: float,
         curvature: Floats | None = None,
     ) -> None:
-        self._places, self._whiten, self._curvature = places, whiten, curvature
+        self._places, self._whiten = places, whiten
+        self._bend = None if curvature is None else Bend(curvature)
         self._least, count = least, answers.shape[2]
         loads = answers.shape[1]
         white = np.swapaxes(answers @ whiten.T, 1, 2)
@@ -69,8 +70,8 @@ class Starts:
     def best(self, signals: Floats, count: int, standing: Standing | None) -> list[Floats]:
         """Touches (K, 5) to start from, the likeliest first."""
         places = self._places
-        if self._curvature is not None:
-            signals = straightened(self._curvature, signals)
+        if self._bend is not None:
+            signals = self._bend.straightened(signals)
         inside = (self._bases @ (self._whiten @ signals)).reshape(len(places), -1)
         explained = (inside * inside).sum(axis=1)
         loads = np.einsum("gij,gj->gi", self._loads, inside)

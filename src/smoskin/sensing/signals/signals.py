@@ -18,7 +18,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393, sector
 from smoskin.magnetics.inversion import rest_cross_talk
-from smoskin.magnetics.nonlinearity import bent, field_curvature, straightened
+from smoskin.magnetics.nonlinearity import Bend, field_curvature
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, temperature_factor
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.origami.geometry import geometry
@@ -123,7 +123,7 @@ class Signals:
         self._jump = mlx90393.full_scale(setting) if mlx90393.wraps(setting) else None
         self._tracking, self._idle = tracking or ZeroTracking(), idle
         self._settling = None if creep is None or not len(creep.times) else Settling(creep)
-        self._curvature = field_curvature(design) if self._settling is not None else None
+        self._bend = None if self._settling is None else Bend(field_curvature(design))
         self.reset()
 
     @property
@@ -186,13 +186,13 @@ class Signals:
 
     def _settled(self, time: float, raised: Floats) -> Floats:
         """Signals with creep undone."""
-        if self._settling is None or self._curvature is None:
+        if self._settling is None or self._bend is None:
             return raised
         elapsed = max(time - self._settled_time, 0.0)
         self._settled_time = time
         # Motions creep, and fields are not linear in them.
-        straight = straightened(self._curvature, raised)
-        return bent(self._curvature, self._settling.step(elapsed, straight))
+        straight = self._bend.straightened(raised)
+        return self._bend.bent(self._settling.step(elapsed, straight))
 
     def _refused(self, status: Status) -> Signal:
         return Signal(np.full_like(self.rest_field, np.nan), self._thermometer.rubber, status)
