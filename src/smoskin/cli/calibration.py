@@ -29,8 +29,6 @@ PlaceMm = Annotated[
 ForceMn = Annotated[
     Number, Option("--force-mN", min=0.0, help="Standard deviation of the forces, mN.")
 ]
-
-
 Rig = Annotated[
     str, Option(help="Rig that touches the skin: virtual, virtual?seed=3&temperature=30.")
 ]

@@ -41,21 +41,15 @@ class GroupedCommands(TyperGroup):
     def list_commands(self, ctx: Any) -> list[str]:
         """Names in the order of the help; a command that is in no group comes last."""
         ordered = [name for names in _GROUPS.values() for name in names]
-        there = [name for name in ordered if name in self.commands]
-        return [*there, *(name for name in self.commands if name not in ordered)]
+        return sorted(self.commands, key=[*ordered, *self.commands].index)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write each group under its heading, every command with its first sentence."""
         names = self.list_commands(ctx)
         room = formatter.width - max(map(len, names)) - 6
-        grouped = {name for group in _GROUPS.values() for name in group}
-        rest = tuple(name for name in names if name not in grouped)
-        for heading, group in {**_GROUPS, "Other": rest}.items():
-            rows = [
-                (name, self.commands[name].get_short_help_str(2 * room))
-                for name in group
-                if name in names
-            ]
+        texts = {name: self.commands[name].get_short_help_str(2 * room) for name in names}
+        for heading, group in {**_GROUPS, "Other": names}.items():
+            rows = [(name, texts.pop(name)) for name in group if name in texts]
             if rows:
                 with formatter.section(heading):
                     formatter.write_dl(rows)

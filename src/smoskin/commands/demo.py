@@ -140,18 +140,15 @@ def run_demo(
     page, port : bool and int
         Whether to serve the live page, on which the mouse presses the skin too, and its TCP port;
         0 takes a free one.
-    rate : float
-        Readings a second, Hz.
-    seed : int
-        Seed of the skin, of all noise and of the hand.
+    rate, seed : float and int
+        Readings a second, Hz; seed of the skin, of all noise and of the hand.
     calibration_touches : int
         Touches that the rig makes.
     table : ResponseTable, optional
         Table of the design; by default the one that comes with the package.
-    others : sequence of path
-        Files of more estimators to choose from on the page, as `smoskin.load_estimator` reads them.
-    record : path, optional
-        MCAP file for readings and estimates.
+    others, record : sequence of path and path
+        Files of more estimators to choose from on the page, as `smoskin.load_estimator` reads them;
+        and a new MCAP file for readings and estimates.
     on_start, say : callable
         Functions called once with the page's address, or None without a page; and with a sentence
         before each step that takes time.
@@ -367,7 +364,7 @@ class _Stage(Sink):
         if readers.name != BAYES:
             self.hand.spoil(now)
         self._rounds += 1
-        if self._rounds % 25 == 0:
+        if self._view is not None and self._rounds % 25 == 0:
             self._latency = loop.counters.latency_median
         if self._choices:
             readers.choose(self._choices.popleft())

@@ -30,23 +30,22 @@ def watch(
     seconds: float | None = None,
     record: str | os.PathLike[str] | None = None,
 ) -> Iterator[Estimate]:
-    """Estimates of the readings of a source, as `smoskin.open_source` takes it.
+    """Estimates of the readings of a source.
 
     Parameters
     ----------
     url : str
+        The source, as `smoskin.open_source` takes it.
     design : SkinDesign, optional
         Design of the skin that the source reads; by default the source's own.
-    calibration : path, optional
-        File of this skin, as `smoskin.load_estimator` reads it; by default the skin is taken to be
-        as designed.
+    calibration, record : path, optional
+        File of this skin, as `smoskin.load_estimator` reads it, or it is taken to be as designed;
+        and a new MCAP file for readings and estimates.
     zero : bool
         Whether the first 20 good readings are the zero: nothing may touch the skin in them, and
         they are answered by `Status.NOT_CALIBRATED`.
     seconds : float, optional
         Time after the first reading to stop at, s, on the readings' clock.
-    record : path, optional
-        MCAP file for readings and estimates.
 
     Raises
     ------
@@ -56,8 +55,6 @@ def watch(
         If no design is given and the source's does not come with the package.
     ModelError
         If the source or the calibration belongs to another design, or the latter cannot be read.
-    MissingExtraError
-        If the calibration holds arrays and `safetensors` is not installed.
     SourceError
         If the source cannot be opened or falls silent.
     """

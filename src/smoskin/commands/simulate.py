@@ -118,10 +118,8 @@ def simulate_press(
         Temperature of the skin, degC.
     mechanics, grip : str
         Twin that is pressed, and how touches hold on to it, as `parse_grip` reads it.
-    manufactured : bool
-        Whether the skin is drawn from the tolerances.
-    seed : int
-        Seed of the made skin and of the chips' noise.
+    manufactured, seed : bool and int
+        Whether the skin is drawn from the tolerances; seed of that and of the chips' noise.
 
     Raises
     ------

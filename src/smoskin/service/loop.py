@@ -98,20 +98,17 @@ class Loop(Resource):
         self._latencies: deque[float] = deque(maxlen=_WINDOW)
 
     def __iter__(self) -> Iterator[Estimate]:
-        """Estimates, one for each reading, until the source ends.
-
-        Raises
-        ------
-        SourceError
-            If no reading comes within the deadline.
-        """
+        """Estimates, one for each reading, until the source ends or misses the deadline."""
         try:
             while (reading := self._source.read(self._deadline)) is not None:
                 arrival = self._clock()
                 estimate = self._estimator.step(reading)
                 for sink in self._sinks:
                     sink.write(reading, estimate)
-                self._count(estimate.status, arrival)
+                with self._lock:
+                    self._statuses[estimate.status] += 1
+                    self._arrivals.append(arrival)
+                    self._latencies.append(self._clock() - arrival)
                 yield estimate
         finally:
             self.close()
@@ -139,13 +136,6 @@ class Loop(Resource):
             for sink in reversed(self._sinks):
                 stack.callback(sink.close)
             stack.callback(self._source.close)
-
-    def _count(self, status: Status, arrival: float) -> None:
-        latency = self._clock() - arrival
-        with self._lock:
-            self._statuses[status] += 1
-            self._arrivals.append(arrival)
-            self._latencies.append(latency)
 
 
 def run(

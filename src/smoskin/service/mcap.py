@@ -32,13 +32,6 @@ class Span(NamedTuple):
     length: int
 
 
-class Message(NamedTuple):
-    """One message of a chunk."""
-
-    topic: str
-    payload: bytes
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
     """What stands where in a file."""
@@ -52,15 +45,7 @@ class Layout:
 
 
 def survey(file: BinaryIO) -> Layout:
-    """The layout of an MCAP file.
-
-    Raises
-    ------
-    RecordingError
-        If the file is empty or something else than MCAP.
-    MissingExtraError
-        If mcap is not installed.
-    """
+    """The layout of a file; raises `RecordingError` if it is empty or something else than MCAP."""
     try:
         import mcap.records  # noqa: F401 - the first use of mcap in reading
     except ImportError as error:
@@ -104,14 +89,8 @@ def load(file: BinaryIO, span: Span) -> bytes | None:
     return data if zlib.crc32(data) == chunk.uncompressed_crc else None
 
 
-def messages(data: bytes, topics: dict[int, str]) -> Iterator[Message]:
-    """The messages in an unpacked chunk; adds the channels that it declares to `topics`.
-
-    Raises
-    ------
-    RecordingError
-        If the records do not fill the chunk.
-    """
+def messages(data: bytes, topics: dict[int, str]) -> Iterator[tuple[str, bytes]]:
+    """The messages in an unpacked chunk; adds the channels that it declares to `topics`."""
     from mcap.data_stream import ReadDataStream
     from mcap.opcode import Opcode
     from mcap.records import Channel
@@ -129,7 +108,7 @@ def messages(data: bytes, topics: dict[int, str]) -> Iterator[Message]:
             topic = topics.get(_MESSAGE.unpack_from(data, start)[0])
             # Without a topic, its channel was declared in a chunk that is lost.
             if topic is not None:
-                yield Message(topic, data[start + _MESSAGE.size : position])
+                yield topic, data[start + _MESSAGE.size : position]
         elif opcode == Opcode.CHANNEL:
             declared = Channel.read(ReadDataStream(BytesIO(data[start:position])))
             topics[declared.id] = declared.topic

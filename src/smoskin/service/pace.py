@@ -12,12 +12,7 @@ from smoskin.errors import SourceError
 class Pace:
     """Waits until the next reading is due, catching up where one was late.
 
-    Parameters
-    ----------
-    clock : callable
-        A monotonic clock in s.
-    sleep : callable, optional
-        Waits for so many seconds; by default until then or until closed.
+    `clock` is a monotonic one in s; `sleep` waits for so many seconds, by default until closed.
     """
 
     def __init__(
@@ -46,13 +41,7 @@ class Pace:
             self._due += step
 
     def wait(self, timeout: float) -> bool:
-        """Whether the reading is due, after waiting for it; False when closed.
-
-        Raises
-        ------
-        SourceError
-            If it is not due within `timeout` seconds.
-        """
+        """Whether the reading is due, after waiting for it so long at most; False when closed."""
         start = self._clock()
         end = start + timeout
         due = self._due = start if self._due is None else self._due

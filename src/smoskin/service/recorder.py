@@ -19,7 +19,7 @@ from smoskin.errors import ArgumentError, MissingExtraError, RecordingError
 from smoskin.records import Estimate, Reading, Status
 from smoskin.roles import Sink
 from smoskin.service import mcap, ros
-from smoskin.service.mcap import Message, Span
+from smoskin.service.mcap import Span
 from smoskin.service.ros import Codec, Description
 
 DESCRIPTION_TOPIC: Final = "/skin/description"
@@ -116,12 +116,8 @@ class Recorder(Sink):
     def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
         """Append a reading and what was made of it.
 
-        Raises
-        ------
-        ArgumentError
-            If the reading has another number of chips than the design.
-        RecordingError
-            If the recorder is closed.
+        Raises `ArgumentError` if it has another number of chips than the design, `RecordingError`
+        if the recorder is closed.
         """
         if self._closed:
             raise RecordingError("the recorder is closed")
@@ -240,22 +236,16 @@ class Recording:
     """Topic of each channel number of the file."""
 
     def __iter__(self) -> Iterator[tuple[Reading, Estimate | None]]:
-        """Readings with their estimates.
-
-        Raises
-        ------
-        RecordingError
-            If the file has changed since it was opened.
-        """
+        """Readings with their estimates, unless the file has changed since it was opened."""
         codec = Codec()
         waiting: tuple[int, Reading] | None = None
-        for message in self._messages():
-            if message.topic == READING_TOPIC:
+        for topic, payload in self._messages():
+            if topic == READING_TOPIC:
                 if waiting is not None:
                     yield waiting[1], None
-                waiting = codec.decode_reading(message.payload)
-            elif message.topic == ESTIMATE_TOPIC and waiting is not None:
-                sequence, estimate = codec.decode_estimate(message.payload)
+                waiting = codec.decode_reading(payload)
+            elif topic == ESTIMATE_TOPIC and waiting is not None:
+                sequence, estimate = codec.decode_estimate(payload)
                 if sequence == waiting[0]:
                     yield waiting[1], estimate
                     waiting = None
@@ -265,18 +255,18 @@ class Recording:
     def readings(self) -> Iterator[Reading]:
         """The readings alone."""
         codec = Codec()
-        for message in self._messages():
-            if message.topic == READING_TOPIC:
-                yield codec.decode_reading(message.payload)[1]
+        for topic, payload in self._messages():
+            if topic == READING_TOPIC:
+                yield codec.decode_reading(payload)[1]
 
     def estimates(self) -> Iterator[Estimate]:
         """The estimates alone."""
         codec = Codec()
-        for message in self._messages():
-            if message.topic == ESTIMATE_TOPIC:
-                yield codec.decode_estimate(message.payload)[1]
+        for topic, payload in self._messages():
+            if topic == ESTIMATE_TOPIC:
+                yield codec.decode_estimate(payload)[1]
 
-    def _messages(self) -> Iterator[Message]:
+    def _messages(self) -> Iterator[tuple[str, bytes]]:
         topics = dict(self.topics)
         with _opened(self.path) as file:
             for span in self.spans:

@@ -60,25 +60,10 @@ def open_source(url: str) -> Source:
 
 @final
 class ReplaySource(Source):
-    """A recording's readings, with its own timing.
+    """A recording's readings, with its own timing times a speed, which may be infinite.
 
     Times are passed on as recorded. The pace follows them where they go forward by no more
-    than `longest_gap`; it never goes back.
-
-    Parameters
-    ----------
-    recording : Recording
-    speed : float
-        Pace over the original; infinite is as fast as possible.
-    longest_gap : float
-        Longest wait for the next reading, s.
-    pace : Pace, optional
-        Clock by which the readings come.
-
-    Raises
-    ------
-    ArgumentError
-        If the speed or the gap is not positive.
+    than `longest_gap`, s; it never goes back.
     """
 
     def __init__(
@@ -153,22 +138,15 @@ class TwinSource(Source):
     Parameters
     ----------
     twin : VirtualSkin
-    rate : float
-        Readings a second of the twin's time, Hz.
-    speed : float
-        Pace over real time; infinite is as fast as possible.
+    rate, speed : float
+        Readings a second of the twin's time, Hz, and its pace over real time, which may be
+        infinite.
     creep : Creep, optional
-        How the skin creeps under a touch and recovers after it; by default it does not.
+        Creep of the skin under a touch and after it; by default there is none.
     temperature : float
         Temperature of skin and chips, degC.
     pace : Pace, optional
         Clock by which the readings come.
-
-    Raises
-    ------
-    ArgumentError
-        If the rate is not positive and finite, the speed is not positive, or the skin does not
-        stand the temperature.
     """
 
     def __init__(
@@ -193,7 +171,9 @@ class TwinSource(Source):
         self._temperature = temperature
         self._creep = creep
         self._contacts: tuple[Contact, ...] = ()
-        self._index = self._missed = 0
+        self._index = 0
+        self.missed = 0
+        """How many readings were skipped because nobody asked in time."""
 
     @property
     def chips(self) -> int:
@@ -210,19 +190,8 @@ class TwinSource(Source):
         """Content hash of the skin's design."""
         return self.design.content_hash
 
-    @property
-    def missed(self) -> int:
-        """How many readings were skipped because nobody asked in time."""
-        return self._missed
-
     def touch(self, contacts: Sequence[Contact]) -> None:
-        """Touch the skin so from the next reading on; may be called from any thread.
-
-        Raises
-        ------
-        ArgumentError
-            If a contact lies off the skin or pulls at it.
-        """
+        """Touch the skin so from the next reading on, if it can be; from any thread."""
         self._twin.check(contacts)  # raises here, not in the thread that reads
         self._contacts = tuple(contacts)
 
@@ -232,7 +201,7 @@ class TwinSource(Source):
             return None
         missed = int(self._pace.lateness / self._period) if self._period > 0.0 else 0
         self._index += missed
-        self._missed += missed
+        self.missed += missed
         motion = self._twin.motion(self._contacts, temperature=self._temperature)
         if self._creep is not None:
             since = (missed + 1) / self._rate if self._index > missed else 0.0

@@ -35,25 +35,15 @@ class Marker:
         self, server: "viser.ViserServer", name: str, color: tuple[int, int, int], opacity: float
     ) -> None:
         scene = server.scene
-        self._solid = opacity >= 1.0
+        self._solid = solid = opacity >= 1.0
+        self._girth = 1.0 if solid else 0.7
         self._root = scene.add_frame(name, show_axes=False, visible=False)
-        self._girth = 1.0 if self._solid else 0.7
-        points, faces = arrow(np.array((0.0, 0.0, -1.0)), self._girth)
+        mesh, clear = arrow(np.array((0.0, 0.0, -1.0)), self._girth), None if solid else opacity
         self._arrow = scene.add_mesh_simple(
-            f"{name}/arrow",
-            points,
-            faces,
-            color=color,
-            opacity=None if self._solid else opacity,
-            side="double",
+            f"{name}/arrow", *mesh, color=color, opacity=clear, side="double"
         )
-        scene.add_cylinder(
-            f"{name}/disc",
-            radius=_DISC_RADIUS if self._solid else 1.35 * _DISC_RADIUS,
-            height=0.02,
-            color=color,
-            opacity=0.8 if self._solid else opacity,
-        )
+        radius, faint = (_DISC_RADIUS, 0.8) if solid else (1.35 * _DISC_RADIUS, opacity)
+        scene.add_cylinder(f"{name}/disc", radius=radius, height=0.02, color=color, opacity=faint)
         self._ellipse = scene.add_line_segments(
             f"{name}/ellipse", np.zeros((48, 2, 3)), color, thickness=0.08, visible=False
         )

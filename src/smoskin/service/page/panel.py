@@ -44,19 +44,10 @@ _QUANTITIES: Final = (("x, mm", 1), ("y, mm", 1), ("Fn, N", 3), ("Fx, N", 3), ("
 
 
 class Panel:
-    """The page's panels.
+    """The page's panels, of chips in the order of every reading.
 
-    Parameters
-    ----------
-    server : viser.ViserServer
-    title : str
-        Heading.
-    chips : sequence of str
-        Names of the S chips, in the order of every reading.
-    pressable : bool
-        Whether presses on the page go anywhere; without, their controls are left out.
-    estimators : sequence of str
-        Names of the estimators to choose from; a choice is shown where there are two.
+    Where presses go nowhere their controls are left out; estimators are to choose from where there
+    are two.
     """
 
     def __init__(
@@ -103,7 +94,7 @@ class Panel:
         fields.dock_left()
         fields.set_width(320)
         with fields.add_tab("Field change, µT"):
-            gui.add_html(_curves())
+            gui.add_html(_html("curves", **dict(_AXES)))
             self._plots = [_plot(server, name) for name in self._chips]
 
     @property
@@ -145,16 +136,10 @@ class Panel:
     def write(
         self, moment: Moment | None, rate: float, now: float, announced: tuple[str, str] | None
     ) -> None:
-        """Bring words, numbers and curves up to date.
+        """Bring words, numbers and curves up to date with the latest moment.
 
-        Parameters
-        ----------
-        moment : Moment or None
-            The latest; None before the first.
-        rate, now : float
-            Readings a second, Hz, and the time on the clock of the view, s.
-        announced : tuple of str, optional
-            A word and a sentence to say in place of the estimate's status.
+        `rate` is that of the readings, Hz, `now` the time on the view's clock, s; a word and a
+        sentence that are `announced` stand in place of the estimate's status.
         """
         self._card.content = _card(moment, rate, now, announced)
         if moment is None or not self._history:
@@ -207,20 +192,13 @@ def _heading(name: str, flags: ChipFlag) -> str:
 @cache
 def _template(name: str) -> Template:
     """The HTML of a part of the page."""
-    folder = resources.files("smoskin.service.page")
-    return Template(folder.joinpath(f"{name}.html").read_text(encoding="utf-8"))
+    file = resources.files("smoskin.service.page") / f"{name}.html"
+    return Template(file.read_text(encoding="utf-8"))
 
 
 def _html(name: str, **values: str) -> str:
     """A part of the page with its values."""
     return _template(name).substitute(values)
-
-
-def _curves() -> str:
-    """The legend of the curves."""
-    style = "font-weight:600;margin-right:14px"
-    axes = (f'<span style="color:{color};{style}">{name}</span>' for name, color in _AXES)
-    return _html("curves", axes="".join(axes))
 
 
 def _card(moment: Moment | None, rate: float, now: float, announced: tuple[str, str] | None) -> str:
@@ -277,14 +255,8 @@ def _quantities(contact: Contact) -> list[float]:
 
 
 def _row(tag: str, cells: Sequence[str]) -> str:
-    """A row of a table; headings and its first column are dimmed."""
-    style = "font-weight:400;color:var(--mantine-color-dimmed)"
-    marked = (
-        f'<{tag} style="{style if tag == "th" or not column else ""}'
-        f'{";text-align:left" if not column else ""}">{cell}</{tag}>'
-        for column, cell in enumerate(cells)
-    )
-    return f"<tr>{''.join(marked)}</tr>"
+    """A row of a table."""
+    return f"<tr>{''.join(f'<{tag}>{cell}</{tag}>' for cell in cells)}</tr>"
 
 
 def _number(value: float, digits: int) -> str:

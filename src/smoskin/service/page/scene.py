@@ -5,8 +5,7 @@ the skin a ray from the camera lands. Hides the viewer's scene graph and the fac
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,8 +34,7 @@ _VIVID_DEPTH: Final = 0.2e-3
 """m: a crease takes the full colour of a touch where it has sunk this deep."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Moment:
+class Moment(NamedTuple):
     """All that is known of one reading."""
 
     reading: Reading
@@ -64,15 +62,7 @@ def creases(facets: Ints) -> Ints:
 
 
 def camera(design: SkinDesign) -> tuple[Floats, Floats, float]:
-    """The place from which the page looks at a skin at first.
-
-    Returns
-    -------
-    position, target : Floats, shape (3,)
-        m: the eye's place, and what appears in the middle of the picture.
-    field_of_view : float
-        rad, from the picture's upper to its lower edge.
-    """
+    """The eye's place and what it looks at first, (3,), m, and the picture's height, rad."""
     vertices = geometry(design).sheet.vertices
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     size = float(np.linalg.norm((high - low)[:2]))
@@ -85,7 +75,7 @@ def camera(design: SkinDesign) -> tuple[Floats, Floats, float]:
 def pick(
     design: SkinDesign, drawn: Floats, origin: ArrayLike, direction: ArrayLike
 ) -> Floats | None:
-    """The place on the skin that a ray meets first.
+    """The place on the skin that a ray meets first; None on a miss.
 
     Parameters
     ----------
@@ -98,8 +88,7 @@ def pick(
     Returns
     -------
     Floats or None
-        (2,), m: x and y on the undeformed skin of the material point hit, or of the nearest
-        inside the skin's extent; None on a miss.
+        (2,), m: material point hit, on the undeformed skin, or the nearest inside its extent.
     """
     skin = geometry(design)
     faces = triangles(skin.sheet.facets)
@@ -132,8 +121,7 @@ class SkinScene:
         self._design = design
         sheet = geometry(design).sheet
         self._creases = creases(sheet.facets)
-        self._estimated: list[Marker] = []
-        self._true: list[Marker] = []
+        self._markers: dict[str, list[Marker]] = {"/true": [], "/estimated": []}
         self._hung: list[tuple[viser.CylinderHandle, int, Floats]] = []
         self._rest = self._drawn = sheet.vertices
         self._stage()
@@ -177,22 +165,17 @@ class SkinScene:
         self._lines.points = points[self._creases]
         self._lines.colors = (_CREASE + share * (np.array(ESTIMATED) - _CREASE)).astype(np.uint8)
         unknown = np.full((len(moment.truth), 2, 2), np.nan)
-        self._mark(self._true, "/true", TRUE, 0.45, moment.truth, unknown)
-        estimate = moment.estimate
-        contacts = () if estimate is None else estimate.contacts
-        spread = unknown[:0] if estimate is None else estimate.covariance[:, :2, :2]
-        self._mark(self._estimated, "/estimated", ESTIMATED, 1.0, contacts, spread)
+        self._mark("/true", moment.truth, unknown)
+        if moment.estimate is None:
+            self._mark("/estimated", (), unknown[:0])
+        else:
+            spread = moment.estimate.covariance[:, :2, :2]
+            self._mark("/estimated", moment.estimate.contacts, spread)
 
-    def _mark(
-        self,
-        markers: list[Marker],
-        name: str,
-        color: tuple[int, int, int],
-        opacity: float,
-        contacts: Sequence[Contact],
-        covariance: Floats,
-    ) -> None:
+    def _mark(self, name: str, contacts: Sequence[Contact], covariance: Floats) -> None:
         """Move one marker to each contact and hide the rest."""
+        markers = self._markers[name]
+        color, opacity = (TRUE, 0.45) if name == "/true" else (ESTIMATED, 1.0)
         while len(markers) < len(contacts):
             markers.append(Marker(self._server, f"{name}/{len(markers)}", color, opacity))
         for marker, contact, spread in zip(markers, contacts, covariance, strict=False):

@@ -10,7 +10,9 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, redirect_stdout
+from contextlib import redirect_stdout
+from functools import partial
+from queue import SimpleQueue
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -43,18 +45,16 @@ class View(Sink):
     Parameters
     ----------
     design : SkinDesign
-        Design of the skin to draw.
-    port : int, default: 0
+    port : int
         TCP port on 127.0.0.1; 0 takes a free one.
     on_press : callable, optional
         Called with a `Contact` when somebody presses the sheet in the page, whenever that
         press moves or changes, and with None when it ends.
-    on_zero : callable, optional
+    on_zero : callable
         Called when somebody asks for a new zero.
-    estimators : sequence of str
-        Names of the estimators to choose from, the one that reads the skin first.
-    on_choose : callable, optional
-        Called with the name of the estimator that somebody chooses.
+    estimators, on_choose : sequence of str and callable
+        Names of the estimators to choose from, the one that reads the skin first; called with the
+        one that somebody chooses.
 
     Raises
     ------
@@ -84,8 +84,7 @@ class View(Sink):
         self._arrivals: deque[float] = deque()
         self._finger: tuple[Floats, float] | None = None
         self._pressed: Contact | None = None
-        self._zero_asked = False
-        self._chosen: str | None = None
+        self._asked: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._failure: Exception | None = None
         self._closing = threading.Event()
         title, chips = f"smoskin: {design.name}", [site.name for site in design.halls]
@@ -127,12 +126,8 @@ class View(Sink):
     ) -> None:
         """Make this the moment that the page shows next, as `Moment` has it; never waits.
 
-        Raises
-        ------
-        ArgumentError
-            If the number of chips or vertices differs from the design's.
-        Exception
-            Whatever a callback raised since the last call.
+        Raises what a callback raised since the last call, and `ArgumentError` if the number of
+        chips or vertices differs from the design's.
         """
         chips = len(self._design.halls)
         if len(reading.field) != chips:
@@ -142,14 +137,7 @@ class View(Sink):
             vertices = floats("vertices", vertices, rest.shape)
         self._raise_failure()
         now = time.monotonic()
-        moment = Moment(
-            reading=reading,
-            estimate=estimate,
-            truth=tuple(truth),
-            vertices=vertices,
-            latency=latency,
-            arrival=now,
-        )
+        moment = Moment(reading, estimate, tuple(truth), vertices, latency, now)
         with self._lock:
             self._dropped += self._waiting
             self._newest, self._waiting = moment, True
@@ -160,18 +148,13 @@ class View(Sink):
     def close(self) -> None:
         """End the page; a press still held is let go. Any number of times.
 
-        Raises
-        ------
-        SmoskinError
-            If a callback is still running after five seconds.
-        Exception
-            Whatever a callback raised since the last call of `write`.
+        Raises what a callback raised, and `SmoskinError` if one still runs after five seconds.
         """
         if self._closing.is_set():
             return
         self._closing.set()
         self._thread.join(_CLOSE_DEADLINE)
-        with _silence():
+        with redirect_stdout(io.StringIO()):  # the standard output is the caller's
             self._server.stop()
         self._raise_failure()
         if self._thread.is_alive():
@@ -188,16 +171,15 @@ class View(Sink):
 
         @self._panel.zero_button.on_click
         async def _(event: object) -> None:
-            with self._lock:
-                self._zero_asked = True
+            self._asked.put(self._panel.zero)
+            self._asked.put(self._on_zero)
 
         chooser = self._panel.chooser
         if chooser is not None:
 
             @chooser.on_update
             async def _(event: object) -> None:
-                with self._lock:
-                    self._chosen = str(chooser.value)
+                self._asked.put(partial(self._on_choose, str(chooser.value)))
 
         if self._on_press is None:
             return
@@ -246,13 +228,9 @@ class View(Sink):
         with self._lock:
             if self._finger is not None and time.monotonic() >= self._finger[1]:
                 self._finger = None
-            finger, zero, chosen = self._finger, self._zero_asked, self._chosen
-            self._zero_asked, self._chosen = False, None
-        if zero:
-            self._panel.zero()
-            self._on_zero()
-        if chosen is not None:
-            self._on_choose(chosen)
+            finger = self._finger
+        while not self._asked.empty():
+            self._asked.get()()
         wanted = None if finger is None else Contact(position=finger[0], force=self._panel.force)
         if wanted != self._pressed and self._on_press is not None:
             self._pressed = wanted
@@ -281,22 +259,17 @@ class View(Sink):
         return (len(recent) - 1) / (recent[-1] - recent[0]) if recent[-1] > recent[0] else math.inf
 
 
-def _silence() -> AbstractContextManager[object]:
-    """Keep the server's own greetings out of the standard output, which is the caller's."""
-    return redirect_stdout(io.StringIO())
-
-
 def _serve(port: int, title: str) -> "viser.ViserServer":
     """A server on exactly this port of this machine only."""
     try:
         import viser
     except ImportError as error:
         raise MissingExtraError("the live page", "view") from error
-    with _silence():
+    with redirect_stdout(io.StringIO()):  # the standard output is the caller's
         server = viser.ViserServer(host=_HOST, port=port, label=title, verbose=False)
     # The server takes the next port where one is in use; an address given must hold.
     if port and server.get_port() != port:
-        with _silence():
+        with redirect_stdout(io.StringIO()):
             server.stop()
         raise ArgumentError(f"port must be free; got {port}, which is in use")
     return server
