@@ -48,7 +48,7 @@ def score(
     """
     from smoskin.commands.score import DATA
     from smoskin.commands.score import score as judge
-    from smoskin.commands.score.plan import parse_places
+    from smoskin.commands.score.evaluate import parse_places
     from smoskin.commands.train import parse_chips
     from smoskin.feasibility import load_design
 

@@ -10,7 +10,7 @@ import pytest
 
 from smoskin.commands.score import Exam, candidate, examine, score
 from smoskin.commands.score.errors import Answers, tally, together
-from smoskin.commands.score.plan import parse_places
+from smoskin.commands.score.evaluate import parse_places
 from smoskin.commands.score.report import (
     Count,
     PlaceMap,

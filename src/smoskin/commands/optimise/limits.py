@@ -7,6 +7,7 @@ clearance allow, whatever manufacture does to both.
 
 import math
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -272,8 +273,7 @@ def slowest_setting(design: SkinDesign, limits: Limits) -> HallSetting:
     """The setting of least noise that is fast enough, finest where a chip does not wrap."""
     settings = [
         replace(design.hall_setting, resolution=2, oversampling=over, digital_filter=smooth)
-        for over in range(4)
-        for smooth in range(8)
+        for over, smooth in product(range(4), range(8))
     ]
     fast = [
         setting

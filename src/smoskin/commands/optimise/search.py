@@ -9,6 +9,7 @@ of location counts: with drags unknown and known to be none, over the mean and t
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, lru_cache
 from itertools import product
 from typing import Final, NamedTuple
 
@@ -27,7 +28,7 @@ from smoskin.commands.optimise.limits import (
     stood_limits,
 )
 from smoskin.commands.optimise.pressed import Places, PressedSheet, design_information
-from smoskin.design.skin import SkinDesign
+from smoskin.design.skin import Columns, Frame, SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.origami.geometry import geometry
 from smoskin.roles import Progress
@@ -168,9 +169,9 @@ class Search:
         self._end = clock() + effort.seconds
         self._total = (effort.rounds + len(limits.rubbers) / 2) * effort.steps
         self._done = 0
-        self._sheets: dict[object, PressedSheet] = {}
+        self._pressed = lru_cache(maxsize=2)(self._press)
         self._rng = np.random.default_rng(effort.seed)
-        self._best = Trial(start, math.inf, [], [])
+        self._start, self._best = start, Trial(start, math.inf, [], [])
 
     def run(self) -> Trial:
         """The best design, its numbers rounded to what a workshop sets.
@@ -178,8 +179,8 @@ class Search:
         Magnets are placed, then a search is made with each rubber, then both in turn.
         """
         try:
-            start = self._best.design
-            start = replace(start, hall_setting=slowest_setting(start, self._limits))
+            setting = slowest_setting(self._start, self._limits)
+            start = replace(self._start, hall_setting=setting)
             self._place(fit_gaps(start, self._sheet(start), self._limits))
             placed = self._best.design
             for rubber in self._limits.rubbers:
@@ -216,39 +217,35 @@ class Search:
 
     def _sheet(self, design: SkinDesign) -> PressedSheet:
         """The design's sheet, pressed now or lately."""
-        key = (design.columns, design.frame)
-        if key not in self._sheets:
-            while len(self._sheets) > 1:
-                del self._sheets[next(iter(self._sheets))]
-            self._sheets[key] = PressedSheet(
-                design, force=self._objective.force, places=self._objective.places
-            )
-        return self._sheets[key]
+        return self._pressed(design.columns, design.frame)
+
+    def _press(self, columns: Columns, frame: Frame) -> PressedSheet:
+        """The start's sheet on these columns and in this frame."""
+        design = replace(self._start, columns=columns, frame=frame)
+        return PressedSheet(design, force=self._objective.force, places=self._objective.places)
 
     def _refine(self, design: SkinDesign, steps: int) -> None:
         """A search with constraints from a design, its rubber and corners kept."""
         begin = self._try(design, "start")
         worst = _TOO_BAD * (begin.value if begin.stood else self._best.value)
         count = len(self._best.own) + len(self._best.stood)
-        memory: dict[bytes, tuple[float, Floats]] = {}
 
-        def tried(point: Floats) -> tuple[float, Floats]:
-            key = point.tobytes()
-            if key not in memory:
-                trial = self._try(_varied(design, point, self._limits), "columns, frame, magnets")
-                self._done += 1
-                slacks = np.full(count, -1.0)
-                if trial.stood:
-                    slacks[:] = [limit.slack for limit in (*trial.own, *trial.stood)]
-                    slacks[len(trial.own) :] -= _RESERVE
-                memory[key] = (min(trial.value, worst), np.clip(slacks, -1.0, 0.1))
-            return memory[key]
+        @cache
+        def tried(*point: float) -> tuple[float, Floats]:
+            varied = _varied(design, np.array(point), self._limits)
+            trial = self._try(varied, "columns, frame, magnets")
+            self._done += 1
+            slacks = np.full(count, -1.0)
+            if trial.stood:
+                slacks[:] = [limit.slack for limit in (*trial.own, *trial.stood)]
+                slacks[len(trial.own) :] -= _RESERVE
+            return min(trial.value, worst), np.clip(slacks, -1.0, 0.1)
 
         def goal(point: Floats) -> float:
-            return math.log(tried(point)[0] / worst)
+            return math.log(tried(*point)[0] / worst)
 
         def room(point: Floats) -> Floats:
-            return np.asarray(_STEEP * tried(point)[1])
+            return np.asarray(_STEEP * tried(*point)[1])
 
         start = _point(design, self._limits)
         minimize(

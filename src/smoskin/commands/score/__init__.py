@@ -17,8 +17,7 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.commands.score.errors import Answers, together
-from smoskin.commands.score.evaluate import Session, grid_sessions, judge, label, pair_session
-from smoskin.commands.score.plan import Exam
+from smoskin.commands.score.evaluate import Exam, Session, grid_sessions, judge, label, pair_session
 from smoskin.commands.score.report import ScoreSheet, case_of, grid_places
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, ModelError

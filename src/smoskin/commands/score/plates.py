@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from smoskin.arrays import Bools, Floats
-from smoskin.commands.score.plan import HEADLINE
+from smoskin.commands.score.evaluate import HEADLINE
 from smoskin.commands.score.report import FORCE, LEVELS, LOCATION, Case, ScoreSheet, regions
 from smoskin.plots import BLUE, GREEN, GREY, ORANGE, RED, Plate, draw_map, lay_out, styled
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from smoskin.arrays import Bools, Floats, Ints
 from smoskin.commands.score.errors import Answers, Tally, tally
-from smoskin.commands.score.plan import FORCES, HEADLINE, Exam
+from smoskin.commands.score.evaluate import FORCES, HEADLINE, Exam
 from smoskin.design.skin import SkinDesign
 from smoskin.mechanics.sheet.touches import FINGERTIP
 from smoskin.origami.geometry import geometry
