@@ -15,9 +15,8 @@ import numpy as np
 
 from smoskin import load_design
 from smoskin.arrays import Floats
-from smoskin.commands.score.evaluate import Disturbance, label
+from smoskin.commands.score.evaluate import label
 from smoskin.datasets.patterns import far_pairs
-from smoskin.magnetics import mlx90393
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.geometry import geometry
 from smoskin.records import Motion, Reading, Status
@@ -28,6 +27,7 @@ from smoskin.sensing.response.calibrate import TouchPlanner, calibrate_touches
 from smoskin.sensing.response.table import ResponseTable, load_response_table
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.creep import Creep
+from smoskin.twin.rig import drifting_readings
 from smoskin.twin.whole import Twin
 
 ZEROS = 20
@@ -35,6 +35,8 @@ AT_ONCE = ((0.0, 0), (0.02, 2), (0.3, 2), (0.32, 0))
 ONE_THEN_TWO = ((0.0, 0), (0.02, 1), (0.3, 1), (0.32, 2), (0.6, 2), (0.62, 0))
 """s after a pair begins, and how many touches there are; the last reading with both counts."""
 PERIOD = 1.2
+DRIFT = 0.3e-6
+"""Random walk of each axis in a second, T."""
 
 
 class Found(NamedTuple):
@@ -73,19 +75,8 @@ def readings(
             state[ZEROS + place :: len(moments)] = np.arange(begin, begin + count)
     steps = np.diff(times, prepend=times[0])
     motion = Creep(twin.design).steps(steps, states[state])
-    sample = twin.sample(motion, rng, temperature=np.full(total, temperature))
-    field = mlx90393.tesla(sample.counts, twin.design.hall_setting)
-    walk = Disturbance().drift * np.sqrt(steps)[:, None, None] * rng.normal(size=field.shape)
-    return [
-        Reading(time=float(t), field=f, temperature=d, flags=g)
-        for t, f, d, g in zip(
-            times,
-            field + np.cumsum(walk, axis=0),
-            mlx90393.degrees(sample.temperature_counts),
-            sample.flags,
-            strict=True,
-        )
-    ]
+    walk = {"temperature": temperature, "drift": DRIFT}
+    return list(drifting_readings(twin, motion, times, steps, rng, **walk)[0])
 
 
 def judge(

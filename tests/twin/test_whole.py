@@ -104,12 +104,12 @@ def test_a_drag_moves_the_board_by_its_stiffness(ideal, planar):
     )
 
 
-def test_held_touches_are_not_solved_again(planar, monkeypatch):
-    solved = []
+def test_held_touches_are_not_solved_again_and_others_start_from_the_last(planar, monkeypatch):
+    starts = []
     press_sheet = BarHinge.press
 
     def counted(solver, touches, **options):
-        solved.append(len(touches))
+        starts.append(options["start"])
         return press_sheet(solver, touches, **options)
 
     monkeypatch.setattr(BarHinge, "press", counted)
@@ -118,7 +118,10 @@ def test_held_touches_are_not_solved_again(planar, monkeypatch):
     for held in ([], [one], [one], [other], [one], [press(0.05, 0.07)]):
         skin.motion(held)
         skin.sheet_vertices(held)
-    assert len(solved) == 2
+    assert len(starts) == 2
+    still = geometry(planar).sheet.vertices
+    assert_array_equal(starts[0], np.zeros((1, *still.shape)))  # the untouched skin came first
+    assert_allclose(still + starts[1][0], skin.sheet_vertices([one]), atol=1e-15)
 
 
 # ------------------------------------------------------------- readings
