@@ -189,6 +189,9 @@ def test_the_named_elastomers_are_solids_that_creep_a_little() -> None:
         (lambda: Memory(FOUR, np.nan), "settled must be finite"),
         (lambda: creep(FOUR, [0.0, -1.0], [0.0, 0.0]), "never fall"),
         (lambda: creep(FOUR, [0.0, 1.0], [0.0]), "same length"),
+        (lambda: creep(FOUR, [], []), "at least 1"),
+        (lambda: creep(FOUR, [0.0, np.inf], [0.0, 0.0]), "times must be finite"),
+        (lambda: Memory(FOUR, 0.0).step(np.inf, 0.0), "duration must be finite and >= 0"),
     ],
 )
 def test_wrong_use(call, message: str) -> None:

@@ -92,3 +92,19 @@ def test_wrong_use_is_named(planar):
         fold_angle(planar.cell, length=0.02, width=0.02)
     with pytest.raises(ArgumentError, match=r"height must lie in \[0, 12.29\] mm"):
         fold_angle(planar.cell, height=0.02)
+
+
+def test_a_cell_folds_between_flat_on_the_board_and_closed(planar):
+    """At either end of each extent there is a fold angle, a hair beyond it none."""
+    cell = planar.cell
+    a, b, alpha = cell.panel_a, cell.panel_b, cell.sector_angle
+    ends = {
+        "length": ((0.0, 0.0), (2 * b * math.sin(alpha), alpha)),
+        "width": ((2 * a * math.cos(alpha), 0.0), (2 * a, alpha)),
+        "height": ((0.0, alpha), (a * math.sin(alpha), 0.0)),
+    }
+    for name, limits in ends.items():
+        for side, (extent, angle) in zip((-1, 1), limits, strict=True):
+            assert fold_angle(cell, **{name: extent}) == pytest.approx(angle, abs=1e-7)
+            with pytest.raises(ArgumentError, match=f"{name} must lie in"):
+                fold_angle(cell, **{name: extent + side * 1e-9})

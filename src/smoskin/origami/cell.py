@@ -116,7 +116,7 @@ def fold_angle(
     if name == "length":
         return np.asarray(np.arcsin(value / (2 * b)))
     half_width = value / 2 if name == "width" else np.sqrt(a**2 - value**2)
-    return np.asarray(np.arccos(a * np.cos(alpha) / half_width))
+    return np.asarray(np.arccos(np.minimum(a * np.cos(alpha) / half_width, 1)))
 
 
 def poisson_ratios(cell: MiuraCell, fold_angle: ArrayLike | None = None) -> PoissonRatios:

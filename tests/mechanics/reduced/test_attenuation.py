@@ -57,6 +57,14 @@ def test_separated_parts_equal_the_cells_one_by_one(planar, v_x, v_y, n0, m0):
     np.testing.assert_allclose(column_displacements(parts, (n0, m0)), written_out, atol=1e-17)
 
 
+@pytest.mark.parametrize("cells", [(1, 1), (1, 3), (2, 1)])
+def test_the_smallest_sheets_move_as_written_out(planar, cells):
+    for loaded in np.ndindex(cells):
+        parts = profiles(planar.cell, cells, (0.4, 0.7), -0.4e-3)
+        written_out = displacements_cell_by_cell(planar.cell, cells, (0.4, 0.7), -0.4e-3, loaded)
+        np.testing.assert_allclose(column_displacements(parts, loaded), written_out, atol=1e-17)
+
+
 def test_a_rigid_sheet_moves_as_a_stretched_grid(planar):
     change = cell_change(planar.cell, -1e-6)
     shift = frame_shift(6, 1.0) * change.dl

@@ -93,6 +93,19 @@ def test_cover_panels_hold_their_own_vertex_and_lead_drags_into_the_board(small,
     assert len(top) == 9
 
 
+def test_a_drag_without_a_press_goes_through_the_cover_into_the_board(small):
+    """No guide holds a vertex that is not pressed, whatever else is pressed in the batch."""
+    model = BarHinge(small, grip=Covered())
+    drag, press = [(0.2, -0.1, 0.0)], [(0.0, 0.0, -0.3)]
+    alone = model.press(Touches(position=[[(0.03, 0.04)]], force=[drag]))
+    beside = model.press(Touches(position=[[(0.03, 0.04)]] * 2, force=[drag, press]))
+    for pressed in (alone, beside):
+        assert not pressed.displacements[0].any()
+        assert not pressed.reaction[0].any()
+        slide = np.array([0.2, -0.1]) / board_stiffness(small)
+        np.testing.assert_allclose(pressed.board[0, :2], slide)
+
+
 @pytest.mark.parametrize("grip", [Sticking(), Sliding(friction=0.1), Frictionless(), Covered()])
 def test_a_mirrored_press_gives_the_mirrored_answer(small, cases, grip):
     """The zigzag sheet of whole cells has one mirror, x to -x."""
