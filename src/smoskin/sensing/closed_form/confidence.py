@@ -93,9 +93,8 @@ def cones(rule: Rule, unit: Floats, noise: Floats) -> Cones:
 
     Parameters
     ----------
-    rule : Divisions or Directions
     unit : Floats, shape (N, M, G, 2)
-        The displacements that the rule was made from.
+        Displacements that the rule was made from.
     noise : Floats, shape (2G, 2G)
         m^2, of the displacements: the first part of `readout_noise`.
     """

@@ -287,7 +287,8 @@ def _levels(levels: Floats, group: Ints, solved: _Problem, *, merged: bool) -> F
 def _prior(model: PressModel) -> Floats:
     """Weight of zero for each number, shape (P,)."""
     weight = np.zeros(model.size)
-    weight[model.layout.field_offset] = np.tile(1 / np.array(_OFFSET_PRIOR), model.read.shape[1])
+    place = model.layout.field_offset
+    weight[place] = np.resize(1 / np.array(_OFFSET_PRIOR), len(weight[place]))
     return weight
 
 
@@ -311,7 +312,7 @@ def _limits(model: PressModel, nominal: Calibration) -> tuple[list[str], Floats,
     """Name, least, largest value and largest standard uncertainty of each of P numbers."""
     names, rows, start = [], [], model.start(nominal)
     for part, place in model.layout._asdict().items():
-        for k in range(place.start, place.stop):
+        for k in range(place.start, min(place.stop, model.size)):
             alone = place.stop - place.start == 1
             names.append(part if alone else f"{part}[{k - place.start}]")
             least, most, tolerance = _LIMITS.get(part, _LOGARITHM)
@@ -340,19 +341,7 @@ def _uncertainty(model: PressModel, values: Floats, reduced: Floats) -> Uncertai
     for part in LOGARITHMS:
         place = getattr(model.layout, part)
         spread[place] *= np.exp(values[place])
-    chips, nothing = len(model.design.halls), float("nan")
-    unread = Uncertainty(
-        attenuation=(nothing, nothing),
-        stiffness_variation=nothing,
-        folding_correction_x=(),
-        folding_correction_y=(),
-        board_stiffness=nothing,
-        sheet_stiffness=nothing,
-        chip_rotation=((nothing,) * 3,) * chips,
-        field_factor=(nothing,) * chips,
-        field_offset=((nothing,) * 3,) * chips,
-    )
-    return replace(unread, **model.layout.fields(spread))
+    return Uncertainty(**model.fields(spread))
 
 
 def _summaries(design: SkinDesign, residual: Floats) -> Iterator[ResidualSummary]:

@@ -24,14 +24,7 @@ _TINY: Final = 10.0**-_DIGITS
 
 
 def unit_press(design: SkinDesign, coefficients: Coefficients | None = None) -> Floats:
-    """How far each watched magnet of the sheet moves for a press on each cell, by theory.
-
-    Parameters
-    ----------
-    design : SkinDesign
-        With G chips under magnets of the sheet, in the order of its chips.
-    coefficients : Coefficients, optional
-        The design's own by default.
+    """How far each of G watched magnets of the sheet moves for a press on each cell, by theory.
 
     Returns
     -------
@@ -113,11 +106,8 @@ Rule = Divisions | Directions
 def ideal_rule(unit: Floats) -> Rule:
     """The rule for an ideal sheet: the SI's lines for two magnets, else nearest directions.
 
-    Parameters
-    ----------
-    unit : Floats, shape (N, M, G, 2)
-        `unit_press`: along x it depends on the column alone, along y on the row. One magnet tells
-        by its signs alone.
+    In `unit_press`, (N, M, G, 2), what lies along x depends on the column alone, along y on the
+    row. One magnet tells by its signs alone.
     """
     return divisions(unit) if unit.shape[2] == 2 else directions(unit)
 
@@ -133,8 +123,7 @@ def divisions(unit: Floats) -> Divisions:
     Parameters
     ----------
     unit : Floats, shape (N, M, 2, 2)
-        Displacements of the first and second magnet, in x and y, for a press on each cell. Along
-        x they depend on the column alone, along y on the row.
+        `unit_press`: displacements of the first and second magnet, in x and y.
 
     Raises
     ------
@@ -169,11 +158,8 @@ def divisions(unit: Floats) -> Divisions:
 def decide(rule: Rule, displacements: Floats) -> Ints:
     """Cell (n, m) that displacements belong to, shape (..., 2); -1 where no cell gives them.
 
-    Parameters
-    ----------
-    rule : Divisions or Directions
-    displacements : Floats, shape (..., G, 2)
-        Displacements of the magnets in x and y; a common factor does not matter.
+    The displacements are those of the magnets in x and y, (..., G, 2); a common factor does not
+    matter.
 
     Notes
     -----

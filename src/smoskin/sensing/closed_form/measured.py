@@ -40,13 +40,7 @@ class CellAnswers(NamedTuple):
 
 
 def cell_answers(design: SkinDesign, table: ResponseTable) -> CellAnswers:
-    """The answers of the cells' top vertices by a skin's response table.
-
-    Parameters
-    ----------
-    design : SkinDesign
-    table : ResponseTable
-        Table of the skin, of all its chips.
+    """The answers of the cells' top vertices by a skin's response table of all its chips.
 
     Raises
     ------
@@ -92,11 +86,6 @@ def cell_answers(design: SkinDesign, table: ResponseTable) -> CellAnswers:
 class MeasuredSheet(Sheet):
     """A sheet whose cells answer loads each in its own way.
 
-    Parameters
-    ----------
-    design : SkinDesign
-    answers : CellAnswers
-
     Notes
     -----
     Source: SI Eq. (S27); its v_s K_z U_z is the press that the answers find.
@@ -121,8 +110,9 @@ class MeasuredSheet(Sheet):
             return None
         number, load, confidence = match
         cell = divmod(number, self._rows)
-        press = shear_gain(load[1:], self._folding[cell]) * load[0]
-        return Solution(cell, np.append(load[1:], -press), confidence)
+        press, *shear = load.tolist()
+        gain = shear_gain(shear, self._folding[cell])
+        return Solution(cell, np.array([*shear, -gain * press]), confidence)
 
 
 class Subspaces:

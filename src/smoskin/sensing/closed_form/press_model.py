@@ -5,6 +5,7 @@ the magnets (S11) and their fields. Hides the order of the fitted numbers and th
 Each touch has three unknowns of its own, press depth and drag, as gauge and stage are noisy too.
 """
 
+import dataclasses
 import functools
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from smoskin.arrays import Bools, Floats, Ints
-from smoskin.design.skin import SkinDesign
+from smoskin.design.skin import Coefficients, SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
 from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
@@ -62,26 +63,23 @@ class Layout(NamedTuple):
 
     @classmethod
     def of(cls, attenuations: int, layers: int, chips: int) -> "Layout":
-        """The order for so many separate v_a, layers of v_f and chips read."""
-        some = 1 if chips else 0
-        sizes = (attenuations, 1, layers, layers, some, some, 3 * chips, chips, 3 * chips)
-        ends = np.cumsum(sizes).tolist()
-        return cls(*(slice(end - size, end) for end, size in zip(ends, sizes, strict=True)))
+        """The order for so many separate v_a, layers of v_f and chips."""
+        ends = np.cumsum([attenuations, 1, layers, layers, 1, 1, 3 * chips, chips, 3 * chips])
+        begins = [0, *ends[:-1].tolist()]
+        return cls(*(slice(*ends) for ends in zip(begins, ends.tolist(), strict=True)))
 
-    def fields(self, values: Floats) -> dict[str, Any]:
-        """Numbers (P,) by the names of a calibration's fields, those that were fitted alone."""
+    def fields(self, numbers: Floats) -> dict[str, Any]:
+        """All the numbers by the names of a calibration's fields."""
         fields: dict[str, Any] = {}
         for name, place in self._asdict().items():
-            numbers = values[place].tolist()
+            values = tuple(numbers[place].tolist())
             if name == "attenuation":
-                fields[name] = numbers[0], numbers[-1]
+                values = values[0], values[-1]
             elif name in ("chip_rotation", "field_offset"):
-                fields[name] = tuple(zip(*(numbers[k::3] for k in range(3)), strict=True))
-            elif name.endswith(("variation", "stiffness")):
-                fields[name] = numbers[0] if numbers else None
-            else:
-                fields[name] = tuple(numbers)
-        return {name: value for name, value in fields.items() if value not in (None, ())}
+                values = tuple(zip(*(values[k::3] for k in range(3)), strict=True))
+            alone = name.endswith(("variation", "stiffness"))
+            fields[name] = values[0] if alone else values
+        return fields
 
 
 class PressModel:
@@ -89,7 +87,6 @@ class PressModel:
 
     Parameters
     ----------
-    design : SkinDesign
     touches : TouchTable
         Touches on top vertices with their depths, and readings of all the design's chips or of
         none.
@@ -112,40 +109,46 @@ class PressModel:
         self.design = design
         self.touches = touches
         layers = len(design.coefficients.folding_correction_x)
-        self.layout = Layout.of(attenuations, layers, touches.field.shape[1])
-        self.size = self.layout.field_offset.stop
+        self.layout = Layout.of(attenuations, layers, len(design.halls))
+        # Readings alone tell of what comes from the board's stiffness on.
+        fitted = (
+            self.layout.field_offset if touches.field.size else self.layout.folding_correction_y
+        )
+        self.size = int(fitted.stop)
         self.read: Bools = np.asarray(np.isfinite(touches.field).all(axis=-1))
         self.touched: Bools = touches.touched
         self.depth = np.where(self.touched, touches.depth, 0.0)
         self._cells = tuple(touched_cells(design, touches).T)
         self.layer: Ints = np.minimum(cell_layers(design.cells), layers - 1)[self._cells]
         self._sheet = functools.lru_cache(maxsize=8)(self._sheet_of)
-        if touches.field.shape[1]:
+        if touches.field.size:
             self._prepare_fields()
 
     def start(self, calibration: Calibration) -> Floats:
         """The fitted numbers that stand for a calibration, shape (P,)."""
-        values = np.zeros(self.size)
+        values = np.zeros(self.layout.field_offset.stop)
         for name, place in self.layout._asdict().items():
             owner = calibration if hasattr(calibration, name) else calibration.coefficients
             given = np.ravel(getattr(owner, name))[: place.stop - place.start]
             values[place] = np.log(given) if name in LOGARITHMS else given
-        return values
+        return values[: self.size]
 
-    def numbers(self, values: Floats) -> Floats:
-        """Fitted numbers, shape (P,), none as its logarithm."""
+    def calibration(self, values: Floats, nominal: Calibration) -> Calibration:
+        """The calibration that fitted numbers stand for; what was not read stays nominal."""
         numbers = values.copy()
         for name in LOGARITHMS:
             place = getattr(self.layout, name)
             numbers[place] = np.exp(values[place])
-        return numbers
+        fields = self.fields(numbers)
+        names = [part.name for part in dataclasses.fields(Coefficients)]
+        coefficients = Coefficients(**{name: fields.pop(name) for name in names})
+        read = fields if self.size > self.layout.board_stiffness.start else {}
+        return replace(nominal, coefficients=coefficients, **read)
 
-    def calibration(self, values: Floats, nominal: Calibration) -> Calibration:
-        """The calibration that fitted numbers stand for; what was not read stays nominal."""
-        fields = self.layout.fields(self.numbers(values))
-        own = {name: value for name, value in fields.items() if hasattr(nominal, name)}
-        others = {name: value for name, value in fields.items() if name not in own}
-        return replace(nominal, coefficients=replace(nominal.coefficients, **others), **own)
+    def fields(self, numbers: Floats) -> dict[str, Any]:
+        """Fitted numbers (P,) by the names of a calibration's fields; NaN where not fitted."""
+        unread = np.full(self.layout.field_offset.stop - self.size, np.nan)
+        return self.layout.fields(np.append(numbers, unread))
 
     def press_stiffness(self, values: Floats) -> Floats:
         """K_z of each touch's cell with v_s = 1, shape (T,), N/m."""

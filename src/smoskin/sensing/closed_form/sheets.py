@@ -49,13 +49,7 @@ class Sheet(ABC):
 
 
 class IdealSheet(Sheet):
-    """Theory's sheet with a calibration's coefficients.
-
-    Parameters
-    ----------
-    design : SkinDesign
-        With G chips under magnets of the sheet and one over a magnet of the base.
-    calibration : Calibration
+    """Theory's sheet with a calibration's coefficients, under G magnets with their chips.
 
     Notes
     -----
@@ -94,7 +88,7 @@ class IdealSheet(Sheet):
         if not press > 0:
             return None
         gain = shear_gain(shear, self._folding[cell])
-        force = np.append(shear, -normal_force(press, self._stiffness[cell], gain))
+        force = np.array([*shear.tolist(), -normal_force(press, self._stiffness[cell], gain)])
         return Solution(cell, force, self._cones.confidence(cell, moved))
 
 

@@ -27,7 +27,6 @@ class SignalEstimator(Estimator):
 
     Parameters
     ----------
-    design : SkinDesign
     chips : sequence of int
         Chips whose signals are read.
     creep : Prony or None

@@ -88,7 +88,6 @@ class Signals:
 
     Parameters
     ----------
-    design : SkinDesign
     correction : tuple of Floats (S, 3, 3) and (S, 3), optional
         S6 of each chip: what turns and scales a field, in the skin's axes, to that of the magnet
         as designed, and what is added, T. Chips and magnets are as designed by default.

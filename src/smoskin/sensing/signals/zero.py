@@ -118,7 +118,6 @@ class Zero:
 
     Parameters
     ----------
-    tracking : ZeroTracking
     idle : IdleTest or None
         Which readings count as idle; None: none do.
     offset : Floats, any shape
