@@ -1,0 +1,53 @@
+"""Recordings of a few moments of touch, and the recorder that makes them."""
+
+from pathlib import Path
+
+import numpy as np
+
+from smoskin.design.document import read_design
+from smoskin.records import Contact, Estimate, Reading, Status
+from smoskin.service.recorder import Recorder
+
+DESIGN = read_design("planar")
+CHIPS = len(DESIGN.halls)
+WALL = 1_700_000_000_000_000_000
+
+
+class Clock:
+    """Stands still until told."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def moments(count: int) -> list[tuple[Reading, Estimate]]:
+    noise = np.random.default_rng(3)
+    made = []
+    for index in range(count):
+        time = 5.0 + 0.01 * index
+        reading = Reading(
+            time=time,
+            field=noise.normal(0.0, 1e-3, (CHIPS, 3)),
+            temperature=noise.normal(25.0, 1.0, CHIPS),
+        )
+        contact = Contact(position=(0.04, 0.08), force=(0.1, -0.2, -0.5 - 0.01 * index))
+        spread = noise.normal(0.0, 1e-3, (1, 5, 5))
+        estimate = Estimate(
+            time=time, status=Status.CONTACT, contacts=(contact,), covariance=spread
+        )
+        made.append((reading, estimate))
+    return made
+
+
+def recorder(path: Path, **options: object) -> Recorder:
+    return Recorder(path, DESIGN, wall_clock=lambda: WALL, **options)  # type: ignore[arg-type]
+
+
+def record(path: Path, count: int) -> Path:
+    with recorder(path, flush_interval=0.0) as sink:
+        for reading, estimate in moments(count):
+            sink.write(reading, estimate)
+    return path
