@@ -14,21 +14,10 @@ Bools: TypeAlias = NDArray[np.bool_]
 
 
 def floats(name: str, value: ArrayLike, shape: Sequence[int | None] | None = None) -> Floats:
-    """`value` as a float64 array, checked against the shape that the argument must have.
+    """`value` as a float64 array, checked against the trailing shape that the argument must have.
 
-    Parameters
-    ----------
-    name : str
-        The argument's name, for the message.
-    value : array_like
-        What the caller gave.
-    shape : sequence of int or None, optional
-        Trailing shape; ``None`` stands for any length. ``(None, 3)`` accepts ``(..., S, 3)``.
-
-    Returns
-    -------
-    Floats
-        The array; the same object where it already is one.
+    ``None`` stands for any length: ``(None, 3)`` accepts ``(..., S, 3)``. What already is such an
+    array is returned itself; `name` is the argument's, for the message.
 
     Raises
     ------
@@ -83,12 +72,7 @@ def assign(record: object, **values: object) -> None:
 def freeze(record: object, **shapes: tuple[int | None, ...]) -> None:
     """Turn fields of a frozen record into read-only arrays of these shapes, while it is being made.
 
-    Parameters
-    ----------
-    record : object
-        The record, from its `__post_init__`.
-    **shapes : tuple of int or None
-        Shape of the field of that name; ``None`` stands for any length.
+    For the record's `__post_init__`; ``None`` stands for any length.
 
     Raises
     ------

@@ -72,13 +72,8 @@ class Form:
     def table(self, record: Any, origins: Origins | None = None, path: str = "") -> dict[str, Any]:
         """The table of a record; `record` makes an equal record of it.
 
-        Parameters
-        ----------
-        record : dataclass
-        origins : Origins, optional
-            Values written as tables of value, origin and reason.
-        path : str, optional
-            Path of the record among the `origins`, with a dot at its end.
+        Values with `origins` are written as tables of value, origin and reason; `path` is the
+        record's among them, with a dot at its end.
         """
         table: dict[str, Any] = {}
         hints = get_type_hints(type(record))
@@ -105,18 +100,10 @@ class Form:
         origins: dict[str, dict[str, str]] | None = None,
         path: str = "",
     ) -> _R:
-        """The record that a table describes.
+        """The record of this dataclass that a table describes, its numbers of any type.
 
-        Parameters
-        ----------
-        kind : type
-            Dataclass of the record.
-        table : mapping
-            Numbers may be whole numbers, floats or decimals.
-        origins : dict, optional
-            Filled with the origins of values that name theirs; without it they may not.
-        path : str, optional
-            Path of the record, for messages, with a dot at its end.
+        `origins` is filled with those of values that name theirs; without it they may not. `path`
+        is the record's, for messages, with a dot at its end.
 
         Raises
         ------
@@ -267,13 +254,7 @@ class Form:
 
 
 def format_toml(document: Mapping[str, Any], purpose: str) -> str:
-    """The text of a TOML document.
-
-    Parameters
-    ----------
-    document : mapping
-    purpose : str
-        What is written, for the message, such as ``"writing a design"``.
+    """The text of a TOML document; the purpose, such as ``"writing a design"``, is for the message.
 
     Raises
     ------

@@ -43,12 +43,7 @@ class FieldExtent:
 
 
 def load_design(name_or_path: str | os.PathLike[str]) -> SkinDesign:
-    """Read a design and make sure that it can work.
-
-    Parameters
-    ----------
-    name_or_path : str or path
-        A design shipped with the package, such as ``"planar"``, or the path of a TOML document.
+    """Read a design, by the name of a shipped one or as a TOML document, and check that it works.
 
     Raises
     ------
@@ -67,13 +62,7 @@ def load_design(name_or_path: str | os.PathLike[str]) -> SkinDesign:
 
 
 def check_design(design: SkinDesign) -> None:
-    """Raise unless the design can work.
-
-    Raises
-    ------
-    DesignError
-        Naming the part, the number and what would be valid.
-    """
+    """Raise `DesignError`, naming part, number and what would be valid, unless it can work."""
     _check_room(design)
     _check_fields(design)
 

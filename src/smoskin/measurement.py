@@ -1,10 +1,9 @@
 """Touches of known place and force that a person or a bench has made, and their one CSV file.
 
 Decides the columns and their units; hides the conversion and the checks. A row is one touch held
-still: where, with what force by the gauge, perhaps how far the stage pushed, and what the chips
-read then or from when until when it was held while a recording ran. A row whose touch columns are
-empty is the untouched skin; one that says neither what the chips read nor when it was held has not
-been made yet, so that the same file is a plan to print and the same filled in.
+still, with what the chips read then or from when until when it was held while a recording ran. A
+row without a place is the untouched skin; one that says neither what the chips read nor when it was
+held has not been made yet, so that the same file is a plan to print and the same filled in.
 """
 
 import csv
@@ -12,7 +11,7 @@ import hashlib
 import io
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Final
@@ -135,22 +134,12 @@ class TouchTable:
 
     def rows(self, chosen: Bools | Ints) -> "TouchTable":
         """The table of these rows alone."""
-        return TouchTable(
-            position=self.position[chosen],
-            force=self.force[chosen],
-            depth=self.depth[chosen],
-            field=self.field[chosen],
-            temperature=self.temperature[chosen],
-            held=self.held[chosen],
-        )
+        return TouchTable(**{part.name: getattr(self, part.name)[chosen] for part in fields(self)})
 
     def with_readings(self, readings: Iterable[Reading]) -> "TouchTable":
         """The table with the mean of the good readings made while each touch was held.
 
-        Raises
-        ------
-        ArgumentError
-            If a row says not when it was held, or no reading of it has all chips good.
+        `ArgumentError` names a row that says not when, or of which no reading has all chips good.
         """
         good = [r for r in readings if not r.flags.any() and np.isfinite(r.field).all()]
         times = np.array([reading.time for reading in good])
@@ -172,11 +161,8 @@ class TouchTable:
     def held_touches(self, readings: Iterable[Reading] | None = None) -> tuple[HeldTouch, ...]:
         """The touches that have been made, each with the rest before it and its readings.
 
-        Parameters
-        ----------
-        readings : iterable of Reading, optional
-            Recording on whose clock the rows say when they were held. Without it each row is one
-            reading, of a touch held for long enough to have settled.
+        Rows say when they were held on the clock of the readings. Without those each row is one
+        reading, of a touch held for long enough to have settled.
 
         Raises
         ------
@@ -247,7 +233,10 @@ def write_touches(path: str | os.PathLike[str], table: TouchTable) -> None:
         writer = csv.writer(file)
         writer.writerow(names)
         for row in values:
-            writer.writerow([_written(v, name) for v, name in zip(row, names, strict=True)])
+            writer.writerow(
+                str(from_si(float(value) + 0.0, _suffix(name))) if np.isfinite(value) else ""
+                for value, name in zip(row, names, strict=True)
+            )
 
 
 def read_touches(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
@@ -341,11 +330,6 @@ def _chip_columns(chips: int) -> list[str]:
 def _suffix(name: str) -> str:
     """Unit suffix of a column."""
     return next(s for s in sorted(SI_PER_SUFFIX, key=len) if name.endswith(f"_{s}"))
-
-
-def _written(value: float, name: str) -> str:
-    """A number in its column's unit; empty where there is none."""
-    return str(from_si(float(value) + 0.0, _suffix(name))) if np.isfinite(value) else ""
 
 
 def _read(where: str, name: str, text: str) -> float:

@@ -4,7 +4,7 @@ Decides how every figure of the project looks: millimetres and microtesla on the
 and colours that differ for every kind of colour vision. Needs Matplotlib, the extra ``plots``.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -94,17 +94,7 @@ def lay_out(figure: Figure) -> None:
 def draw_skin(design: SkinDesign, axes: Axes | None = None) -> Axes:
     """Outline, cells, magnets and chips of a skin, seen from above.
 
-    Parameters
-    ----------
-    design : SkinDesign
-        The skin.
-    axes : Axes, optional
-        Axes to draw into, in millimetres; those of a new figure by default.
-
-    Returns
-    -------
-    Axes
-        The axes.
+    They are drawn into the given axes, in millimetres, or into those of a new figure.
     """
     axes = _axes(axes, (3.6, 4.4))
     length, width = 1e3 * geometry(design).extent
@@ -112,11 +102,7 @@ def draw_skin(design: SkinDesign, axes: Axes | None = None) -> Axes:
     axes.add_patch(Rectangle((0, 0), length, width, fill=False, edgecolor=INK, linewidth=1.0))
     axes.vlines(1e3 * cell.length * np.arange(1, design.cells[0]), 0, width, GREY, linewidth=0.3)
     axes.hlines(1e3 * cell.width * np.arange(1, design.cells[1]), 0, length, GREY, linewidth=0.3)
-    for magnet, place in zip(design.magnets, 1e3 * geometry(design).magnets, strict=True):
-        colour = ORANGE if magnet.mount == "sheet" else GREY
-        axes.add_patch(
-            Circle((place[0], place[1]), 1e3 * magnet.radius, fill=False, edgecolor=colour)
-        )
+    _draw_magnets(design, axes, {"sheet": ORANGE, "base": GREY})
     chips = 1e3 * geometry(design).chips
     axes.plot(chips[:, 0], chips[:, 1], "s", color=GREEN, markersize=3)
     axes.set(xlabel="x (mm)", ylabel="y (mm)", title=design.name)
@@ -129,14 +115,8 @@ def draw_touches(
 ) -> None:
     """Touches on a skin: a point each, an arrow for the drag, the region that holds 90 %.
 
-    Parameters
-    ----------
-    axes : Axes
-        Axes in millimetres, as `draw_skin` gives them.
-    touches : Estimate or sequence of Contact
-        Touches to draw; those of an estimate with the regions of their covariance.
-    colour, label : str, optional
-        Colour, and the name in a legend.
+    The axes are in millimetres, as `draw_skin` gives them; an estimate has the regions of its
+    covariance drawn; the label is the name in a legend.
     """
     contacts = touches.contacts if isinstance(touches, Estimate) else tuple(touches)
     for k, contact in enumerate(contacts):
@@ -165,8 +145,6 @@ def draw_map(
 
     Parameters
     ----------
-    design : SkinDesign
-        The skin.
     values : array_like, shape (P, Q)
         Values on a grid along x and y that reaches from rim to rim, or one a cell; NaN stays blank.
     axes : Axes, optional
@@ -175,11 +153,6 @@ def draw_map(
         Name and unit of the values, for the colour bar.
     limits : tuple of float, optional
         Values at the ends of the colours; all finite values by default.
-
-    Returns
-    -------
-    Axes
-        The axes.
     """
     axes = _axes(axes, (4.2, 4.4))
     grid = floats("values", values, (None, None))
@@ -197,10 +170,7 @@ def draw_map(
         vmax=high,
         extent=(-dx, length + dx, -dy, width + dy),
     )
-    for magnet, place in zip(design.magnets, 1e3 * geometry(design).magnets, strict=True):
-        axes.add_patch(
-            Circle((place[0], place[1]), 1e3 * magnet.radius, fill=False, edgecolor="white")
-        )
+    _draw_magnets(design, axes, {"sheet": "white", "base": "white"})
     bar = axes.figure.colorbar(image, ax=axes, shrink=0.8, label=label)
     bar.outline.set_visible(False)
     axes.set(xlabel="x (mm)", ylabel="y (mm)")
@@ -211,17 +181,7 @@ def draw_map(
 def draw_readings(readings: Sequence[Reading], axes: Axes | None = None) -> Axes:
     """Fields of all chips over time, less those of the first reading.
 
-    Parameters
-    ----------
-    readings : sequence of Reading
-        Readings in time.
-    axes : Axes, optional
-        Axes to draw into; those of a new figure by default.
-
-    Returns
-    -------
-    Axes
-        The axes.
+    They are drawn into the given axes or into those of a new figure.
     """
     axes = _axes(axes, (5.6, 2.6))
     time = np.array([reading.time for reading in readings])
@@ -250,6 +210,13 @@ def _axes(axes: Axes | None, inches: tuple[float, float]) -> Axes:
 
     with styled():
         return plt.figure(figsize=inches, layout="constrained").add_subplot()
+
+
+def _draw_magnets(design: SkinDesign, axes: Axes, colours: Mapping[str, str]) -> None:
+    """Circles round the magnets, in the colour of their mount."""
+    for magnet, place in zip(design.magnets, 1e3 * geometry(design).magnets, strict=True):
+        colour, radius = colours[magnet.mount], 1e3 * magnet.radius
+        axes.add_patch(Circle((place[0], place[1]), radius, fill=False, edgecolor=colour))
 
 
 def _region(place: tuple[float, float], spread: Floats, colour: str) -> Ellipse:

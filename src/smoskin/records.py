@@ -6,7 +6,7 @@ made, so that everything downstream can trust shapes and units.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import Enum, IntFlag
 from typing import Any
 
@@ -87,14 +87,7 @@ class Reading:
         freeze(self, temperature=(chips,))
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Reading):
-            return NotImplemented
-        return (
-            self.time == other.time
-            and np.array_equal(self.field, other.field, equal_nan=True)
-            and np.array_equal(self.temperature, other.temperature, equal_nan=True)
-            and np.array_equal(self.flags, other.flags)
-        )
+        return _same(self, other)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -124,11 +117,7 @@ class Contact:
         return -float(self.force[2])
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Contact):
-            return NotImplemented
-        return np.array_equal(self.position, other.position) and np.array_equal(
-            self.force, other.force, equal_nan=True
-        )
+        return _same(self, other)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -149,14 +138,7 @@ class Estimate:
         freeze(self, covariance=(len(self.contacts), 5, 5))
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Estimate):
-            return NotImplemented
-        return (
-            self.time == other.time
-            and self.status is other.status
-            and self.contacts == other.contacts
-            and np.array_equal(self.covariance, other.covariance, equal_nan=True)
-        )
+        return _same(self, other)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -246,16 +228,22 @@ class Motion:
         )
 
     def scaled(self, magnets: ArrayLike, board: ArrayLike | None = None) -> "Motion":
-        """The motion with magnets and board moved so many times as far.
+        """The motion with magnets and board moved so many times as far, a factor (...) a state.
 
-        Parameters
-        ----------
-        magnets : array_like, shape (...)
-            Factor of the magnets in each state.
-        board : array_like, shape (...), optional
-            Factor of the board; by default that of the magnets.
+        The board's factor is by default that of the magnets.
         """
         sheet, base = np.asarray(magnets), np.asarray(magnets if board is None else board)
         return Motion(
             magnets=sheet[..., None, None] * self.magnets, board=base[..., None] * self.board
         )
+
+
+def _same(record: Any, other: Any) -> bool:
+    """Whether two records are of one type and hold the same, NaN being the same as NaN."""
+    if type(record) is not type(other):
+        return False
+    pairs = ((getattr(record, part.name), getattr(other, part.name)) for part in fields(record))
+    return all(
+        np.array_equal(mine, its, equal_nan=True) if isinstance(mine, np.ndarray) else mine == its
+        for mine, its in pairs
+    )

@@ -183,37 +183,19 @@ class VirtualSkin(ABC):
     ) -> Motion:
         """Motion of magnets and board at rest under these contacts: one state, no batch axis.
 
-        Raises
-        ------
-        ArgumentError
-            As `check`; also if no skin stands the temperature.
+        It raises as `check`, and `ArgumentError` if no skin stands the temperature.
         """
 
     @abstractmethod
     def motions(self, touches: Touches, *, temperature: float = REFERENCE_TEMPERATURE) -> Motion:
-        """Motion of magnets and board in each of B states of touch: a batch (B,).
-
-        Raises
-        ------
-        ArgumentError
-            As `motion`.
-        """
+        """Motion of magnets and board in each of B states of touch, (B,); raises as `motion`."""
 
     @abstractmethod
     def field(self, motion: Motion, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
         """Field of all magnets and the surroundings at all chips, shape (..., S, 3), T.
 
-        Parameters
-        ----------
-        motion : Motion
-            Any batch (...) of states.
-        temperature : array_like, shape (...), optional
-            Temperature of the magnets, degC.
-
-        Returns
-        -------
-        Floats, shape (..., S, 3)
-            T, in the skin's frame; NaN in invalid states.
+        It is in the skin's frame, NaN in invalid ones of a batch (...) of states; the temperature
+        is the magnets', degC, shape (...).
         """
 
     @abstractmethod
@@ -233,16 +215,7 @@ class VirtualSkin(ABC):
     def sense(
         self, motion: Motion, *, time: float = 0.0, temperature: float = REFERENCE_TEMPERATURE
     ) -> Reading:
-        """What the chips read in one state; `ChipFlag.INVALID` in an invalid one.
-
-        Parameters
-        ----------
-        motion : Motion
-        time : float
-            Time of the reading, s.
-        temperature : float
-            Temperature of magnets and chips, degC.
-        """
+        """What the chips read in one state at a time, s; `ChipFlag.INVALID` in an invalid one."""
 
     def read(
         self,
@@ -251,13 +224,7 @@ class VirtualSkin(ABC):
         time: float = 0.0,
         temperature: float = REFERENCE_TEMPERATURE,
     ) -> Reading:
-        """What the chips read under these contacts, once the skin has come to rest.
-
-        Raises
-        ------
-        ArgumentError
-            As `motion`.
-        """
+        """What the chips read under these contacts, once at rest; raises as `motion`."""
         motion = self.motion(contacts, temperature=temperature)
         return self.sense(motion, time=time, temperature=temperature)
 

@@ -53,10 +53,6 @@ class SweepReport:
     """The data set."""
     damaged: int
     """Number of chunks whose files are not as they were written."""
-    invalid: int
-    """Number of rows on disk without an equilibrium."""
-    flagged: int
-    """Number of rows on disk with a chip that is not good."""
     exported: Path | None = None
     """The one file that it was also written to."""
 
@@ -84,8 +80,8 @@ class SweepReport:
             "rows": sweep.rows,
             "missing_rows": len(data.missing_rows),
             "damaged_chunks": self.damaged,
-            "invalid_rows": self.invalid,
-            "flagged_rows": self.flagged,
+            "invalid_rows": data.invalid,
+            "flagged_rows": data.flagged,
             "seconds": self.seconds,
         }
 
@@ -98,8 +94,8 @@ class SweepReport:
             f"{sweep.rows} rows in {sweep.chunks} chunks: {data.path}",
             f"design {data.design.name}: {sweep.presses.count} presses ({kind}) at {degrees} degC "
             f"on {max(len(sweep.skins), 1)} skin(s), {sweep.mechanics} mechanics",
-            f"without an equilibrium, flagged invalid: {self.invalid}",
-            f"with a saturated or invalid chip: {self.flagged}",
+            f"without an equilibrium, flagged invalid: {data.invalid}",
+            f"with a saturated or invalid chip: {data.flagged}",
         ]
         if not self.sound:
             lines.append(
@@ -130,7 +126,6 @@ def plan_sweep(
 
     Parameters
     ----------
-    kind : {"grid", "shear", "pairs", "random"}
     options : mapping
         What the kind of sweep takes, in words; None is not given. Grid: forces, places, radius.
         Shear: these, drags, directions. Pairs: as grid. Random: count, touches, forces, drags,
@@ -178,33 +173,20 @@ def run_sweep(
 ) -> SweepReport:
     """Compute a sweep, or what is missing of it, into a folder; and into one file if asked.
 
-    Raises
-    ------
-    ArgumentError, RecordingError, EngineError, MissingExtraError
-        As `smoskin.datasets.store.write_dataset`.
+    It raises as `smoskin.datasets.store.write_dataset`.
     """
     data = write_dataset(out, design, sweep, engine=engine, progress=progress)
     if export is not None:
         data.export(export)
-    return SweepReport(
-        dataset=data, damaged=0, invalid=data.invalid, flagged=data.flagged, exported=export
-    )
+    return SweepReport(dataset=data, damaged=0, exported=export)
 
 
 def summarise(path: str | os.PathLike[str]) -> SweepReport:
-    """What a data set on disk holds, complete or not; every file is read.
-
-    Raises
-    ------
-    RecordingError, MissingExtraError
-        As `smoskin.datasets.store.open_dataset`.
-    """
+    """What a data set on disk holds, complete or not; every file is read."""
     data = open_dataset(path)
     damaged = data.damaged()
     sound = replace(data, present=tuple(sorted(set(data.present) - set(damaged))))
-    return SweepReport(
-        dataset=sound, damaged=len(damaged), invalid=sound.invalid, flagged=sound.flagged
-    )
+    return SweepReport(dataset=sound, damaged=len(damaged))
 
 
 def _regular(kind: Kind, given: Mapping[str, str]) -> Grid | Pairs:

@@ -65,10 +65,7 @@ class Manifest:
 def claim(folder: Path, manifest: Manifest) -> Manifest:
     """Make a folder this data set's, or make sure that it is; files not whole are removed.
 
-    Raises
-    ------
-    RecordingError
-        If it holds anything else; the message says what differs.
+    `RecordingError` says what differs where it holds anything else.
     """
     for part in folder.glob(f"*{PART}"):
         part.unlink()
@@ -94,13 +91,7 @@ def claim(folder: Path, manifest: Manifest) -> Manifest:
 
 
 def read_manifest(folder: Path) -> Manifest:
-    """The manifest of a folder.
-
-    Raises
-    ------
-    RecordingError
-        If there is none, or it is damaged.
-    """
+    """The manifest of a folder; `RecordingError` where there is none or it is damaged."""
     file = folder / FILE
     try:
         document = json.loads(file.read_bytes())
@@ -145,10 +136,7 @@ def save_manifest(folder: Path, manifest: Manifest) -> None:
 def locked(folder: Path) -> Iterator[None]:
     """The folder, made if need be, to this process alone; a kill gives it free.
 
-    Raises
-    ------
-    RecordingError
-        If another process has it, or it cannot be made.
+    `RecordingError` tells that another process has it, or that it cannot be made.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -166,13 +154,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Write a file that is whole or not there, whenever this process or the machine stops.
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be written.
-    """
+    """Write a file that is whole or not there, whenever this process or the machine stops."""
     part = file.with_name(file.name + PART)
     try:
         part.write_bytes(content)

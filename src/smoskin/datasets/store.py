@@ -37,7 +37,10 @@ _SUMS: Final = "checksums.sha256"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dataset:
-    """A data set on disk; `open_dataset` and `write_dataset` make it."""
+    """A data set on disk; `open_dataset` and `write_dataset` make it.
+
+    Reading raises `RecordingError` where a chunk is damaged, or missing though all are asked for.
+    """
 
     path: Path
     """The folder."""
@@ -84,17 +87,7 @@ class Dataset:
     def column(self, name: str, *, partial: bool = False) -> NDArray[Any]:
         """One column of all rows, in SI units, shape (R, ...).
 
-        Parameters
-        ----------
-        name : str
-            Name of the column.
-        partial : bool
-            Whether rows may be missing; those of `missing_rows` are then left out.
-
-        Raises
-        ------
-        RecordingError
-            If there is no such column, chunks are missing or one is damaged.
+        With `partial` rows may be missing; those of `missing_rows` are then left out.
         """
         names = [column.name for column in COLUMNS.values()]
         if name not in names:
@@ -106,13 +99,7 @@ class Dataset:
         return np.concatenate([self._read(chunk, name) for chunk in self.present])
 
     def chunks(self) -> Iterator[Rows]:
-        """All rows, chunk by chunk, in order.
-
-        Raises
-        ------
-        RecordingError
-            If chunks are missing or one is damaged.
-        """
+        """All rows, chunk by chunk, in order."""
         self._require_all()
         for chunk in self.present:
             yield Rows(
@@ -120,32 +107,20 @@ class Dataset:
             )
 
     def damaged(self) -> tuple[int, ...]:
-        """Chunks on disk whose files are no longer as they were written; reads them all.
-
-        Raises
-        ------
-        RecordingError
-            If a file cannot be read.
-        """
-        sums = _read_sums(self.path)
-        files = {chunk: _chunk_file(self.path, chunk) for chunk in self.present}
-        try:
-            sums_now = {
-                chunk: hashlib.sha256(file.read_bytes()).hexdigest()
-                for chunk, file in files.items()
-            }
-        except OSError as error:
-            raise RecordingError(f"{self.path} cannot be read: {error}") from error
-        return tuple(chunk for chunk in files if sums_now[chunk] != sums.get(files[chunk].name))
+        """Chunks on disk whose files are no longer as they were written; reads them all."""
+        sums, damaged = _read_sums(self.path), []
+        for chunk in self.present:
+            file = _chunk_file(self.path, chunk)
+            try:
+                now = hashlib.sha256(file.read_bytes()).hexdigest()
+            except OSError as error:
+                raise RecordingError(f"{self.path} cannot be read: {error}") from error
+            if now != sums.get(file.name):
+                damaged.append(chunk)
+        return tuple(damaged)
 
     def export(self, path: str | os.PathLike[str]) -> None:
-        """Write all rows to one HDF5 file.
-
-        Raises
-        ------
-        RecordingError
-            If the file exists or cannot be written, chunks are missing or one is damaged.
-        """
+        """Write all rows to one new HDF5 file; raises `RecordingError` where it cannot be."""
         self._require_all()
         target = Path(path)
         if target.exists():
@@ -215,10 +190,8 @@ def write_dataset(
 
     Parameters
     ----------
-    path : str or path-like
+    path : path
         A folder: new, empty, or with the same sweep begun.
-    design, sweep
-        The skin and what is pressed.
     engine : Engine, optional
         Where to compute; by default one process a core of this machine.
     simulation : callable, optional

@@ -45,13 +45,7 @@ def shipped_designs() -> tuple[str, ...]:
 
 
 def shipped_design(content_hash: str) -> SkinDesign:
-    """The design with this content hash among those that come with the package.
-
-    Raises
-    ------
-    DesignError
-        If there is none.
-    """
+    """The shipped design of this content hash; raises `DesignError` where there is none."""
     for name in shipped_designs():
         if (design := read_design(name)).content_hash == content_hash:
             return design

@@ -16,16 +16,21 @@ class Elastomer:
 
     shear_modulus: float
     """Pa: initial slope at 25 degC, long-term, under a load that stays."""
-    relaxing_shares: tuple[float, ...]
-    """g_k: shares of the instantaneous modulus that relax (`mechanics.viscoelasticity.Prony`)."""
-    relaxation_times: tuple[float, ...]
-    """s: tau_k, relaxation time of each share, rising."""
-    temperature_coefficient: float
-    """1/degC: relative rise of the modulus per degree from 25 degC."""
     source: str
     """Source of the modulus."""
-    relaxation_source: str
+    relaxing_shares: tuple[float, ...] = (0.03, 0.02, 0.02, 0.02)
+    """g_k: shares of the instantaneous modulus that relax (`mechanics.viscoelasticity.Prony`)."""
+    relaxation_times: tuple[float, ...] = (0.05, 0.5, 5.0, 50.0)
+    """s: tau_k, relaxation time of each share, rising."""
+    relaxation_source: str = (
+        "assumed, 9 % over four decades: no Prony series of it is known to be published; Ecoflex "
+        "relaxes markedly when new and hardly once it has been worked (Liao, Hossain and Yao 2020, "
+        "Mechanics of Materials 144). Fit a recorded recovery instead"
+    )
     """Source of the shares and times."""
+    temperature_coefficient: float = 1 / 298.15
+    """1/degC: relative rise of the modulus per degree from 25 degC; assumed in proportion to the
+    absolute temperature, as of an ideal rubber."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,41 +45,19 @@ class Film:
     """Source of the values."""
 
 
-_SHARES: Final = (0.03, 0.02, 0.02, 0.02)
-_TIMES: Final = (0.05, 0.5, 5.0, 50.0)
-_RELAXATION: Final = (
-    "assumed, 9 % over four decades: no Prony series of it is known to be published; Ecoflex "
-    "relaxes markedly when new and hardly once it has been worked (Liao, Hossain and Yao 2020, "
-    "Mechanics of Materials 144). Fit a recorded recovery instead"
-)
-_ENTROPIC: Final = 1 / 298.15
-"""1/degC: a modulus in proportion to the absolute temperature, as of an ideal rubber; assumed."""
-
 ELASTOMERS: Final[Mapping[str, Elastomer]] = MappingProxyType(
     {
         "Ecoflex 00-30": Elastomer(
             shear_modulus=25e3,
-            relaxing_shares=_SHARES,
-            relaxation_times=_TIMES,
-            temperature_coefficient=_ENTROPIC,
             source="Smooth-On Ecoflex series technical bulletin: 69 kPa (10 psi) at 100 % strain",
-            relaxation_source=_RELAXATION,
         ),
         "Ecoflex 00-50": Elastomer(
             shear_modulus=30e3,
-            relaxing_shares=_SHARES,
-            relaxation_times=_TIMES,
-            temperature_coefficient=_ENTROPIC,
             source="Smooth-On Ecoflex series technical bulletin: 83 kPa (12 psi) at 100 % strain",
-            relaxation_source=_RELAXATION,
         ),
         "Dragon Skin 10": Elastomer(
             shear_modulus=55e3,
-            relaxing_shares=_SHARES,
-            relaxation_times=_TIMES,
-            temperature_coefficient=_ENTROPIC,
             source="Smooth-On Dragon Skin series technical bulletin: 152 kPa at 100 % strain",
-            relaxation_source=_RELAXATION,
         ),
     }
 )

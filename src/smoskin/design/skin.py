@@ -9,7 +9,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field, fields
 from functools import partial
 from types import MappingProxyType
 from typing import Any, Final, Literal
@@ -236,12 +236,8 @@ class HallSetting:
     """DIG_FILT, 0..7."""
 
     def __post_init__(self) -> None:
-        for name, most in (
-            ("gain_selection", 7),
-            ("resolution", 3),
-            ("oversampling", 3),
-            ("digital_filter", 7),
-        ):
+        limits = {"gain_selection": 7, "resolution": 3, "oversampling": 3, "digital_filter": 7}
+        for name, most in limits.items():
             value = getattr(self, name)
             if not 0 <= value <= most:
                 raise DesignError(f"hall_setting.{name} must lie in 0..{most}; got {value}")
@@ -265,12 +261,11 @@ class Coefficients:
             if not 0.0 < value <= 1.0:
                 raise DesignError(f"coefficients.attenuation must lie in (0, 1]; got {value}")
         _positive("coefficients", stiffness_variation=self.stiffness_variation)
-        if not self.folding_correction_x or len(self.folding_correction_x) != len(
-            self.folding_correction_y
-        ):
+        layers = len(self.folding_correction_x), len(self.folding_correction_y)
+        if not layers[0] == layers[1] > 0:
             raise DesignError(
                 "coefficients.folding_correction_x and _y must name the same layers, at least "
-                f"one; got {len(self.folding_correction_x)} and {len(self.folding_correction_y)}"
+                f"one; got {layers[0]} and {layers[1]}"
             )
         for value in self.folding_correction_x + self.folding_correction_y:
             _positive("coefficients", folding_correction=value)
@@ -330,25 +325,18 @@ class SkinDesign:
     def __reduce__(self) -> tuple[Any, ...]:
         # A mapping proxy cannot be pickled; the dictionary that it shows can.
         values = {part.name: getattr(self, part.name) for part in fields(self)}
-        values["provenance"] = dict(self.provenance)
-        return partial(SkinDesign, **values), ()
+        return partial(SkinDesign, **values | {"provenance": dict(self.provenance)}), ()
 
     @property
     def content_hash(self) -> str:
         """SHA-256 over every value that is built, names and provenance left out."""
-        values = _plain(self)
-        del values["name"], values["provenance"]
-        text = json.dumps(values, sort_keys=True, separators=(",", ":"))
+        built = [part.name for part in fields(self) if part.name not in ("name", "provenance")]
+        values = {name: getattr(self, name) for name in built}
+        text = json.dumps(values, default=asdict, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 
     def check_own(self, name: str, content_hash: str) -> None:
-        """Refuse what was made for another design.
-
-        Raises
-        ------
-        ModelError
-            Naming it, where its design's content hash is another.
-        """
+        """Raise `ModelError`, naming it, for what was made for a design of another hash."""
         if content_hash != self.content_hash:
             raise ModelError(
                 f"{name} must be of the design {self.name!r} ({self.content_hash[:12]}); got one "
@@ -357,25 +345,13 @@ class SkinDesign:
 
     def magnet(self, name: str) -> Magnet:
         """The magnet of this name."""
-        for magnet in self.magnets:
-            if magnet.name == name:
-                return magnet
-        names = ", ".join(magnet.name for magnet in self.magnets)
-        raise DesignError(f"magnet must be one of {names}; got {name!r}")
+        magnets = {magnet.name: magnet for magnet in self.magnets}
+        if name not in magnets:
+            raise DesignError(f"magnet must be one of {', '.join(magnets)}; got {name!r}")
+        return magnets[name]
 
 
 def _unique(what: str, names: list[str]) -> None:
     for name in names:
         if names.count(name) > 1:
             raise DesignError(f"{what} must have different names; {name!r} occurs twice")
-
-
-def _plain(value: Any) -> Any:
-    """Records and tuples as dicts and lists, for hashing."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return {part.name: _plain(getattr(value, part.name)) for part in fields(value)}
-    if isinstance(value, Mapping):
-        return {key: _plain(part) for key, part in value.items()}
-    if isinstance(value, tuple):
-        return [_plain(part) for part in value]
-    return value
