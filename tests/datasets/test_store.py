@@ -126,7 +126,7 @@ def test_a_sweep_killed_at_random_moments_equals_an_unbroken_one(planar, tmp_pat
     (folder / "chunk-000001.h5").unlink()
     missing = open_dataset(folder).missing
     assert missing[0] == 1
-    assert missing[1] > 4
+    assert missing[1] > 2  # so that a gap is before chunks that are there
     done = write(folder, planar, tmp_path)
     assert contents(done.path) == contents(unbroken.path)
     assert len(work.begun(tmp_path / "begun")) == before + len(missing)

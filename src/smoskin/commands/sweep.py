@@ -131,12 +131,11 @@ def plan_sweep(
         Shear: these, drags, directions. Pairs: as grid. Random: count, touches, forces, drags,
         radius, margin.
     temperatures : str, optional
-        degC, one or more numbers.
+        Temperatures, degC, one or more numbers.
     skins : int, optional
-        How many manufactured skins, of seeds 0, 1, ...; by default the design itself.
-    mechanics, grip, seed, presses_per_chunk
-        As `Sweep` has them; the grip in words as `parse_grip` reads it. Chunks of a very large
-        sweep are larger by default, so that there are not too many files.
+        Number of manufactured skins, of seeds 0, 1, ...; by default the design itself.
+    presses_per_chunk : int, optional
+        By default as `Sweep` has it, and more in a very large sweep, for fewer files.
 
     Raises
     ------

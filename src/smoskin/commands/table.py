@@ -92,15 +92,12 @@ def make_table(
 
     Parameters
     ----------
-    design : SkinDesign
-    effort : Effort, optional
     tolerances : Tolerances, optional
         What made skins are drawn from.
     folder : path, optional
         Folder that keeps the presses; by default they are thrown away.
     engine : Engine, optional
         Where to press; by default one process a core of this machine.
-    progress : callable, optional
 
     Raises
     ------

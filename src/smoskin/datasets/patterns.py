@@ -199,25 +199,9 @@ Presses = Grid | Pairs | Random | Repeated
 
 
 def far_pairs(extent: Floats, apart: float, count: int, rng: np.random.Generator) -> Floats:
-    """Pairs of places drawn evenly, of which none lie nearer to each other than `apart`.
+    """Pairs of places on a skin of this extent, (2,), drawn evenly, (count, 2, 2), all in m.
 
-    Parameters
-    ----------
-    extent : Floats, shape (2,)
-        m, of the skin.
-    apart : float
-        m; less than the skin's diagonal.
-    count : int
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    Floats, shape (count, 2, 2)
-
-    Raises
-    ------
-    ArgumentError
-        If no two places lie so far apart.
+    No two lie nearer to each other than `apart`; `ArgumentError` if none lie so far apart.
     """
     if not apart < np.hypot(*extent):
         raise ArgumentError(f"apart must be below {np.hypot(*extent):g} m; got {apart:g}")
@@ -379,13 +363,7 @@ def format_sweep(sweep: Sweep) -> dict[str, Any]:
 
 
 def parse_sweep(document: Mapping[str, Any]) -> Sweep:
-    """The sweep that plain values describe.
-
-    Raises
-    ------
-    RecordingError
-        If they do not describe one.
-    """
+    """The sweep that plain values describe; `RecordingError` where they describe none."""
     return _FORM.record(Sweep, document)
 
 

@@ -107,7 +107,6 @@ class Engine:
         ----------
         work : callable
             Takes an item; must be picklable and the same for the same item wherever it runs.
-        items : sequence of int
         deadline : float, optional
             Time that one item may take, the start of its worker included, s.
 
