@@ -129,8 +129,7 @@ class TouchCalibration:
             shown.add_column(name, justify="right")
         for count in sorted({*(c for c in _MILESTONES if c < self.used), self.used}):
             shown.add_row(str(count), f"{1e3 * self.errors[count]:.2f} mm")
-        lost = len(self.labels) - self.used
-        if lost:
+        if lost := len(self.labels) - self.used:
             shown.caption = f"{lost} touches were left out: a chip could not read them."
         return [shown]
 

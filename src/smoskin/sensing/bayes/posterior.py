@@ -53,20 +53,14 @@ class TouchProblem:
 
     Parameters
     ----------
-    answer : Answer
-        Signals of K touches.
-    touches : int
-        Number of touches, K.
+    answer, touches : Answer and int
+        Signals of K touches, and K.
     table : ResponseTable
         Table of the skin, for its extent and forces.
     noise, misfit : Floats, shape (C, C)
-        Covariances N, of signals at rest, T^2, and M, of what the table misses, T^2/N^2.
+        Covariances N, of signals at rest, T^2, and M, of what the table misses, T^2/N^2;
+        `ArgumentError` if the noise is none.
     priors : TouchPriors
-
-    Raises
-    ------
-    ArgumentError
-        If the noise is no covariance.
 
     Notes
     -----

@@ -1,8 +1,7 @@
 """The touch, or the two touches, that best explain what chips read, and how sure that is.
 
 Decides from where to search and when a search is over: from the touches of a moment ago, if they
-still fit; else from coarse places, the likeliest first, of which many take a few steps before the
-nearest are followed to the end.
+still fit; else from coarse places, of which many take a few steps before the best are followed.
 """
 
 from typing import Final
@@ -31,18 +30,8 @@ squared residual a signal at which no other is followed."""
 class TouchSolver:
     """Solves single readings of one skin (`smoskin.sensing.bayes.posterior.TouchProblem`).
 
-    Parameters
-    ----------
-    table : ResponseTable
-        Table of the skin; modes that it still has count as misfit.
-    noise : Floats, shape (C, C)
-        T^2: covariance of signals of a skin at rest.
-    priors : TouchPriors, optional
-
-    Raises
-    ------
-    ArgumentError
-        If the noise is no covariance.
+    Modes that the table still has count as misfit; the noise (C, C), T^2, is the covariance of
+    signals of a skin at rest (`ArgumentError` if it is none).
     """
 
     def __init__(

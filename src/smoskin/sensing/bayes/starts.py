@@ -33,10 +33,8 @@ class Starts:
 
     Parameters
     ----------
-    places : Floats, shape (G, K, 2)
-        m.
-    answers : Floats, shape (G, L, C)
-        Slopes of signals by loads, T/N: presses of K touches, or drags and press of one.
+    places, answers : Floats, shapes (G, K, 2) and (G, L, C)
+        m, and slopes of signals by loads, T/N: presses of K touches, or drags and press of one.
     ridge : Floats, shape (L,)
         Precision root of each load beforehand, 1/N.
     whiten : Floats, shape (C, C)

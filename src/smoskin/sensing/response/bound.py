@@ -147,17 +147,8 @@ def bound_map(
 def information(slopes: Floats, noise: Floats) -> Floats:
     """Information J^T N^-1 J of signals about a touch, (..., 5, 5); it adds up over chips.
 
-    Parameters
-    ----------
-    slopes : Floats, shape (..., C, 5)
-        J of the signals by x and y, T/m, and by Fx, Fy and Fz, T/N.
-    noise : Floats, shape (C, C) or (..., C, C)
-        T^2: covariance of the signals.
-
-    Raises
-    ------
-    ArgumentError
-        If shapes do not fit each other.
+    Slopes J (..., C, 5) are those by x and y, T/m, and by Fx, Fy and Fz, T/N; the covariance N of
+    the signals is (C, C) or (..., C, C), T^2. `ArgumentError` if shapes do not fit.
     """
     slopes = floats("slopes", slopes, (None, 5))
     noise = floats("noise", noise, (slopes.shape[-2], slopes.shape[-2]))
@@ -168,21 +159,9 @@ def information(slopes: Floats, noise: Floats) -> Floats:
 def bound_of_information(
     x: Floats, y: Floats, fisher: Floats, chips: int, *, drags: bool = True
 ) -> BoundMap:
-    """Bounds at places x (L,) and y (W,), m, from rim to rim, wherever information comes from.
+    """Bounds at two or more places x (L,) and y (W,), m, of the information (L, W, 5, 5) of chips.
 
-    Parameters
-    ----------
-    x, y : Floats
-        Two places or more each.
-    fisher : Floats, shape (L, W, 5, 5)
-        Information of so many chips, as `information` gives it.
-    drags : bool
-        Whether the drags are unknown too.
-
-    Raises
-    ------
-    ArgumentError
-        If shapes do not fit each other.
+    Drags may be known to be none. `ArgumentError` if shapes do not fit each other.
     """
     shape = (len(x), len(y))
     if min(shape) < 2:

@@ -70,10 +70,8 @@ def fit_response_table(
     ----------
     design : SkinDesign
         Design of the skin, with S chips.
-    position, force : array_like, shapes (B, 2) and (B, 3)
-        m and N, on the skin; with drags, where the table shall know them.
-    signals : array_like, shape (B, S, 3)
-        T, as `ResponseTable` defines them.
+    position, force, signals : array_like, shapes (B, 2), (B, 3) and (B, S, 3)
+        m, N and T, as `ResponseTable` has them; with drags, where it shall know them.
     radius : float
         Radius of what presses, m.
 
@@ -158,13 +156,13 @@ def add_modes(
     ----------
     table : ResponseTable
     position, force : array_like, shapes (B, 2) and (B, 3)
-        m and N: presses, the same on every skin.
+        Presses, the same on every skin, m and N.
     deviations : array_like, shape (L, B, S, 3)
-        T: signals of L made skins less those of the table's skin.
+        Signals of L made skins less those of the table's skin, T.
     grips : array_like, shape (L, H, 2, H, 3), optional
-        m/N: grip of each of the skins; by default that of the table's skin.
+        Grip of each of the skins, m/N; by default that of the table's skin.
     least : float
-        T: modes that change signals by less, root mean square over presses, go into the misfit.
+        Root mean square over presses, T, of modes that go into the misfit.
 
     Raises
     ------
@@ -231,11 +229,9 @@ def add_coupling(
     ----------
     table : ResponseTable
     grip : Floats, shape (H, 2, H, 3)
-        m/N, as `smoskin.mechanics.sheet.compliance.grip_compliance` has it.
-    position, force : array_like, shapes (B, 2, 2) and (B, 2, 3)
-        m and N: pairs of touches.
-    signals : array_like, shape (B, S, 3)
-        T, under both.
+        m/N (`smoskin.mechanics.sheet.compliance.grip_compliance`).
+    position, force, signals : array_like, shapes (B, 2, 2), (B, 2, 3) and (B, S, 3)
+        m, N and T, of pairs of touches.
 
     Raises
     ------

@@ -44,13 +44,8 @@ class Labeller:
     def label(self, touch: HeldTouch) -> Label:
         """The label of a touch; every touch must be given, in the order of time.
 
-        A rest without good readings is that of the touch before.
-
-        Raises
-        ------
-        ArgumentError
-            If no chip can be believed in the rest before the first touch, or readings come from
-            another number of chips than the design has.
+        A rest without good readings is that of the touch before; `ArgumentError` if there is none,
+        or readings come from another number of chips than the design has.
         """
         if self._level is None:
             start, end = touch.rest
@@ -81,14 +76,9 @@ class Labeller:
 def labelled_touches(
     labels: Sequence[Label], chips: tuple[int, ...], *, place_spread: float, force_spread: float
 ) -> LabelledTouches:
-    """The labels that can be used, with the signals of these chips alone.
+    """The labels that can be used, with the signals of these chips alone; `ArgumentError` if none.
 
     Spreads are standard deviations of their places, m, and forces, N, along each axis.
-
-    Raises
-    ------
-    ArgumentError
-        If none can be used.
     """
     good = [label for label in labels if label.status is None]
     if not good:

@@ -22,7 +22,7 @@ def mutual_drags(grip: Floats, shares: Floats, press: Floats) -> tuple[Floats, F
     Parameters
     ----------
     grip : Floats, shape (H, 2, H, 3)
-        G, m/N, as `ResponseTable.grip`.
+        G of `ResponseTable`, m/N.
     shares : Floats, shape (B, 2, R, H)
         Share a of each vertex in each touch; with R = 3 its slopes along x and y, 1/m, as well.
     press : Floats, shape (B, 2)
@@ -31,7 +31,7 @@ def mutual_drags(grip: Floats, shares: Floats, press: Floats) -> tuple[Floats, F
     Returns
     -------
     drags : Floats, shape (B, 2, 2)
-        N: the sideways force t of each on the sheet beyond that which it has alone.
+        Sideways force t of each on the sheet beyond that which it has alone, N.
     slopes : Floats, shape (B, 2, R, 2, 2)
         Derivatives of the drags by x and y, where these slopes are given, and press of each touch.
 

@@ -202,18 +202,12 @@ class ResponseTable:
 
 
 def load_response_table(name_or_path: str | os.PathLike[str]) -> ResponseTable:
-    """Read a response table.
-
-    Parameters
-    ----------
-    name_or_path : str or path
-        The table of a design shipped with the package, such as ``"planar"``, or a file's path.
+    """Read the table of a design shipped with the package, such as ``"planar"``, or of a file.
 
     Raises
     ------
     ModelError
-        If there is no such table, or it cannot be read, is no response table or of a later format,
-        or is damaged.
+        If there is no such table, it cannot be read, is of another kind or format, or damaged.
     MissingExtraError
         If `safetensors` is not installed.
 
