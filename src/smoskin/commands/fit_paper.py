@@ -182,13 +182,7 @@ def write_virtual_bench(
 
 
 def residual_figure(fit: Fit) -> "Figure":
-    """Three panels: relative residuals of force and depth over force, fields over time.
-
-    Raises
-    ------
-    MissingExtraError
-        If matplotlib is not installed.
-    """
+    """Three panels: relative residuals of force and depth over force, fields over time."""
     try:
         from matplotlib.figure import Figure
     except ImportError as error:

@@ -94,10 +94,8 @@ def fit_calibration(
         Straight presses on cells of every layer, 45-degree loads in X and in Y on every layer
         and, best, readings of all chips, some of them untouched. Without any reading K_sf, the
         sheet's stiffness and the chips' numbers stay nominal.
-    date : str
-        ISO date of the measurement.
-    data_sha256 : str
-        SHA-256 of the measured file.
+    date, data_sha256 : str
+        ISO date of the measurement and SHA-256 of its file.
     attenuation : {"equal", "separate"}
         Whether v_a is one number, as the SI takes it, or one each in X and Y.
 

@@ -157,12 +157,8 @@ class PressModel:
     def predict(self, values: Floats, own: Floats) -> tuple[Floats, Floats, Floats]:
         """Measured less modelled values, V = 3 + 1 + 3S a touch, and their derivatives.
 
-        Parameters
-        ----------
-        values : Floats, shape (P,)
-            The skin's numbers, as `start` orders them.
-        own : Floats, shape (T, 3)
-            Press depth, m, and drag in x and y, N, of each touch.
+        The skin's numbers (P,) are ordered as `start` does; each touch's own are its press depth,
+        m, and drag in x and y, N.
 
         Returns
         -------
@@ -292,13 +288,7 @@ def _check_touches(design: SkinDesign, touches: TouchTable) -> None:
 
 
 def touched_cells(design: SkinDesign, touches: TouchTable) -> Ints:
-    """Cell (n, m) whose top vertex each touch lies on, (T, 2); the first for an untouched row.
-
-    Raises
-    ------
-    ArgumentError
-        If a touch lies further than a millimetre from every top vertex.
-    """
+    """Cell (n, m) whose top vertex each touch lies on, (T, 2); the first for an untouched row."""
     places = geometry(design).tops.reshape(-1, 2)
     where = np.where(touches.touched[:, None], touches.position, places[0])
     apart = np.linalg.norm(where[:, None] - places, axis=-1)
