@@ -45,8 +45,8 @@ def train(
     ----------
     table : ResponseTable or path
         Table of a design, for any skin made of it; or of one skin that was calibrated.
-    minutes : float, optional
-        Longest time of the training; all epochs of the effort by default.
+    minutes, members : optional
+        Longest time, and networks of the ensemble; those of the effort by default.
     seed : int
         Seed of the first weights and of all touches that are drawn.
     design : SkinDesign or str, optional
@@ -55,17 +55,15 @@ def train(
         Chips that the network reads; all of the table by default.
     drag : float
         Largest drag that it shall tell, N; 0: touches are straight.
-    members : int, optional
-        Networks of the ensemble; those of the effort by default.
     effort : TrainingEffort, optional
-        Sizes and lengths of which `minutes`, `seed` and `members` replace the like.
+        Sizes and lengths.
     start : NetworkModel or path, optional
         A network to go on from, such as the design's for one skin of it; its sizes are kept.
     checkpoint : Path, optional
         File that is written after every epoch; where it exists, training goes on from there.
     curve : Path, optional
         File of the learning curve, a line of JSON for each epoch.
-    progress : Progress, optional
+    progress : Progress
         Listener.
 
     Raises
@@ -123,11 +121,8 @@ def checkpoint_of(out: Path, *, resume: bool) -> Path:
     """
     checkpoint = out.with_name(out.name + ".checkpoint")
     if checkpoint.exists() is not resume:
-        raise ArgumentError(
-            f"resume must be asked for where a training was stopped, or remove {checkpoint}"
-            if checkpoint.exists()
-            else f"resume must be asked for where a training was stopped; got no {checkpoint}"
-        )
+        hint = f"; got no {checkpoint}" if resume else f", or remove {checkpoint}"
+        raise ArgumentError(f"resume must be asked for where a training was stopped{hint}")
     return checkpoint
 
 

@@ -24,10 +24,8 @@ from smoskin.sensing.signals.zero import IdleBand, Zero, ZeroTracking
 _FILE: Final = TensorFile("a model file", "smoskin_model", 2)
 _BAD: Final = int(ChipFlag.MISSING | ChipFlag.INVALID)
 _FULL: Final = int(ChipFlag.SATURATED | ChipFlag.WRAPPED)
-_ROWS: Final = 5
-"""Rows of an estimate's covariance."""
-_LARGEST: Final = 1e6
-"""T: no chip measures more, and squares of more overflow."""
+_ROWS: Final = 5  # of an estimate's covariance
+_LARGEST: Final = 1e6  # T; no chip measures more, and squares of more overflow
 
 
 class Output(Enum):
@@ -39,11 +37,9 @@ class Output(Enum):
     FY = 3
     FZ = 4
     XX = 5
-    """Mean square of x about X over all touches; X and Y are then the touches' centre."""
     XY = 6
-    """Mean product of x and y about X and Y."""
     YY = 7
-    """Mean square of y about Y."""
+    """Mean square of y about Y, as XX and XY: of all touches, whose centre X and Y then are."""
 
     @property
     def unit(self) -> str:
@@ -138,10 +134,9 @@ class LearnedModel:
             raise ModelError("model: must have examples, outputs and positive scales")
         if not (self.reach > 0 and self.touch_field >= 0):
             raise ModelError("model: reach must be positive and touch_field not negative")
-        if self.chips_in_reading <= max(self.encoding.chips):
-            raise ModelError(
-                f"model: uses the chips {self.encoding.chips} of {self.chips_in_reading}"
-            )
+        chips = self.encoding.chips
+        if self.chips_in_reading <= max(chips):
+            raise ModelError(f"model: uses the chips {chips} of {self.chips_in_reading}")
 
     def predict(self, inputs: Floats) -> Prediction:
         """Outputs for encoded fields, (T, D), as `Encoding.encode` gives them.
@@ -160,9 +155,8 @@ class LearnedModel:
         kernel = (1.0 + distance) * np.exp(-distance)
         values = kernel @ self.weights + row @ self.slope + self.intercept
         factor = self.noise[0] + self.noise[1] * self.encoding.faintness(inputs)
-        return Prediction(
-            values, factor[:, None, None] * self.residual, distance.min(axis=1) / self.reach
-        )
+        covariance = factor[:, None, None] * self.residual
+        return Prediction(values, covariance, distance.min(axis=1) / self.reach)
 
     def save(self, path: Path | str) -> None:
         """Write the model file: arrays, and what they mean as JSON in the file's header.
@@ -176,12 +170,12 @@ class LearnedModel:
         header = {
             "input": {
                 "chips_in_reading": self.chips_in_reading,
-                "chips": list(encoding.chips),
+                "chips": encoding.chips,
                 "axes": "x, y, z of each chip in turn",
                 "unit": "T",
                 "zero": "less the mean of readings of the untouched skin",
                 "form": encoding.form.name,
-                "time_constants_s": list(encoding.time_constants),
+                "time_constants_s": encoding.time_constants,
                 "past": encoding.past.name,
                 "floor_T": encoding.floor,
             },

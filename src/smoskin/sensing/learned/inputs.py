@@ -18,10 +18,7 @@ class Form(Enum):
     """How a field is laid out for a model; the value is a sentence for people."""
 
     COMPONENTS = "Every component of the used chips' zeroed field, in T."
-    DIRECTION = (
-        "Components of the used chips' zeroed field over its length across all of them, and the "
-        "logarithm of that length over 1 T: how hard is told apart from where."
-    )
+    DIRECTION = "The same over its length across all of these chips, and that length's logarithm."
 
 
 class Past(Enum):
@@ -29,8 +26,7 @@ class Past(Enum):
 
     COMPONENTS = "Every component of the used chips' zeroed field, in T."
     STRENGTH = (
-        "The logarithm of the field's length alone: a rubber's hysteresis is a share of its load, "
-        "so that what is learned of it holds at any load."
+        "The logarithm of the field's length: hysteresis is a share of the load, at any load."
     )
 
 

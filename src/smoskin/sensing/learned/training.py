@@ -23,14 +23,10 @@ from smoskin.roles import Progress, unheard
 from smoskin.sensing.learned.gaussian_process import LearnedModel, Metric, Output
 from smoskin.sensing.learned.inputs import Encoding, Form
 
-_JITTER: Final = 1e-8
-"""Variance added to the noise's, in units of the targets'."""
-_HELD_OUT: Final = 0.15
-"""Share of the groups that are held out."""
-_BELIEVED_SHARE: Final = 0.99
-"""Share of the held-out examples that decide how far a model is believed."""
-_BEYOND: Final = 2.0
-"""A model is believed to this multiple of the distance that holds the believed share."""
+_JITTER: Final = 1e-8  # variance added to the noise's, in units of the targets'
+_HELD_OUT: Final = 0.15  # share of the groups that are held out
+_BELIEVED_SHARE: Final = 0.99  # of the held-out examples, which decide how far a model is believed
+_BEYOND: Final = 2.0  # distance that is believed, over that which holds the believed share
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -138,19 +134,17 @@ def train_model(
 
     Parameters
     ----------
-    examples : Examples
-        Readings with known answers.
-    encoding : Encoding
-        Layout of the model's inputs.
-    seed : int, optional
+    examples, encoding : Examples, Encoding
+        Readings with known answers, and how the model's inputs are laid out.
+    seed : int
         Seed of the draw of what is held out and left out.
     effort : FittingEffort, optional
         How much work is done.
-    place : array_like, shape (2,), optional
+    place : array_like, shape (2,)
         Place where the examples were made, m, for outputs without X and Y.
-    touch_field : float, optional
+    touch_field : float
         Length of the field below which there is no touch, T.
-    progress : Progress, optional
+    progress : Progress
         Listener.
 
     Raises

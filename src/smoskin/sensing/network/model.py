@@ -129,15 +129,9 @@ class NetworkModel:
         return len(self.layers[0].weights)
 
     def predict(self, signals: ArrayLike, temperature: float = REFERENCE_TEMPERATURE) -> Prediction:
-        """The touches behind B rows of signals.
+        """The touches behind signals (B, 3 S), T, of the model's chips, on rubber at so many degC.
 
-        Parameters
-        ----------
-        signals : array_like, shape (B, 3 S)
-            Signals of the model's chips, T, as `smoskin.sensing.response.table.ResponseTable`
-            defines them.
-        temperature : float, optional
-            Temperature of the rubber, degC.
+        Signals are those that `smoskin.sensing.response.table.ResponseTable` defines.
 
         Raises
         ------

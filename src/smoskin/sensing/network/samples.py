@@ -22,18 +22,12 @@ from smoskin.sensing.learned.inputs import direction_and_strength
 from smoskin.sensing.network.model import Layer, NetworkModel, Singles
 from smoskin.sensing.response.table import ResponseTable
 
-_FLOOR: Final = 1e-6
-"""Length added to the signals' in quadrature, T: a fraction of the chips' noise."""
-_SKINS: Final = 128
-"""Skins of each held-out set."""
-_TOUCHES: Final = 96
-"""Touches of each of them."""
-_FEW: Final = 16
-"""Skins whose touches are laid out at once."""
-_KEPT: Final = ("layers", "centre", "scale", "middle", "size")
-"""Fields of a network that a training goes on from."""
-_NOTHING: Final = 1e-9
-"""Share of a vertex in a touch that is none."""
+_FLOOR: Final = 1e-6  # T; added to the signals' length in quadrature, a fraction of their noise
+_SKINS: Final = 128  # of each held-out set
+_TOUCHES: Final = 96  # of each of these skins
+_FEW: Final = 16  # skins whose touches are laid out at once
+_KEPT: Final = ("layers", "centre", "scale", "middle", "size")  # what a training goes on from
+_NOTHING: Final = 1e-9  # share of a vertex in a touch that is none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -45,31 +45,22 @@ State: TypeAlias = Any
 Examples: TypeAlias = tuple[Singles, Singles]
 
 _CHECKPOINT: Final = TensorFile("a training checkpoint", "smoskin_training", 1)
-_CLIP: Final = 5.0
-"""Length of the gradient above which it is shortened."""
-_HOLDS: Final = 0.9
-"""Share of truths that stated regions of so much shall hold."""
-_BEYOND: Final = 1.3
-"""A model is believed to this multiple of the distance at which held-out touches lie at most."""
-_FIRM: Final = 0.3
-"""Normal force from which touches count for the figures, N."""
-_MEMORY: Final = 0.99
-"""Share of the running mean of squared gradients that a step keeps."""
-_STEP: Final = 0.2
-"""Root mean square of a step of Muon's, over the rate; one of Adam's is about 1."""
-_AVERAGED: Final = 0.98
-"""Share of the running average of weights that a step keeps."""
+_CLIP: Final = 5.0  # length of the gradient above which it is shortened
+_HOLDS: Final = 0.9  # share of truths that stated regions shall hold
+_BEYOND: Final = 1.3  # distance that is believed, over the largest of held-out touches
+_FIRM: Final = 0.3  # N; normal force from which touches count for the figures
+_MEMORY: Final = 0.99  # share of the running mean of squared gradients that a step keeps
+_STEP: Final = 0.2  # root mean square of a step of Muon's, over the rate; Adam's is about 1
+_AVERAGED: Final = 0.98  # share of the running average of weights that a step keeps
 
 
 class Epoch(NamedTuple):
     """A point of the learning curve."""
 
     epoch: int
-    """Number of epochs that were done."""
     seconds: float
     """Time spent so far."""
     rate: float
-    """Rate of learning."""
     training: float
     """Loss, mean over the epoch: negative log likelihood, nats a touch."""
     held_out: float
