@@ -18,11 +18,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import ExitStack
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple, TypeVar, final
+from typing import Any, Final, NamedTuple, TypeAlias, TypeVar, final
 
 from smoskin.errors import ArgumentError, EngineError, MissingExtraError
 
 Result = TypeVar("Result")
+_Opened: TypeAlias = tuple[Callable[[], Executor], Callable[[], int], Callable[..., Any]]
 
 #: Environment of every worker: each library's arithmetic in one thread (NPROC is XLA's).
 ONE_THREAD: Final[Mapping[str, str]] = MappingProxyType(
@@ -150,9 +151,7 @@ class Engine:
                         ) from error
             yield from done
 
-    def _open(
-        self, stack: ExitStack
-    ) -> tuple[Callable[[], Executor], Callable[[], int], Callable[..., Any]]:
+    def _open(self, stack: ExitStack) -> _Opened:
         """What starts a worker, how many may be busy, and what computes an item on one."""
         if self.scheduler is not None:
             return self._open_cluster(stack, self.scheduler)
@@ -170,9 +169,7 @@ class Engine:
 
         return start, lambda: self.workers, _computed
 
-    def _open_cluster(
-        self, stack: ExitStack, address: str
-    ) -> tuple[Callable[[], Executor], Callable[[], int], Callable[..., Any]]:
+    def _open_cluster(self, stack: ExitStack, address: str) -> _Opened:
         """The same on a dask cluster, which has a dead worker's items computed again itself."""
         distributed = _distributed()
         place: Any = address
