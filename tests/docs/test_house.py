@@ -38,7 +38,7 @@ def code_lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
 
 
 def test_the_wheel_only_shrinks():
-    assert sum(text.count("\n") for text in FILES.values()) <= 28_450
+    assert sum(text.count("\n") for text in FILES.values()) <= 24_000
 
 
 def test_no_file_has_over_450_lines():

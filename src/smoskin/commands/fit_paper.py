@@ -162,12 +162,8 @@ def write_virtual_bench(
 
     The skin is the whole sheet's twin, every cell of which is pressed and dragged, or one of the
     reduced model, whose coefficients the loads of SI Text S5 tell. The seed is that of the skin
-    and of the bench's noise.
-
-    Raises
-    ------
-    MissingExtraError
-        If the whole sheet is asked for without the extra ``twin``.
+    and of the bench's noise. The whole sheet without the extra ``twin`` raises a
+    `MissingExtraError`.
     """
     rng = np.random.default_rng(seed)
     if sheet == "reduced":

@@ -43,13 +43,7 @@ _WARMTH: Final = tuple(REFERENCE_TEMPERATURE + degrees for degrees in (-10.0, 0.
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effort:
-    """How much is pressed.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is not positive.
-    """
+    """How much is pressed; numbers that are not positive raise an `ArgumentError`."""
 
     presses: int = 12_000
     """Presses of the skin as designed, one touch each."""

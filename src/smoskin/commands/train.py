@@ -114,10 +114,8 @@ def figure_rows(trained: "Trained") -> "Table":
 def checkpoint_of(out: Path, *, resume: bool) -> Path:
     """The checkpoint's file beside a model's, asked for whether training shall go on from it.
 
-    Raises
-    ------
-    ArgumentError
-        If a training was stopped here and it is not to be resumed, or the other way round.
+    It raises an `ArgumentError` if a training was stopped here and is not to be resumed, or the
+    other way round.
     """
     checkpoint = out.with_name(out.name + ".checkpoint")
     if checkpoint.exists() is not resume:
@@ -129,10 +127,7 @@ def checkpoint_of(out: Path, *, resume: bool) -> Path:
 def write_network(trained: "Trained", out: Path, onnx: Path | None = None) -> list[Path]:
     """Write a network to `out`, and to `onnx` as an ONNX file; the files written.
 
-    Raises
-    ------
-    MissingExtraError
-        If `safetensors`, or `onnx` where it is needed, is not installed.
+    It raises a `MissingExtraError` without `safetensors`, or `onnx` where that is needed.
     """
     trained.save(out)
     if onnx is None:
@@ -144,13 +139,7 @@ def write_network(trained: "Trained", out: Path, onnx: Path | None = None) -> li
 
 
 def parse_chips(text: str) -> tuple[int, ...]:
-    """Chips of a text such as ``1,2``.
-
-    Raises
-    ------
-    ArgumentError
-        If the text is no such list.
-    """
+    """Chips of a text such as ``1,2``; any other raises an `ArgumentError`."""
     try:
         return tuple(int(chip) for chip in text.split(","))
     except ValueError as error:

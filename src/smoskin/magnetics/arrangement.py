@@ -39,23 +39,10 @@ def rotation_matrix(vector: ArrayLike) -> Floats:
 def arrangement_field(
     magnets: Sequence[Magnet], places: ArrayLike, rotations: ArrayLike, points: ArrayLike
 ) -> Floats:
-    """Flux density of all magnets together.
+    """Flux density of G magnets together at points (..., S, 3), m: B in the common frame, T.
 
-    Parameters
-    ----------
-    magnets : sequence of Magnet
-        G discs, wherever they are mounted.
-    places : array_like, shape (..., G, 3)
-        Middles of the discs, m.
-    rotations : array_like, shape (..., G, 3, 3)
-        From each magnet's frame to the common one.
-    points : array_like, shape (..., S, 3)
-        Points, m.
-
-    Returns
-    -------
-    Floats, shape (..., S, 3)
-        B, T, in the common frame; NaN where a pose or a point is not finite.
+    Magnets have their middles at `places`, (..., G, 3), m, and are turned by `rotations`,
+    (..., G, 3, 3), from their frames to the common one. NaN where a pose or point is not finite.
 
     Raises
     ------

@@ -33,10 +33,7 @@ _STEPS: Final = 200
 def amplitude(remanence: float, wave_number: float, thickness: float) -> float:
     """Amplitude K = mu_0 m_0 (1 - exp(-k d)) / 2 of the ideal field at the magnet's face, T.
 
-    Parameters
-    ----------
-    remanence, wave_number, thickness : float
-        m_0, A/m; k, 1/m; d, m.
+    Remanence m_0 is in A/m, wave number k in 1/m, thickness d in m.
 
     Raises
     ------
@@ -126,20 +123,9 @@ def stack_corrections(corrections: Sequence[LinearCorrection]) -> LinearCorrecti
 
 
 def displacement(correction: LinearCorrection, field: ArrayLike) -> Floats:
-    """Displacement of the magnet from rest that explains a field.
+    """Displacement of a magnet from its rest opposite its chip, (..., 3), m, by the field there.
 
-    Parameters
-    ----------
-    correction : LinearCorrection
-        Correction of the magnet that the chip watches.
-    field : array_like, shape (..., 3)
-        B at the chip, in the magnet's axes, T.
-
-    Returns
-    -------
-    Floats, shape (..., 3)
-        How far the magnet stands from where it rests opposite the chip, m; not finite where
-        the corrected Bz = 0.
+    The field, (..., 3), T, is in the magnet's axes; not finite where the corrected Bz = 0.
 
     Raises
     ------
@@ -172,17 +158,10 @@ def displaced(
 def fit_correction(magnet: Magnet, gap: float, stroke: float) -> LinearCorrection:
     """Correction that makes the closed inverse true to the exact field, in least squares.
 
-    The wave number has the least displacement error; by symmetry x and y share their factor and
-    have no offset.
-
-    Parameters
-    ----------
-    magnet : Magnet
-        On the sheet it has its chip below, on the base above.
-    gap : float
-        From the magnet's nearer face to the chip at rest, m.
-    stroke : float
-        Radius of the ball of displacements that the fit covers, m; less than the gap.
+    The fit covers a ball of displacements with the radius `stroke`, m, of a magnet whose nearer
+    face is a `gap`, m, from its chip at rest; the chip lies below a magnet of the sheet, above one
+    of the base. The wave number has the least displacement error; by symmetry x and y share their
+    factor and have no offset.
 
     Raises
     ------

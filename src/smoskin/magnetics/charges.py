@@ -26,16 +26,8 @@ _EYE: Final = np.eye(3)
 def point_charges(magnets: Sequence[Magnet]) -> tuple[Floats, Floats]:
     """Charges that stand for each of S magnets, in its own frame.
 
-    Parameters
-    ----------
-    magnets : sequence of Magnet
-
-    Returns
-    -------
-    positions : Floats, shape (S, 160, 3)
-        m, from the disc's centre.
-    charges : Floats, shape (S, 160)
-        T m^2: B = q d / |d|^3 at d from the charge.
+    Places (S, 160, 3), m, from the disc's centre, and charges (S, 160), T m^2:
+    B = q d / |d|^3 at d from the charge.
 
     Raises
     ------
@@ -82,25 +74,11 @@ def _charges(magnet: Magnet) -> tuple[Floats, Floats]:
 def charge_field_and_gradient(
     positions: Floats, charges: Floats, points: Floats
 ) -> tuple[Floats, Floats]:
-    """Flux density and its gradient at S points, each of its own Q charges.
+    """Flux density (..., S, 3), T, and gradient (..., S, 3, 3), T/m, at S points of Q charges each.
 
-    Arguments are not checked: this is the innermost call of a live estimator.
-
-    Parameters
-    ----------
-    positions : Floats, shape (S, Q, 3)
-        Charges' places as `point_charges` lays them out, m.
-    charges : Floats, shape (S, Q)
-        T m^2.
-    points : Floats, shape (..., S, 3)
-        Point s in the frame of magnet s, m.
-
-    Returns
-    -------
-    density : Floats, shape (..., S, 3)
-        B, T.
-    gradient : Floats, shape (..., S, 3, 3)
-        dB_i/dx_j at [..., i, j], T/m.
+    Places (S, Q, 3), m, and charges (S, Q), T m^2, are as `point_charges` lays them out; point s of
+    (..., S, 3), m, is in the frame of magnet s; dB_i/dx_j stands at [..., i, j]. Arguments are not
+    checked: this is the innermost call of a live estimator.
     """
     away = points[..., None, :] - positions
     square = np.einsum("...qi,...qi->...q", away, away)

@@ -55,10 +55,7 @@ class MadeChips:
     def rotations(self, sites: Sequence[HallSite]) -> Floats:
         """Rotations R from the made chips' axes to the skin's, (S, 3, 3): B_skin = R @ B_chip.
 
-        Raises
-        ------
-        ArgumentError
-            If there are not S sites.
+        Sites of another number than S raise an `ArgumentError`.
         """
         if len(sites) != len(self.turn):
             raise ArgumentError(f"sites must be those of {len(self.turn)} chips; got {len(sites)}")
@@ -67,10 +64,7 @@ class MadeChips:
     def answers(self, field: ArrayLike) -> Floats:
         """Field that errorless chips would have to be in to read the same, (..., S, 3), T.
 
-        Parameters
-        ----------
-        field : array_like, shape (..., S, 3)
-            B along the made chips' own axes, T.
+        `field`, (..., S, 3), T, is B along the made chips' own axes.
         """
         true = floats("field", field, (len(self.turn), 3))
         taken = true + np.einsum("...ij,...j->...i", self.cross_axis, true)

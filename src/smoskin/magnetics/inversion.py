@@ -54,13 +54,8 @@ def rest_cross_talk(design: SkinDesign) -> Floats:
 class FieldInverse:
     """Solves B(rest + moved) = field for every chip of a design, B of its own magnet.
 
-    Parameters
-    ----------
-    design : SkinDesign
-    tolerance : float
-        m: where the corrected ideal inverse may err by more, Newton steps follow it.
-    stroke : float
-        m: farthest motion that counts as a solution, along each axis.
+    Where the corrected ideal inverse may err by more than `tolerance`, m, Newton steps follow it;
+    motions within `stroke`, m, along each axis count as solutions.
     """
 
     def __init__(
@@ -91,10 +86,8 @@ class FieldInverse:
     def displacements(self, fields: Floats) -> Displacements:
         """Motion of each chip against its magnet.
 
-        Parameters
-        ----------
-        fields : Floats, shape (T, S, 3)
-            Fields of each chip's own magnet at reference temperature, in the skin's frame, T.
+        Fields, (T, S, 3), T, are those of each chip's own magnet at reference temperature, in the
+        skin's frame.
         """
         if len(fields) == 1 and (alone := self._usable_alone(fields[0])) is not None:
             return Displacements(alone, np.ones(1, dtype=np.bool_))

@@ -144,24 +144,11 @@ def measure(
     rng: np.random.Generator | None = None,
     model: HallNoise | None = None,
 ) -> HallSample:
-    """One conversion of each chip.
+    """One conversion of each chip; without a generator the chips are noiseless.
 
-    Parameters
-    ----------
-    field : array_like, shape (..., 3)
-        B in the chip's own axes, T.
-    setting : HallSetting
-    temperature : array_like, shape (...), optional
-        Temperature of the chips, degC; broadcast against the field.
-    rng : numpy.random.Generator, optional
-        Generator of noise; without one the chips are noiseless.
-    model : HallNoise, optional
-
-    Returns
-    -------
-    HallSample
-        At RES 0 and 1 a field beyond +-32768 counts wraps to a false value without a flag; at
-        RES 2 and 3 the converter's own rails are seen, and flagged.
+    The field, (..., 3), T, is in the chip's own axes; the chips' temperature, (...), degC, is
+    broadcast against it. At RES 0 and 1 a field beyond +-32768 counts wraps to a false value
+    without a flag; at RES 2 and 3 the converter's own rails are seen, and flagged.
 
     Raises
     ------
@@ -193,10 +180,7 @@ def measure(
 def tesla(counts: ArrayLike, setting: HallSetting) -> Floats:
     """Field, T, in the chip's own axes, that signed counts (..., 3) stand for: their lower edge.
 
-    Raises
-    ------
-    ArgumentError
-        If `counts` is not (..., 3).
+    Counts of another shape raise an `ArgumentError`.
     """
     return floats("counts", counts, (3,)) * sensitivity(setting)
 
@@ -237,11 +221,7 @@ def settles(setting: HallSetting) -> bool:
 def conversion_time(setting: HallSetting, temperature_oversampling: int | None = None) -> float:
     """Time of one measurement of x, y and z, from the command to the data, s.
 
-    Parameters
-    ----------
-    setting : HallSetting
-    temperature_oversampling : int, optional
-        OSR2, 0..3, where the temperature is measured too; it is not by default.
+    The temperature is measured too where its oversampling OSR2, 0..3, is given.
 
     Raises
     ------

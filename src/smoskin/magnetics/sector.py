@@ -26,21 +26,11 @@ _BLOCK: Final = 512
 
 
 def field(magnet: Magnet, points: ArrayLike) -> Floats:
-    """Flux density of the magnet, B, in its own frame.
+    """Flux density B of the magnet at points (..., 3), m, from the disc's centre, (..., 3), T.
 
-    Parameters
-    ----------
-    magnet : Magnet
-        The disc, wherever it is mounted.
-    points : array_like, shape (..., 3)
-        Points, m, from the disc's centre.
-
-    Returns
-    -------
-    Floats, shape (..., 3)
-        T. Inside the disc the magnetisation is included, on the plane between two sectors as
-        their mean. On an outer surface the outer limit; on a sharp edge, where B has no limit,
-        the value 1e-9 radii off it. NaN where a coordinate is not finite.
+    Both are in its own frame. Inside the disc the magnetisation is included, on the plane between
+    two sectors as their mean. On an outer surface it is the outer limit; on a sharp edge, where B
+    has no limit, the value 1e-9 radii off it. NaN where a coordinate is not finite.
 
     Raises
     ------

@@ -24,17 +24,9 @@ Figure S14). Below 25 the law of weakening is carried on."""
 
 
 def temperature_factor(temperature: ArrayLike) -> Floats:
-    """Field of a magnet over its field at the reference temperature.
+    """Field of a magnet over its field at the reference temperature, at temperatures in degC.
 
-    Parameters
-    ----------
-    temperature : array_like, any shape
-        Temperature of the magnet, degC.
-
-    Returns
-    -------
-    Floats
-        Factor, the same for all three components; NaN where the temperature is NaN.
+    It is the same for all three components; NaN where the temperature is NaN.
 
     Notes
     -----

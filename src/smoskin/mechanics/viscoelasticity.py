@@ -83,10 +83,7 @@ ELASTIC: Final = Prony(moduli=(), times=())
 def elastomer_prony(material: str) -> Prony:
     """The solid of an elastomer, by its name in `smoskin.design.materials.ELASTOMERS`.
 
-    Raises
-    ------
-    ArgumentError
-        If the material is unknown.
+    An unknown material raises an `ArgumentError`.
 
     Examples
     --------
@@ -129,13 +126,8 @@ def _elastomer(material: str) -> Elastomer:
 class Memory:
     """Creep of a response, one step after the other.
 
-    Parameters
-    ----------
-    prony : Prony
-        The elastomer's.
-    settled : array_like, any shape
-        Elastic response under which it has rested long enough to forget all before; zeros for an
-        untouched skin. Its shape is that of every later response.
+    It begins with the elastic response, of any shape, under which the elastomer has rested long
+    enough to forget all before: zeros for an untouched skin.
 
     Notes
     -----
@@ -158,13 +150,7 @@ class Memory:
         self.reset(settled)
 
     def reset(self, settled: ArrayLike) -> None:
-        """Forget everything but that the skin has rested under this response.
-
-        Raises
-        ------
-        ArgumentError
-            If the response is not finite.
-        """
+        """Forget all but that the skin has rested under this response, which must be finite."""
         rest = floats("settled", settled)
         if not np.isfinite(rest).all():
             raise ArgumentError(f"settled must be finite; got {rest}")
@@ -173,15 +159,10 @@ class Memory:
         self._shape = rest.shape
 
     def step(self, duration: float, response: ArrayLike) -> Floats:
-        """The creeping response after the elastic one has changed evenly to a new value.
+        """The creeping response after the elastic one has changed evenly to a new one of its shape.
 
-        Parameters
-        ----------
-        duration : float
-            s since the last step; 0 for a jump.
-        response : array_like
-            Elastic, of the shape of `settled`. Where it is not a number the answer is none
-            either, and the memory goes on from the last that was.
+        `duration` is in s since the last step, 0 for a jump. Where the response is not a number the
+        answer is none either, and the memory goes on from the last that was.
 
         Raises
         ------
@@ -227,13 +208,8 @@ class Memory:
 def creep(prony: Prony, times: ArrayLike, response: ArrayLike) -> Floats:
     """The creeping response over a whole history, (T, ...): what `Memory` answers step by step.
 
-    Parameters
-    ----------
-    prony : Prony
-    times : array_like, shape (T,)
-        s, never falling; a time that occurs twice is a jump.
-    response : array_like, shape (T, ...)
-        Elastic response, changing evenly in between; the skin has rested under the first.
+    The elastic response, (T, ...), changes evenly between the times, (T,), s, which never fall; a
+    time that occurs twice is a jump. The skin has rested under the first response.
 
     Raises
     ------

@@ -150,12 +150,8 @@ def measure(
     """The table that a bench writes: noisy gauge, noisy stage, noisy chips, slowly warming.
 
     Warmth acts on magnets and chips, not on the rubber. `gauge_noise` is the standard deviation of
-    force and depth, relative to their size.
-
-    Raises
-    ------
-    ArgumentError
-        If the noise is negative, or a load lies off the skin or pulls at it.
+    force and depth, relative to their size. It raises an `ArgumentError` if the noise is negative,
+    or a load lies off the skin or pulls at it.
     """
     if not gauge_noise >= 0:
         raise ArgumentError(f"gauge_noise must be >= 0; got {gauge_noise}")

@@ -38,13 +38,8 @@ class Creep:
     def step(self, duration: float, motion: Motion) -> Motion:
         """The motion so many seconds after the last one.
 
-        Parameters
-        ----------
-        duration : float
-            s since the last step.
-        motion : Motion
-            One state, in which the present touches would hold the skin for good. Where it is
-            invalid the answer is invalid too, and the memory goes on from the last that was not.
+        The given motion is the one in which the present touches would hold the skin for good. Where
+        it is invalid the answer is too, and the memory goes on from the last that was not.
 
         Raises
         ------

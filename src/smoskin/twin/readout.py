@@ -27,16 +27,7 @@ from smoskin.twin.surroundings import Surroundings
 
 
 class Readout:
-    """The magnetic half of a twin.
-
-    Parameters
-    ----------
-    design : SkinDesign
-    deviations : Deviations, optional
-        How the made skin differs; by default not at all.
-    surroundings : Surroundings, optional
-        By default none.
-    """
+    """The magnetic half of a twin: by default as designed, with nothing around it."""
 
     def __init__(
         self,

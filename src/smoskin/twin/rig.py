@@ -163,13 +163,8 @@ def drifting_readings(
 
     Parameters
     ----------
-    twin : VirtualSkin
-    motion : Motion
-        Batch of T states.
     times, durations : Floats, shape (T,)
         Time of each reading, and time since the one before, s.
-    rng : numpy.random.Generator
-        Generator of noise and drift.
     temperature : float
         Temperature of skin and chips, degC.
     drift : float

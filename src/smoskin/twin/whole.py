@@ -53,18 +53,14 @@ class Twin(MagneticSkin):
 
     Parameters
     ----------
-    design : SkinDesign
     seed : int or None
         Seed of the made skin and, apart from it, of the chips' noise: the same seed gives the
         same skin and the same readings. None gives ideal chips: no noise, no quantisation, no
         limits.
     manufactured : bool
-        Whether to draw one skin from the tolerances; by default it is as designed.
-    tolerances : Tolerances, optional
-        What a manufactured skin is drawn from; `Tolerances()` by default.
+        Whether to draw one skin from the tolerances, `Tolerances()` by default.
     grip : Grip, optional
         How touches hold on to the skin; by default they stick.
-    surroundings : Surroundings, optional
 
     Raises
     ------

@@ -139,10 +139,7 @@ class Optimised:
     def write(self, path: Path | str) -> tuple[Path, Path]:
         """Write the new design to this TOML document and the comparison beside it, as JSON.
 
-        Raises
-        ------
-        MissingExtraError
-            If the TOML writer is not installed.
+        It raises a `MissingExtraError` if the TOML writer is not installed.
         """
         document = Path(path)
         document.write_text(format_design(self.after), encoding="utf-8")

@@ -104,12 +104,8 @@ class PressedSheet:
     def slopes(self, design: SkinDesign) -> tuple[Floats, Floats]:
         """Signals of the chips of a design with this sheet, and their slopes, at every place.
 
-        Returns
-        -------
-        signals : Floats, shape (L, W, C)
-            Signals less those of the untouched skin, T.
-        slopes : Floats, shape (L, W, C, 5)
-            T/m and T/N, as `smoskin.sensing.response.bound.bound_of_slopes` takes them.
+        Signals less those of the untouched skin, (L, W, C), T; slopes (L, W, C, 5), T/m and T/N, as
+        `smoskin.sensing.response.bound.bound_of_slopes` takes them.
         """
         motion = self._motion(design, slice(0, self._near))
         readout = Readout(design, self.deviations)
@@ -151,12 +147,8 @@ def design_bound(
 ) -> BoundMap:
     """The bound of a design, or of one made skin of it, that has no response table.
 
-    Touches have this normal force, N, and no drag; `drags` says whether drags are unknown too.
-
-    Raises
-    ------
-    ArgumentError
-        If the force or the places are not positive, or a touch has no equilibrium.
+    Touches have this normal force, N, and no drag; `drags` says whether drags are unknown too. It
+    raises an `ArgumentError` if force or places are not positive, or a touch has no equilibrium.
     """
     sheet = PressedSheet(design, made, force=force, places=places, rated_places=(2, 2))
     slopes = sheet.slopes(design)[1]

@@ -51,11 +51,7 @@ class Objective:
     """The bound of location that is made small, drags unknown and drags known to be none.
 
     Over a map of bounds b, the mean of b plus a weight times its 99 % quantile, averaged over both.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of its range.
+    Numbers out of their range raise an `ArgumentError`.
     """
 
     force: float = 0.5
@@ -80,13 +76,7 @@ class Objective:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchEffort:
-    """How long a design is searched for.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is not positive.
-    """
+    """How long a design is searched for; numbers that are not positive raise an `ArgumentError`."""
 
     steps: int = 40
     """Designs tried in each search with constraints; the first ones, with each rubber, take half as

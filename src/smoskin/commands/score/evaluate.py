@@ -51,10 +51,7 @@ _TEMPERATURES: Final = (15.0, 35.0)
 class Exam:
     """Touches of one force after the other, 0.1 to 1 N, on made skins at 15 to 35 degC.
 
-    Raises
-    ------
-    ArgumentError
-        If a number is out of its range.
+    Numbers out of their range raise an `ArgumentError`.
     """
 
     skins: tuple[int, ...] = (1, 2)
@@ -107,12 +104,7 @@ class Exam:
 
 
 def parse_places(text: str) -> tuple[int, int]:
-    """Places of a grid as people write them.
-
-    Raises
-    ------
-    ArgumentError
-        If it is not two whole numbers.
+    """Places of a grid as people write them; any other text raises an `ArgumentError`.
 
     Examples
     --------

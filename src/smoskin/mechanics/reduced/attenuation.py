@@ -76,17 +76,9 @@ def frame_shift(count: int, attenuation: float) -> Floats:
 def profiles(
     cell: MiuraCell, cells: tuple[int, int], attenuation: tuple[float, float], press: float
 ) -> Profiles:
-    """Column displacements for a press on each cell in turn, in separated parts.
+    """Column displacements for a press dh on each of (N, M) cells in turn, in separated parts.
 
-    Parameters
-    ----------
-    cell : MiuraCell
-    cells : tuple of int
-        (N, M).
-    attenuation : tuple of float
-        (v_aX, v_aY).
-    press : float
-        dh of the loaded vertex, m; negative presses.
+    `attenuation` is (v_aX, v_aY), `press` the dh of the loaded vertex, m; negative presses.
 
     Notes
     -----
@@ -110,13 +102,7 @@ def profiles(
 
 
 def column_displacements(parts: Profiles, loaded: tuple[int, int]) -> Floats:
-    """In-plane displacement of every column for one loaded cell, shape (2N + 1, M + 1, 2), m.
-
-    Parameters
-    ----------
-    parts : Profiles
-    loaded : tuple of int
-        (n0, m0), from 0.
+    """In-plane displacement of every column, (2N + 1, M + 1, 2), m, for a loaded cell (n0, m0).
 
     Notes
     -----
@@ -130,14 +116,8 @@ def column_displacements(parts: Profiles, loaded: tuple[int, int]) -> Floats:
 def magnet_displacements(parts: Profiles, corner: tuple[int, int]) -> Floats:
     """Displacement of a magnet at a corner of the grid for a press on each cell, (N, M, 2), m.
 
-    Its holder hangs between columns of the cells' middle lines, which have no zigzag, so that it
-    moves with the lines between the cells.
-
-    Parameters
-    ----------
-    parts : Profiles
-    corner : tuple of int
-        (p, q), at (p l, q w).
+    Corner (p, q) lies at (p l, q w). The holder hangs between columns of the cells' middle lines,
+    which have no zigzag, so that it moves with the lines between the cells.
 
     Notes
     -----

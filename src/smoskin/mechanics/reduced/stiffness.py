@@ -83,15 +83,9 @@ def sheet_stiffness(design: SkinDesign) -> float:
 def relative_stiffness_map(
     cell: MiuraCell, cells: tuple[int, int], attenuation: tuple[float, float]
 ) -> Floats:
-    """K_B / k_bc of a press on each cell's loaded vertex, which moves in z only, shape (N, M).
+    """K_B / k_bc of a press on each of (N, M) cells' loaded vertices, which move in z only, (N, M).
 
-    Parameters
-    ----------
-    cell : MiuraCell
-    cells : tuple of int
-        (N, M).
-    attenuation : tuple of float
-        (v_aX, v_aY).
+    `attenuation` is (v_aX, v_aY).
 
     Notes
     -----

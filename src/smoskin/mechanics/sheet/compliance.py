@@ -15,18 +15,10 @@ from smoskin.origami.geometry import geometry
 
 
 def grip_compliance(design: SkinDesign, lattice: Lattice | None = None) -> Floats:
-    """Motion in the plane of every vertex that can be touched, by a force on every other.
+    """Motion of every vertex that can be touched, by a force on every other, (H, 2, H, 3), m/N.
 
-    Parameters
-    ----------
-    design : SkinDesign
-    lattice : Lattice, optional
-        The design's lattice with springs of its own; `build_lattice(design)` by default.
-
-    Returns
-    -------
-    Floats, shape (H, 2, H, 3), m/N
-        Motion over the ground along x and y, by a force along x, along y and down.
+    Motion is over the ground along x and y, by a force along x, along y and down; the lattice, with
+    springs of its own, is `build_lattice(design)` by default.
 
     Notes
     -----

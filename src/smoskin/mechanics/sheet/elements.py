@@ -41,14 +41,8 @@ class Fold(NamedTuple):
 def stretch(span: Array, length: Array, growth: Array) -> Stretch:
     """Stretch of bars whose ends moved apart.
 
-    Parameters
-    ----------
-    span : Array, shape (E, 3, 1)
-        From the first end to the second at rest, m.
-    length : Array, shape (E, 1)
-        Its length, m.
-    growth : Array, shape (E, 3, B)
-        How much the second end moved past the first, m.
+    At rest the second end lies at `span`, (E, 3, 1), m, from the first, `length`, (E, 1), m, away;
+    it moved past the first by `growth`, (E, 3, B), m.
 
     Notes
     -----
@@ -62,12 +56,8 @@ def stretch(span: Array, length: Array, growth: Array) -> Stretch:
 def fold(arms: Array, moved: Array) -> Fold:
     """Angle between the two triangles of hinges.
 
-    Parameters
-    ----------
-    arms : Array, shape (3, H, 3, 1)
-        From the axis' start p to its end q and to the wings r and s at rest, m.
-    moved : Array, shape (4, H, 3, B)
-        Displacements of p, q, r and s, m.
+    `arms`, (3, H, 3, 1), m, lead at rest from the axis' start p to its end q and to the wings r and
+    s; `moved`, (4, H, 3, B), m, are the displacements of p, q, r and s.
 
     Notes
     -----

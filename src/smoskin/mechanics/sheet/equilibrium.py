@@ -213,12 +213,7 @@ def _relax(net: Net, loads: Any, motion: Array, tolerance: Array, limit: int) ->
 
 
 class Equilibrium:
-    """Finds the equilibria of one lattice.
-
-    Parameters
-    ----------
-    lattice : Lattice
-        It is at rest without stress, its panels flat.
+    """Finds the equilibria of one lattice, which is at rest without stress, its panels flat.
 
     Raises
     ------
@@ -251,15 +246,9 @@ class Equilibrium:
         self._lanes = max(16, lanes if jax.default_backend() == "cpu" else 32 * lanes)
 
     def relax(self, loads: Loads, *, tolerance: float, start: Floats | None = None) -> Relaxed:
-        """Equilibria under these touches.
+        """Equilibria under these touches, from displacements (B, V, 3), m; from rest by default.
 
-        Parameters
-        ----------
-        loads : Loads
-        tolerance : float
-            Largest residual, relative to the load or to 10 mN.
-        start : Floats, shape (B, V, 3), optional
-            Displacements to start from, m; at rest by default.
+        `tolerance` is the largest residual, relative to the load or to 10 mN.
         """
         rows, touches = loads.held.shape
         relaxed = Relaxed(

@@ -15,14 +15,9 @@ from smoskin.origami.geometry import geometry
 
 
 def holder_columns(design: SkinDesign, magnet: Magnet) -> tuple[Ints, Ints]:
-    """Vertices on whose columns a magnet of the sheet hangs.
+    """Vertices whose columns carry a sheet magnet in the plane, (2,) or (3,), and in z, (3,).
 
-    Returns
-    -------
-    gripping : Ints, shape (2,) or (3,)
-        Vertices that carry it in the plane.
-    bearing : Ints, shape (3,)
-        Vertices that carry it in z; those beside the magnet are among the gripping ones.
+    Of those that carry it in z, the ones beside the magnet also carry it in the plane.
     """
     sheet, extent = geometry(design).sheet, geometry(design).cell
     (columns, rows), (p, q) = design.cells, magnet.corner

@@ -151,15 +151,9 @@ class BarHinge:
     def press(
         self, touches: Touches, *, tolerance: float = 1e-8, start: Floats | None = None
     ) -> Pressed:
-        """Equilibria under touches.
+        """Equilibria under touches; an answer counts up to a relative residual of `tolerance`.
 
-        Parameters
-        ----------
-        touches : Touches
-        tolerance : float
-            Largest residual of an answer that counts.
-        start : Floats, shape (B, V, 3), optional
-            Displacements near the answers, m, such as those of a moment ago.
+        `start`, (B, V, 3), m, are displacements near the answers, such as those of a moment ago.
 
         Raises
         ------
@@ -192,18 +186,9 @@ class BarHinge:
     def sensitivity(self, touches: Touches, *, tolerance: float = 1e-10) -> Sensitivity:
         """Derivatives of the answers to touches, by the implicit function theorem.
 
-        Parameters
-        ----------
-        touches : Touches
-        tolerance : float
-            Largest residual of the equilibria at which they are taken.
-
-        Returns
-        -------
-        Sensitivity
-            NaN where no equilibrium was found. Between the vertices a patch's shares have a
-            slope of their own at each point; the derivative by the position is that of the
-            shares as they are computed.
+        They are taken at equilibria of at most this residual, NaN where there is none. Between the
+        vertices a patch's shares have a slope of their own at each point; the derivative by the
+        position is that of the shares as they are computed.
 
         Raises
         ------

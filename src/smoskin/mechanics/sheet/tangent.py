@@ -93,12 +93,7 @@ class Place(NamedTuple):
 
 
 class Tangent:
-    """Stiffness of one lattice: the second derivative of its energy by its nodes.
-
-    Parameters
-    ----------
-    lattice : Lattice
-        It is at rest without stress.
+    """Stiffness of a lattice without stress at rest: second derivative of its energy by its nodes.
 
     Notes
     -----
@@ -150,15 +145,10 @@ class Tangent:
         return RestInverse(np.arange(size), whole, whole[:0], whole[:0])
 
     def at(self, motion: Floats, force: Floats | None = None) -> Place:
-        """The lattice at a displacement.
+        """The lattice at a displacement (V, 3), m.
 
-        Parameters
-        ----------
-        motion : Floats, shape (V, 3)
-            m.
-        force : Floats, shape (E + P,), optional
-            Forces of bars and panels that stiffen or soften the tangent, N and N m; those of
-            their own strains by default.
+        Forces of bars, N, and panels, N m, (E + P,), stiffen or soften it; by default they are
+        those of their own strains.
 
         Raises
         ------

@@ -159,12 +159,8 @@ def vertex_shares(design: SkinDesign, positions: ArrayLike) -> Floats:
 def patch_shares(design: SkinDesign, touches: Touches) -> Floats:
     """Mean of `vertex_shares` over each touch's disc, shape (B, K, N, M).
 
-    A disc counts whole where it reaches past the rim.
-
-    Raises
-    ------
-    ArgumentError
-        If the middle of a touch lies off the skin.
+    A disc counts whole where it reaches past the rim; a touch whose middle lies off the skin raises
+    an `ArgumentError`.
     """
     along, across = _both_lines(design, _patch_points(design, touches))
     total: Floats = np.einsum("bkpn,bkpm->bknm", along, across)
@@ -184,10 +180,7 @@ def patch_slopes(design: SkinDesign, touches: Touches) -> Floats:
 def cover_shares(design: SkinDesign, touches: Touches) -> Floats:
     """Shares under cover panels: each touch's own cell takes it whole, shape (B, K, N, M).
 
-    Raises
-    ------
-    ArgumentError
-        If the middle of a touch lies off the skin.
+    A touch whose middle lies off the skin raises an `ArgumentError`.
     """
     _check_on_skin(design, touches.position[touches.pressed])
     extent = geometry(design).cell

@@ -91,12 +91,8 @@ def total_tail(distances: Floats) -> float:
 def cones(rule: Rule, unit: Floats, noise: Floats) -> Cones:
     """The cones that a rule gives the cells, measured in the displacements' noise.
 
-    Parameters
-    ----------
-    unit : Floats, shape (N, M, G, 2)
-        Displacements that the rule was made from.
-    noise : Floats, shape (2G, 2G)
-        m^2, of the displacements: the first part of `readout_noise`.
+    The rule was made from displacements (N, M, G, 2), whose noise, (2G, 2G), m^2, is the first part
+    of `readout_noise`.
     """
     columns, rows = unit.shape[:2]
     normals: list[list[Floats]] = [[] for _ in range(columns * rows)]

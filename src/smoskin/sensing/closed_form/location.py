@@ -26,10 +26,7 @@ _TINY: Final = 10.0**-_DIGITS
 def unit_press(design: SkinDesign, coefficients: Coefficients | None = None) -> Floats:
     """How far each of G watched magnets of the sheet moves for a press on each cell, by theory.
 
-    Returns
-    -------
-    Floats, shape (N, M, G, 2)
-        Displacement in x and y per unit of press, m/m.
+    In x and y per unit of press, (N, M, G, 2), m/m.
 
     Examples
     --------
@@ -49,14 +46,11 @@ def unit_press(design: SkinDesign, coefficients: Coefficients | None = None) -> 
 
 
 def readout(design: SkinDesign, calibration: Calibration) -> Floats:
-    """What turns the chips' motions against their magnets into a press's motions and the drag.
+    """Matrix (3S, 2G + 2) from the chips' motions to a press's motions and the drag.
 
-    Returns
-    -------
-    Floats, shape (3S, 2G + 2)
-        Multiplies the motions (..., 3S), m, of a skin with G chips under magnets of the sheet and
-        one over a magnet of the base, from the right. The first 2G columns give the x and y
-        of each magnet on the sheet as the press alone moves it, m; the last two the drag, N.
+    It multiplies the motions (..., 3S), m, of a skin with G chips under magnets of the sheet and
+    one over a magnet of the base, from the right. The first 2G columns give the x and y of each
+    magnet on the sheet as the press alone moves it, m; the last two the drag, N.
 
     Notes
     -----
@@ -120,10 +114,7 @@ def directions(unit: Floats) -> Directions:
 def divisions(unit: Floats) -> Divisions:
     """Dividing lines halfway between the ratios that neighbouring columns, and rows, give.
 
-    Parameters
-    ----------
-    unit : Floats, shape (N, M, 2, 2)
-        `unit_press`: displacements of the first and second magnet, in x and y.
+    `unit`, (N, M, 2, 2), are the displacements of `unit_press` of a first and a second magnet.
 
     Raises
     ------

@@ -116,14 +116,9 @@ class MeasuredSheet(Sheet):
 
 
 class Subspaces:
-    """The subspaces of C cells among K motions.
+    """The subspaces of C cells among K motions, whose noise has a covariance (K, K), m^2.
 
-    Parameters
-    ----------
-    answers : Floats, shape (C, K, 3)
-        m/N: motions for a press, a drag in x and a drag in y.
-    noise : Floats, shape (K, K)
-        m^2: covariance of the motions.
+    Answers, (C, K, 3), m/N, are the motions for a press, a drag in x and a drag in y.
 
     Notes
     -----

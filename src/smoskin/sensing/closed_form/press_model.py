@@ -83,15 +83,9 @@ class Layout(NamedTuple):
 
 
 class PressModel:
-    """The measured values of a table of touches as functions of a skin's numbers.
+    """The measured values of a table of touches on top vertices as functions of a skin's numbers.
 
-    Parameters
-    ----------
-    touches : TouchTable
-        Touches on top vertices with their depths, and readings of all the design's chips or of
-        none.
-    attenuations : int
-        1: v_a alike in X and Y; 2: separate.
+    `attenuations` is 1 for a v_a alike in X and Y, 2 for separate ones.
 
     Raises
     ------
@@ -158,16 +152,9 @@ class PressModel:
         """Measured less modelled values, V = 3 + 1 + 3S a touch, and their derivatives.
 
         The skin's numbers (P,) are ordered as `start` does; each touch's own are its press depth,
-        m, and drag in x and y, N.
-
-        Returns
-        -------
-        residual : Floats, shape (T, V)
-            Force, depth, fields turned into the skin's axes; in SI.
-        by_own : Floats, shape (T, V, 3)
-            Derivatives by the touch's own depth and drag.
-        by_skin : Floats, shape (T, V, P)
-            Derivatives by the skin's numbers.
+        m, and drag in x and y, N. Residuals (T, V) are force, depth, and fields turned into the
+        skin's axes, SI; then come derivatives by the touch's own numbers, (T, V, 3), and by the
+        skin's, (T, V, P).
         """
         state = self._state(values, own)
         measured = np.column_stack([self.touches.force, self.depth])

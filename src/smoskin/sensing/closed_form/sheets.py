@@ -95,12 +95,8 @@ class IdealSheet(Sheet):
 def place_scatter(design: SkinDesign, press: Floats, loads: Floats) -> Floats:
     """Mean square error of the force of a newton's press anywhere in each cell, (N, M, 3, 3).
 
-    Parameters
-    ----------
-    press : Floats, shape (N, M, K)
-        Motions for a newton on each cell's vertex, m/N.
-    loads : Floats, shape (N, M, 3, K)
-        What turns them into the force on the cell, N/m.
+    `press`, (N, M, K), m/N, are the motions for a newton on each cell's vertex; `loads`,
+    (N, M, 3, K), N/m, turn them into the force on the cell.
     """
     extent = geometry(design).cell
     inside = np.linspace(-0.4, 0.4, 5)

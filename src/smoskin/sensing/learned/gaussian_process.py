@@ -141,10 +141,7 @@ class LearnedModel:
     def predict(self, inputs: Floats) -> Prediction:
         """Outputs for encoded fields, (T, D), as `Encoding.encode` gives them.
 
-        Raises
-        ------
-        ArgumentError
-            If there is another number of inputs.
+        Another number of inputs raises an `ArgumentError`.
         """
         inputs = floats("inputs", inputs, (None, len(self.centre)))
         row = (inputs - self.centre) / self.scale
@@ -161,10 +158,7 @@ class LearnedModel:
     def save(self, path: Path | str) -> None:
         """Write the model file: arrays, and what they mean as JSON in the file's header.
 
-        Raises
-        ------
-        MissingExtraError
-            If `safetensors` is not installed.
+        It raises as `TensorFile.write`.
         """
         encoding = self.encoding
         header = {
@@ -291,10 +285,7 @@ class LearnedEstimator(Estimator):
     def zero(self, readings: Sequence[Reading]) -> None:
         """Take the mean of these readings, made while nothing touches, as the zero.
 
-        Raises
-        ------
-        ArgumentError
-            If there are none in which the used chips are good.
+        It raises an `ArgumentError` if there are none in which the used chips are good.
         """
         good = [self._used(reading.field) for reading in readings if self._fault(reading) is None]
         if not good:
@@ -307,10 +298,7 @@ class LearnedEstimator(Estimator):
     def step(self, reading: Reading) -> Estimate:
         """The touch that one reading shows.
 
-        Raises
-        ------
-        ArgumentError
-            If the reading has another number of chips than the model was made for.
+        A reading of another number of chips than the model was made for raises an `ArgumentError`.
         """
         inputs = self._condition(reading)
         if isinstance(inputs, Status):

@@ -61,14 +61,9 @@ class Encoding:
         return present + (self.form is Form.DIRECTION) + followed * len(self.time_constants)
 
     def encode(self, time: Floats, field: Floats) -> Floats:
-        """Inputs (T, columns) of consecutive zeroed fields, which see only what came before them.
+        """Inputs (T, columns) of zeroed fields (T, S, 3), T, of all chips at rising times (T,), s.
 
-        Parameters
-        ----------
-        time : Floats, shape (T,)
-            Times, s, increasing.
-        field : Floats, shape (T, S, 3)
-            Fields of all chips of the reading, T.
+        Each row sees only what came before it.
 
         Raises
         ------

@@ -98,10 +98,7 @@ class Examples:
 class FittingEffort:
     """How much work training may do; less of it gives a rougher model, sooner.
 
-    Raises
-    ------
-    ArgumentError
-        If a number is not positive.
+    Numbers that are not positive raise an `ArgumentError`.
     """
 
     rows: int = 4000
@@ -258,19 +255,11 @@ def negative_log_posterior(
     """-log p(y), which training minimises, and its gradient (D + 4,); both over the number of rows.
 
     With K the covariance of the examples and a = K^-1 y, for each output -log p(y) = y' K^-1 y / 2
-    + log det K / 2 + const and d(-log p) = tr((K^-1 - a a') dK) / 2.
-
-    Parameters
-    ----------
-    vector : Floats, shape (D + 4,)
-        Logarithms of the lengths, of the amplitudes of the Matern and the linear part, and of
-        the noise at any field and of a faint field.
-    x, y : Floats, shapes (T, D) and (T, O)
-        Standardised inputs and targets.
-    faintness : Floats, shape (T,)
-        Factor of the faint field's noise variance.
-    usual : float
-        Mean of the prior of the lengths' logarithms, whose standard deviation is 1.
+    + log det K / 2 + const and d(-log p) = tr((K^-1 - a a') dK) / 2. The vector, (D + 4,), holds
+    logarithms of the lengths, of the amplitudes of the Matern and the linear part, and of the noise
+    at any field and of a faint field; x, (T, D), and y, (T, O), are standardised inputs and
+    targets; `faintness`, (T,), is the factor of the faint field's noise variance; `usual` is the
+    mean of the prior of the lengths' logarithms, whose standard deviation is 1.
     """
     parameters = np.exp(vector)
     lengths, (amplitude, strength, floor, faint) = parameters[:-4], parameters[-4:]

@@ -131,12 +131,8 @@ class NetworkModel:
     def predict(self, signals: ArrayLike, temperature: float = REFERENCE_TEMPERATURE) -> Prediction:
         """The touches behind signals (B, 3 S), T, of the model's chips, on rubber at so many degC.
 
-        Signals are those that `smoskin.sensing.response.table.ResponseTable` defines.
-
-        Raises
-        ------
-        ArgumentError
-            If there is another number of signals.
+        Signals are those that `smoskin.sensing.response.table.ResponseTable` defines; another
+        number of them raises an `ArgumentError`.
         """
         count = len(self.centre) - 1
         rows = floats("signals", signals, (count,)).reshape(-1, count)
@@ -145,10 +141,7 @@ class NetworkModel:
     def save(self, path: Path | str) -> None:
         """Write the model file: arrays, and what they mean as JSON in the file's header.
 
-        Raises
-        ------
-        MissingExtraError
-            If `safetensors` is not installed.
+        It raises as `TensorFile.write`.
         """
         arrays: dict[str, NDArray[Any]] = {name: getattr(self, name) for name in _TENSORS}
         for name, some in _LAYERS.items():

@@ -34,10 +34,7 @@ _NOTHING: Final = 1e-9  # share of a vertex in a touch that is none
 class TouchSpread:
     """How touches and what spoils them are spread.
 
-    Raises
-    ------
-    ArgumentError
-        If a number is negative, or a range does not rise.
+    Negative numbers, and ranges that do not rise, raise an `ArgumentError`.
     """
 
     margin: float = 2.5e-3
@@ -170,10 +167,7 @@ class TouchSource:
 class TrainingEffort:
     """How large an ensemble is, and how long it learns.
 
-    Raises
-    ------
-    ArgumentError
-        If a number is not positive.
+    Numbers that are not positive raise an `ArgumentError`.
     """
 
     members: int = 4

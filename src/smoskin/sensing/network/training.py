@@ -113,12 +113,8 @@ def train_network(
 
     `smoskin.commands.train.train` says what most arguments mean. `spread` is that of touches and
     disturbances, `creep` that of the rubber where the estimator undoes it, and `clock` gives the
-    seconds that pass.
-
-    Raises
-    ------
-    ModelError
-        If the table or the start belong to another design, or the checkpoint to another training.
+    seconds that pass. It raises a `ModelError` if the table or the start belong to another design,
+    or the checkpoint to another training.
     """
     effort = effort or TrainingEffort()
     design.check_own("table", table.design_hash)
