@@ -1,44 +1,14 @@
-"""How every command ends, and what the help says of them."""
+"""What commands share, and what the help says of them."""
 
-import os
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import pytest
 
 pytest.importorskip("typer")
 
 from smoskin.cli import app, frame
-from smoskin.cli.frame import GroupedCommands, keep_compiled
-from smoskin.errors import ArgumentError
-
-
-def ended(monkeypatch, capsys, error):
-    """Exit code and what is said where a command raises this."""
-
-    def fail(**_):
-        raise error
-
-    monkeypatch.setattr(frame, "app", fail)
-    monkeypatch.setattr(frame, "keep_compiled", lambda: None)
-    with pytest.raises(SystemExit) as end:
-        frame.main()
-    return end.value.code
-
-
-def test_errors_are_one_line_and_a_code(monkeypatch, capsys):
-    assert ended(monkeypatch, capsys, ArgumentError("no")) == "error: no"
-    assert ended(monkeypatch, capsys, KeyboardInterrupt()) == 130
-    missing = FileNotFoundError(2, "No such file or directory", "no/such/t.table")
-    assert ended(monkeypatch, capsys, missing) == (
-        "error: no/such/t.table: No such file or directory"
-    )
-    assert ended(monkeypatch, capsys, OSError(28, "No space left on device")) == (
-        "error: No space left on device"
-    )
-    monkeypatch.setattr(sys, "stderr", SimpleNamespace(close=lambda: None))
-    assert ended(monkeypatch, capsys, BrokenPipeError()) == 1
+from smoskin.cli.frame import GroupedCommands
 
 
 def test_every_command_stands_in_one_group():
@@ -63,20 +33,6 @@ def test_a_command_in_no_group_is_listed_all_the_same():
 
     text = CliRunner().invoke(own, ["--help"]).output
     assert text.index("See and read a skin:") < text.index("Other:") < text.index("else")
-
-
-@pytest.mark.parametrize("given", [None, "mine", "cache"])
-def test_what_jax_compiles_is_kept_in_the_users_folder(monkeypatch, tmp_path, given):
-    monkeypatch.setattr(os, "environ", {"XDG_CACHE_HOME": str(tmp_path)})
-    if given == "mine":
-        os.environ["JAX_COMPILATION_CACHE_DIR"] = "mine"
-    if given == "cache":
-        (tmp_path / "smoskin").write_text("a file where the folder should be")
-    keep_compiled()
-    kept = os.environ.get("JAX_COMPILATION_CACHE_DIR")
-    folder = tmp_path / "smoskin" / "jax"
-    assert kept == {None: str(folder), "mine": "mine", "cache": None}[given]
-    assert folder.is_dir() == (given is None)
 
 
 def test_the_package_runs_as_a_module():

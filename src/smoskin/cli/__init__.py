@@ -1,14 +1,63 @@
-"""The command line: thin commands over `smoskin.commands`, each in the module of its theme."""
+"""The command line: thin commands over `smoskin.commands`, each in the module of its theme.
 
+Decides that signals are heard before anything is imported that takes long, and that what JAX
+compiles is kept in the user's cache folder, so that a second run starts at once.
+"""
+
+import os
 import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
 
+from smoskin.cli.ending import heed_signals, run_to_end
 from smoskin.errors import MissingExtraError
 
-try:
-    from smoskin.cli.frame import app, main
-except ImportError:
-    sys.exit(f"error: {MissingExtraError('the command line', 'cli')}")
+if TYPE_CHECKING:
+    import typer
 
-from smoskin.cli import calibration, live, optimise, score, skins, train
 
-__all__ = ["app", "calibration", "live", "main", "optimise", "score", "skins", "train"]
+def main() -> None:
+    """Run the command line; the console script's entry."""
+    heed_signals()
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # what a terminal cannot show must not end the program
+            stream.reconfigure(errors="replace")
+    sys.exit(run_to_end(_run))
+
+
+def _run() -> None:
+    app = _app()
+    keep_compiled()
+    app(prog_name="smoskin")
+
+
+def keep_compiled() -> None:
+    """Let JAX keep what it compiles in the user's cache folder, unless told otherwise."""
+    if "JAX_COMPILATION_CACHE_DIR" in os.environ:
+        return
+    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    folder = Path(home) / "smoskin" / "jax"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return  # without a place to keep it, it is compiled anew each time
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = str(folder)
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+
+
+def _app() -> "typer.Typer":
+    """All commands, of every theme."""
+    try:
+        from smoskin.cli.frame import app
+    except ImportError as error:
+        raise MissingExtraError("the command line", "cli") from error
+    from smoskin.cli import calibration, live, optimise, score, skins, train  # noqa: F401
+
+    return app
+
+
+def __getattr__(name: str) -> object:
+    """`app`, all commands."""
+    if name != "app":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return _app()

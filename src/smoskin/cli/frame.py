@@ -1,13 +1,6 @@
-"""What commands share: the help that groups them, options that mean the same, tables and bars.
-
-Decides how errors end the program: one line on standard error, without a traceback. Exit codes: 0
-done, 1 the asked-for thing failed or was missed, 2 wrong use, 130 interrupted. Decides too that
-what JAX compiles is kept in the user's cache folder, so that a second run starts at once.
-"""
+"""What commands share: the help that groups them, options that mean the same, tables and bars."""
 
 import json
-import os
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,7 +11,6 @@ from typer import Argument, Option
 from typer.core import TyperGroup
 
 from smoskin import __version__
-from smoskin.errors import SmoskinError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -71,37 +63,6 @@ Whole = int | None
 
 Json = Annotated[bool, Option("--json", help="Print JSON for machines.")]
 Design = Annotated[str, Argument(help="A shipped design or the path of a TOML document.")]
-
-
-def main() -> None:
-    """Run the command line; the console script's entry."""
-    keep_compiled()
-    try:
-        app(prog_name="smoskin")
-    except SmoskinError as error:
-        sys.exit(f"error: {error}")
-    except KeyboardInterrupt:
-        sys.exit(130)
-    except BrokenPipeError:
-        sys.stderr.close()
-        sys.exit(1)
-    except OSError as error:  # an output that cannot be written: readers refuse their inputs
-        where = f"{error.filename}: " if error.filename else ""
-        sys.exit(f"error: {where}{error.strerror or error}")
-
-
-def keep_compiled() -> None:
-    """Let JAX keep what it compiles in the user's cache folder, unless told otherwise."""
-    if "JAX_COMPILATION_CACHE_DIR" in os.environ:
-        return
-    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    folder = Path(home) / "smoskin" / "jax"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return  # without a place to keep it, it is compiled anew each time
-    os.environ["JAX_COMPILATION_CACHE_DIR"] = str(folder)
-    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 
 
 def _version(asked: bool) -> None:

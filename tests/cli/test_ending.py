@@ -1,0 +1,180 @@
+"""How the program ends: exit codes, sentences, signals at any moment, and no traceback ever."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+
+import pytest
+
+pytest.importorskip("typer")
+
+from smoskin.cli import ending, keep_compiled
+from smoskin.errors import ArgumentError
+
+MAIN = "from smoskin.cli import main; main()"
+
+
+@pytest.fixture(autouse=True)
+def nothing_heard(monkeypatch):
+    monkeypatch.setattr(ending, "_heard", [])
+    monkeypatch.setattr(ending, "_kept", [])
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+
+
+def ended(error):
+    """Exit code where the work raises this."""
+
+    def fail():
+        raise error
+
+    return ending.run_to_end(fail)
+
+
+def test_errors_are_one_line_and_a_code(capsys):
+    assert ended(ArgumentError("no")) == 1
+    assert ended(SystemExit("error: never")) == 1
+    assert ended(FileNotFoundError(2, "No such file or directory", "no/such/t.table")) == 1
+    assert ended(OSError(28, "No space left on device")) == 1
+    assert capsys.readouterr().err.splitlines() == [
+        "error: no",
+        "error: never",
+        "error: no/such/t.table: No such file or directory",
+        "error: No space left on device",
+    ]
+    assert ended(BrokenPipeError()) == 1
+    assert ended(SystemExit(2)) == 2
+    assert ended(KeyboardInterrupt()) == 130
+    assert ending.run_to_end(lambda: None) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_control_characters_of_a_message_are_escaped(capsys):
+    ended(ArgumentError("\x1b[31mred\n"))
+    assert capsys.readouterr().err == "error: \\x1b[31mred\\n\n"
+
+
+def test_what_is_unforeseen_is_a_bug_with_a_report(monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    assert ended(TypeError("x" * 1000)) == 70
+    said = capsys.readouterr().err
+    (report,) = (tmp_path / "smoskin").iterdir()
+    assert said.startswith("error: this is a bug in smoskin: TypeError: xxx")
+    assert said.endswith(f"...; the report lies at {report}\n")
+    assert len(said) <= 301
+    assert "Traceback" not in said
+    text = report.read_text()
+    assert "smoskin 0.1.0" in text
+    assert "x" * 1000 in text
+    assert "Traceback" in text
+
+
+def test_a_report_that_cannot_be_kept_lies_elsewhere(monkeypatch, tmp_path, capsys):
+    (tmp_path / "smoskin").write_text("in the way")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    assert ended(ZeroDivisionError("no")) == 70
+    assert f"lies at {tmp_path}/bug-" in capsys.readouterr().err
+
+
+def test_whoever_debugs_sees_the_traceback(monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    monkeypatch.setenv("SMOSKIN_DEBUG", "1")
+    assert ended(TypeError("no")) == 70
+    assert "Traceback" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("given", [None, "mine", "cache"])
+def test_what_jax_compiles_is_kept_in_the_users_folder(monkeypatch, tmp_path, given):
+    monkeypatch.setattr(os, "environ", {"XDG_CACHE_HOME": str(tmp_path)})
+    if given == "mine":
+        os.environ["JAX_COMPILATION_CACHE_DIR"] = "mine"
+    if given == "cache":
+        (tmp_path / "smoskin").write_text("a file where the folder should be")
+    keep_compiled()
+    kept = os.environ.get("JAX_COMPILATION_CACHE_DIR")
+    folder = tmp_path / "smoskin" / "jax"
+    assert kept == {None: str(folder), "mine": "mine", "cache": None}[given]
+    assert folder.is_dir() == (given is None)
+
+
+def stopped(program, number, again=0.0, before=""):
+    """A program that hears signals, stopped once it says that it works; and what it left."""
+    start = (
+        f"import signal, sys, time\nfrom smoskin.cli.ending import *\n{before}\nheed_signals()\n"
+    )
+    code = start + textwrap.dedent(program)
+    running = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert running.stdout.readline() == "works\n"
+    running.send_signal(number)
+    if again:
+        time.sleep(again)
+        running.send_signal(number)
+    out, err = running.communicate(timeout=30)
+    return running.returncode, out, err
+
+
+WORK = """
+    def work():
+        with if_stopped(lambda: "half is kept"):
+            print("works", flush=True)
+            time.sleep(20)
+    sys.exit(run_to_end(work))
+"""
+
+
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [
+        (signal.SIGINT, "Stopped by Ctrl-C; half is kept.\n"),
+        (signal.SIGTERM, "Stopped by SIGTERM; half is kept.\n"),
+        (signal.SIGHUP, "Stopped by SIGHUP: the terminal is closed; half is kept.\n"),
+    ],
+)
+def test_a_signal_ends_the_work_with_a_sentence(number, said):
+    assert stopped(WORK, number) == (128 + number, "", said)
+
+
+COMPILER = """
+    compiler = {"__name__": "jax._src.compiler", "print": print, "time": time}
+    exec('''def compile():
+        print("works", flush=True)
+        begin = time.monotonic()
+        while time.monotonic() < begin + SECONDS: time.sleep(0.01)
+        print("compiled", flush=True)
+    ''', compiler)
+    def work():
+        compiler["compile"]()
+        time.sleep(20)
+    sys.exit(run_to_end(work))
+"""
+
+
+def test_a_signal_waits_until_jax_has_compiled():
+    left = stopped(COMPILER.replace("SECONDS", "0.5"), signal.SIGINT)
+    assert left == (130, "compiled\n", "Stopped by Ctrl-C.\n")
+
+
+def test_a_second_ctrl_c_does_not_wait():
+    assert stopped(COMPILER.replace("SECONDS", "20"), signal.SIGINT, again=0.2) == (130, "", "")
+
+
+def test_what_the_system_ignores_stays_ignored():
+    program = WORK.replace("20", "0.5")
+    ignored = "signal.signal(signal.SIGHUP, signal.SIG_IGN)"
+    assert stopped(program, signal.SIGHUP, before=ignored) == (0, "", "")
+
+
+def test_a_full_output_is_told_and_a_poor_one_served():
+    arguments = [sys.executable, "-c", MAIN, "info"]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(arguments, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (1, "error: No space left on device\n")
+    poor = os.environ | {"PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(arguments, capture_output=True, env=poor, timeout=60, check=True)
+    assert done.stdout.isascii()
+    assert done.stderr == b""
