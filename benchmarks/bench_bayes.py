@@ -8,10 +8,10 @@ import argparse
 
 import numpy as np
 from rich.console import Console
-from smoskin.commands.score.plan import parse_places
 
 from smoskin import load_design
 from smoskin.commands.score import Exam, candidate, examine
+from smoskin.commands.score.evaluate import parse_places
 from smoskin.commands.train import parse_chips
 from smoskin.sensing.response.bound import bound_map
 from smoskin.sensing.response.table import load_response_table

@@ -9,12 +9,12 @@ import time
 from pathlib import Path
 
 import numpy as np
-from smoskin.commands.optimise.objective import try_design
 
 from smoskin import load_design
 from smoskin.commands.optimise import Limits, Objective, design_bound
 from smoskin.commands.optimise.limits import fit_gaps
 from smoskin.commands.optimise.pressed import PressedSheet
+from smoskin.commands.optimise.search import try_design
 from smoskin.sensing.response.bound import BoundMap, bound_map, figures
 from smoskin.sensing.response.table import load_response_table
 from smoskin.sensing.signals.signals import signal_noise

@@ -15,7 +15,6 @@ import numpy as np
 
 from smoskin import load_design
 from smoskin.commands.score.evaluate import (
-    Disturbance,
     grid_sessions,
     label,
     pair_session,
@@ -92,7 +91,7 @@ def main() -> None:
         for drag in (0.0, 0.5)
     )
     said = {
-        name: readings(twin, session, rng, Disturbance())
+        name: readings(twin, session, rng)
         for name, session in (
             ("straight", straight),
             ("dragged", dragged),

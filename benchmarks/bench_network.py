@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from smoskin import load_design
+from smoskin.commands.score.errors import Answers, Tally, tally, together
 from smoskin.commands.score.evaluate import (
     FORCES,
-    Disturbance,
-    Judged,
+    HEADLINE,
     grid_sessions,
     judge,
     label,
@@ -39,18 +39,13 @@ UNTOUCHED = 20
 """Readings of a session before its first touch."""
 
 
-def line(name: str, found: Judged) -> str:
+def line(figures: Tally) -> str:
     """Figures of single touches."""
-    said = found.count == 1
-    error, truth = found.error[:, 0], found.truth[:, 0]
-    sure = np.abs(error[:, 4]) <= 1.645 * np.sqrt(found.spread[:, 0, 4, 4])
-    drag = np.hypot(*truth[:, 2:4].T)
-    off = np.hypot(*error[:, 2:4].T)[drag > 0]
-    share = f", drag {np.nanmean(off) / drag[drag > 0].mean():.2%} of it" if len(off) else ""
+    drag = "" if figures.drag is None else f", drag {figures.drag:.2%} of it"
     return (
-        f"{name:>12}: told {said.mean():6.1%}, place {np.nanmean(found.distance) * 1e3:5.2f} mm, "
-        f"force {np.nanmean(np.abs(error[:, 4] / truth[:, 4])):6.2%}{share}, 90 % regions hold "
-        f"{found.inside[said].mean():5.1%} of places and {sure[said].mean():5.1%} of forces"
+        f"{figures.name:>12}: one touch told {figures.found:6.1%}, place "
+        f"{figures.location.mean * 1e3:5.2f} mm, force {figures.force:6.2%}{drag}, 90 % regions "
+        f"hold {figures.held.place:5.1%} of places and {figures.held.force:5.1%} of forces"
     )
 
 
@@ -68,10 +63,10 @@ def tell_latency(design: SkinDesign, model: NetworkModel, twin: Twin) -> None:
     """Of the network alone and of a whole step, beside an addition and the chips' conversion."""
     estimator = NetworkEstimator(design, model)
     session = next(iter(grid_sessions(twin, np.random.default_rng(1), forces=(0.5,), count=300)))
-    said = readings(twin, session, np.random.default_rng(2), Disturbance())
-    estimator.zero(said[:UNTOUCHED])
+    stream = readings(twin, session, np.random.default_rng(2))
+    estimator.zero(stream[:UNTOUCHED])
     taken = []
-    for reading in said[UNTOUCHED:]:
+    for reading in stream[UNTOUCHED:]:
         begin = time.perf_counter()
         if estimator.step(reading).contacts:
             taken.append(time.perf_counter() - begin)
@@ -104,7 +99,7 @@ def main() -> None:
     noise, rubber = signal_noise(design, table.chips), elastomer_prony(design.columns.material)
     plan = TouchPlanner(table, noise).plan(asked.touches)
     start = None if asked.start is None else load_network(asked.start)
-    by_force: dict[str, Judged] = {}
+    by_force: dict[float, list[Answers]] = {force: [] for force in FORCES}
     for seed in range(1, asked.skins + 1):
         rng = np.random.default_rng(seed)
         twin = Twin(design, seed=seed, manufactured=True)
@@ -123,15 +118,11 @@ def main() -> None:
             twin, rng, places=tuple(asked.places), drag=asked.drag, count=asked.count
         )
         for force, session in zip(FORCES, sessions, strict=True):
-            found = judge(estimator, twin, session, rng)
-            name = f"{force:.1f} N"
-            by_force[name] = by_force[name] + found if name in by_force else found
-    for name, found in by_force.items():
-        print(line(name, found))
-    first, *others = (by_force[f"{force:.1f} N"] for force in FORCES if force > 0.25)
-    for other in others:
-        first = first + other
-    print(line("0.3 to 1 N", first))
+            by_force[force].append(judge(estimator, twin, session, rng))
+    for force, answers in by_force.items():
+        print(line(tally(f"{force:.1f} N", together(answers))))
+    firm = [part for force in FORCES if force >= HEADLINE for part in by_force[force]]
+    print(line(tally(f"{HEADLINE:g} to {FORCES[-1]:g} N", together(firm))))
     tell_latency(design, trained.model, twin)
 
 

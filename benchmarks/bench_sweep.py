@@ -17,7 +17,7 @@ import numpy as np
 from smoskin import load_design
 from smoskin.datasets.patterns import Grid, Sweep
 from smoskin.datasets.store import write_dataset
-from smoskin.datasets.workers import LocalEngine
+from smoskin.datasets.workers import Engine
 from smoskin.mechanics.sheet.model import BarHinge
 from smoskin.mechanics.sheet.touches import Touches
 
@@ -53,8 +53,10 @@ def main() -> None:
                 Path(folder) / "set",
                 design,
                 replace(SI, mechanics=mechanics),
-                engine=LocalEngine(workers),
-                progress=lambda state, at=heard: at.append((time.perf_counter(), state.rows)),
+                engine=Engine(workers),
+                progress=lambda _, share, at=heard: at.append(
+                    (time.perf_counter(), round(share * SI.rows))
+                ),
             )
             seconds = time.perf_counter() - begin
         name = f"{mechanics}_{workers}_workers"
