@@ -38,10 +38,8 @@ _APART: Final = 60.0
 class TouchTable:
     """Touches with known place and force; T rows, S chips.
 
-    Raises
-    ------
-    ArgumentError
-        If shapes disagree, a touch does not press, or an untouched row has a force.
+    It raises an `ArgumentError` if shapes disagree, a touch does not press, or an untouched row has
+    a force.
     """
 
     position: Floats
@@ -162,13 +160,9 @@ class TouchTable:
         """The touches that have been made, each with the rest before it and its readings.
 
         Rows say when they were held on the clock of the readings. Without those each row is one
-        reading, of a touch held for long enough to have settled.
-
-        Raises
-        ------
-        ArgumentError
-            If no row has been made, no row of the untouched skin stands before the first touch,
-            rows do not follow each other in time, or there are no readings when one was held.
+        reading, of a touch held for long enough to have settled. It raises an `ArgumentError` if no
+        row has been made, no row of the untouched skin stands before the first touch, rows do not
+        follow each other in time, or there are no readings when one was held.
         """
         timed, readings = self._timed() if readings is None else (self, readings)
         made = np.flatnonzero(timed.made)
@@ -246,13 +240,9 @@ def read_touches(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
     `force_z_N` (below zero for a press) must be there; `displacement_z_mm` (below zero likewise),
     `from_s` with `until_s` (when the touch was held, on the clock of a recording) and, for each
     chip from 1, `chip1_Bx_uT`, `chip1_By_uT`, `chip1_Bz_uT` and `chip1_temperature_degC` may be.
-    `temperature_degC` stands for all chips that do not report their own.
-
-    Raises
-    ------
-    RecordingError
-        If the file cannot be read, a column is missing or unknown, or a value is no number;
-        the message names the line and the column.
+    `temperature_degC` stands for all chips that do not report their own. It raises a
+    `RecordingError` if the file cannot be read, a column is missing or unknown, or a value is no
+    number; the message names the line and the column.
     """
     where = os.fspath(path)
     try:

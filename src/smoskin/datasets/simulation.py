@@ -84,10 +84,7 @@ COLUMNS: Final[Mapping[str, Column]] = MappingProxyType(
 class Simulation:
     """Computes any chunk of a sweep over a skin; travels to worker processes.
 
-    Raises
-    ------
-    ArgumentError
-        If presses of the first chunk lie off the skin or pull at it.
+    It raises an `ArgumentError` if presses of the first chunk lie off the skin or pull at it.
     """
 
     def __init__(self, design: SkinDesign, sweep: Sweep) -> None:

@@ -41,13 +41,9 @@ def arrangement_field(
 ) -> Floats:
     """Flux density of G magnets together at points (..., S, 3), m: B in the common frame, T.
 
-    Magnets have their middles at `places`, (..., G, 3), m, and are turned by `rotations`,
-    (..., G, 3, 3), from their frames to the common one. NaN where a pose or point is not finite.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no magnet or a shape is wrong.
+    Magnets have their middles at `places`, (..., G, 3), m, and are turned by `rotations`, (..., G,
+    3, 3), from their frames to the common one. NaN where a pose or point is not finite. It raises
+    an `ArgumentError` if there is no magnet or a shape is wrong.
 
     Notes
     -----

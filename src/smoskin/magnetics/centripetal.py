@@ -33,12 +33,8 @@ _STEPS: Final = 200
 def amplitude(remanence: float, wave_number: float, thickness: float) -> float:
     """Amplitude K = mu_0 m_0 (1 - exp(-k d)) / 2 of the ideal field at the magnet's face, T.
 
-    Remanence m_0 is in A/m, wave number k in 1/m, thickness d in m.
-
-    Raises
-    ------
-    ArgumentError
-        If `wave_number` or `thickness` is not positive.
+    Remanence m_0 is in A/m, wave number k in 1/m, thickness d in m. It raises an `ArgumentError` if
+    `wave_number` or `thickness` is not positive.
 
     Notes
     -----
@@ -125,12 +121,8 @@ def stack_corrections(corrections: Sequence[LinearCorrection]) -> LinearCorrecti
 def displacement(correction: LinearCorrection, field: ArrayLike) -> Floats:
     """Displacement of a magnet from its rest opposite its chip, (..., 3), m, by the field there.
 
-    The field, (..., 3), T, is in the magnet's axes; not finite where the corrected Bz = 0.
-
-    Raises
-    ------
-    ArgumentError
-        If `field` is not (..., 3).
+    The field, (..., 3), T, is in the magnet's axes; not finite where the corrected Bz = 0. It
+    raises an `ArgumentError` if `field` is not (..., 3).
 
     Notes
     -----
@@ -161,12 +153,8 @@ def fit_correction(magnet: Magnet, gap: float, stroke: float) -> LinearCorrectio
     The fit covers a ball of displacements with the radius `stroke`, m, of a magnet whose nearer
     face is a `gap`, m, from its chip at rest; the chip lies below a magnet of the sheet, above one
     of the base. The wave number has the least displacement error; by symmetry x and y share their
-    factor and have no offset.
-
-    Raises
-    ------
-    ArgumentError
-        If `gap` or `stroke` is not positive or the stroke reaches the magnet.
+    factor and have no offset. It raises an `ArgumentError` if `gap` or `stroke` is not positive or
+    the stroke reaches the magnet.
 
     Notes
     -----
@@ -216,13 +204,9 @@ def usable_range(
 ) -> float:
     """Radius about rest, m, within which the corrected inverse errs by at most `tolerance`, m.
 
-    Every shorter displacement, in any direction, is found so well; zero if not even rest is, and
-    at most 0.95 of the gap. Magnet, gap and correction are those of `fit_correction`.
-
-    Raises
-    ------
-    ArgumentError
-        If `gap` or `tolerance` is not positive.
+    Every shorter displacement, in any direction, is found so well; zero if not even rest is, and at
+    most 0.95 of the gap. Magnet, gap and correction are those of `fit_correction`. It raises an
+    `ArgumentError` if `gap` or `tolerance` is not positive.
 
     Notes
     -----

@@ -26,13 +26,8 @@ _EYE: Final = np.eye(3)
 def point_charges(magnets: Sequence[Magnet]) -> tuple[Floats, Floats]:
     """Charges that stand for each of S magnets, in its own frame.
 
-    Places (S, 160, 3), m, from the disc's centre, and charges (S, 160), T m^2:
-    B = q d / |d|^3 at d from the charge.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no magnet.
+    Places (S, 160, 3), m, from the disc's centre, and charges (S, 160), T m^2: B = q d / |d|^3 at d
+    from the charge. It raises an `ArgumentError` if there is no magnet.
 
     Notes
     -----

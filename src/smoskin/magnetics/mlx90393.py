@@ -148,12 +148,8 @@ def measure(
 
     The field, (..., 3), T, is in the chip's own axes; the chips' temperature, (...), degC, is
     broadcast against it. At RES 0 and 1 a field beyond +-32768 counts wraps to a false value
-    without a flag; at RES 2 and 3 the converter's own rails are seen, and flagged.
-
-    Raises
-    ------
-    ArgumentError
-        If `field` is not (..., 3).
+    without a flag; at RES 2 and 3 the converter's own rails are seen, and flagged. It raises an
+    `ArgumentError` if `field` is not (..., 3).
 
     Notes
     -----
@@ -221,12 +217,8 @@ def settles(setting: HallSetting) -> bool:
 def conversion_time(setting: HallSetting, temperature_oversampling: int | None = None) -> float:
     """Time of one measurement of x, y and z, from the command to the data, s.
 
-    The temperature is measured too where its oversampling OSR2, 0..3, is given.
-
-    Raises
-    ------
-    ArgumentError
-        If OSR2 is not in 0..3.
+    The temperature is measured too where its oversampling OSR2, 0..3, is given. It raises an
+    `ArgumentError` if OSR2 is not in 0..3.
 
     Notes
     -----

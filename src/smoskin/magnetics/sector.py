@@ -30,12 +30,8 @@ def field(magnet: Magnet, points: ArrayLike) -> Floats:
 
     Both are in its own frame. Inside the disc the magnetisation is included, on the plane between
     two sectors as their mean. On an outer surface it is the outer limit; on a sharp edge, where B
-    has no limit, the value 1e-9 radii off it. NaN where a coordinate is not finite.
-
-    Raises
-    ------
-    ArgumentError
-        If `points` is not (..., 3).
+    has no limit, the value 1e-9 radii off it. NaN where a coordinate is not finite. It raises an
+    `ArgumentError` if `points` is not (..., 3).
 
     Notes
     -----

@@ -45,10 +45,7 @@ def temperature_factor(temperature: ArrayLike) -> Floats:
 def check_temperature(temperature: ArrayLike) -> Floats:
     """The temperatures that somebody sets, degC, as an array of any shape, if the skin stands them.
 
-    Raises
-    ------
-    ArgumentError
-        If one lies outside `SERVICE_LIMITS` or is not a number.
+    It raises an `ArgumentError` if one lies outside `SERVICE_LIMITS` or is not a number.
 
     Notes
     -----

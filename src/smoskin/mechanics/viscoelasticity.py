@@ -25,13 +25,9 @@ class Prony:
     """Generalised Maxwell solid; without terms it is elastic.
 
     G(t) = G_inf (1 + sum g_k exp(-t / tau_k) / (1 - sum g_k)); its inverse in Laplace space is the
-    compliance J(t) = J_inf (1 - sum c_k exp(-t / lambda_k)).
-
-    Raises
-    ------
-    ArgumentError
-        If a share or a time is not positive, the shares leave nothing for the long term, or the
-        times do not rise.
+    compliance J(t) = J_inf (1 - sum c_k exp(-t / lambda_k)). It raises an `ArgumentError` if a
+    share or a time is not positive, the shares leave nothing for the long term, or the times do not
+    rise.
 
     Examples
     --------
@@ -97,10 +93,7 @@ def elastomer_prony(material: str) -> Prony:
 def modulus_factor(material: str, temperature: ArrayLike) -> Floats:
     """Modulus of an elastomer over its value at 25 degC, at any array of temperatures, degC.
 
-    Raises
-    ------
-    ArgumentError
-        If the material is unknown.
+    It raises an `ArgumentError` if the material is unknown.
 
     Notes
     -----
@@ -162,12 +155,8 @@ class Memory:
         """The creeping response after the elastic one has changed evenly to a new one of its shape.
 
         `duration` is in s since the last step, 0 for a jump. Where the response is not a number the
-        answer is none either, and the memory goes on from the last that was.
-
-        Raises
-        ------
-        ArgumentError
-            If time runs backwards or the shape differs.
+        answer is none either, and the memory goes on from the last that was. It raises an
+        `ArgumentError` if time runs backwards or the shape differs.
         """
         if duration != self._duration:
             self._weights = self._step_weights(duration)
@@ -209,12 +198,8 @@ def creep(prony: Prony, times: ArrayLike, response: ArrayLike) -> Floats:
     """The creeping response over a whole history, (T, ...): what `Memory` answers step by step.
 
     The elastic response, (T, ...), changes evenly between the times, (T,), s, which never fall; a
-    time that occurs twice is a jump. The skin has rested under the first response.
-
-    Raises
-    ------
-    ArgumentError
-        If times fall or are not finite, or the lengths differ or are 0.
+    time that occurs twice is a jump. The skin has rested under the first response. It raises an
+    `ArgumentError` if times fall or are not finite, or the lengths differ or are 0.
     """
     instants, history = floats("times", times, (None,)), floats("response", response)
     if not len(instants) or history.shape[:1] != instants.shape:

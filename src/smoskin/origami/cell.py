@@ -84,10 +84,7 @@ def fold_angle(
 ) -> Floats:
     """Fold angle at which the cell has the one extent that is given, rad.
 
-    Raises
-    ------
-    ArgumentError
-        If not exactly one extent is given, or the cell cannot have it.
+    It raises an `ArgumentError` if not exactly one extent is given, or the cell cannot have it.
 
     Notes
     -----

@@ -55,12 +55,8 @@ class TensorFile(NamedTuple):
     ) -> _Content:
         """Read a file: what `build` makes of its arrays, which must have these names, and header.
 
-        Raises
-        ------
-        ModelError
-            If it cannot be read, is of another kind or format, or is damaged.
-        MissingExtraError
-            If `safetensors` is not installed.
+        It raises a `ModelError` if the file cannot be read, is of another kind or format, or is
+        damaged, and a `MissingExtraError` if `safetensors` is not installed.
         """
         with _opened(path, self.kind) as file:
             text = (file.metadata() or {}).get(self.key)
@@ -81,10 +77,7 @@ class TensorFile(NamedTuple):
 def freeze_model(record: object, kind: str, **shapes: tuple[int | None, ...]) -> None:
     """Turn a model's fields into read-only finite arrays of these shapes, while it is being made.
 
-    Raises
-    ------
-    ModelError
-        If a field has another shape or is not finite.
+    It raises a `ModelError` if a field has another shape or is not finite.
     """
     try:
         freeze(record, **shapes)

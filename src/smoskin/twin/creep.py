@@ -39,12 +39,8 @@ class Creep:
         """The motion so many seconds after the last one.
 
         The given motion is the one in which the present touches would hold the skin for good. Where
-        it is invalid the answer is too, and the memory goes on from the last that was not.
-
-        Raises
-        ------
-        ArgumentError
-            If time runs backwards.
+        it is invalid the answer is too, and the memory goes on from the last that was not. It
+        raises an `ArgumentError` if time runs backwards.
         """
         return Motion(
             magnets=self._magnets.step(duration, motion.magnets),

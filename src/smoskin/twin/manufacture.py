@@ -35,12 +35,9 @@ _RELATIVE = (
 class Tolerances:
     """Standard deviations of what scatters from skin to skin and from part to part.
 
-    The paper prints none of them. Each default is an assumption with its reason beside it.
-
-    Raises
-    ------
-    ArgumentError
-        If one is negative, not finite, or so large that a stiffness could come out negative.
+    The paper prints none of them. Each default is an assumption with its reason beside it. It
+    raises an `ArgumentError` if one is negative, not finite, or so large that a stiffness could
+    come out negative.
     """
 
     stiffness_variation: float = 0.10

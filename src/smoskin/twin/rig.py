@@ -188,14 +188,8 @@ def open_rig(name: str, design: SkinDesign) -> VirtualRig:
     """The rig that a name with options asks for, with a skin made for it from the design.
 
     The name is ``virtual``, with ``seed`` (0) and ``temperature`` in degC (25) as options, such as
-    ``virtual?seed=3&temperature=30``.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no such rig, or an option is unknown or out of its range.
-    MissingExtraError
-        Without the extra ``twin``.
+    ``virtual?seed=3&temperature=30``. It raises an `ArgumentError` if there is no such rig, or an
+    option is unknown or out of its range, and a `MissingExtraError` without the extra ``twin``.
     """
     kind, _, query = name.partition("?")
     options = dict(parse_qsl(query, keep_blank_values=True))

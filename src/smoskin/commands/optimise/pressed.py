@@ -42,14 +42,9 @@ _GAP: Final = 5.5e-3
 class PressedSheet:
     """A sheet under touches without drag at some places, N, and under the rated ones at others.
 
-    The design's magnets and chips play no part here; a made skin deviates from it.
-
-    Raises
-    ------
-    ArgumentError
-        If the force is not positive or there are fewer than two places along an axis.
-    MissingExtraError
-        If the extra ``twin`` is not installed.
+    The design's magnets and chips play no part here; a made skin deviates from it. It raises an
+    `ArgumentError` if the force is not positive or there are fewer than two places along an axis,
+    and a `MissingExtraError` if the extra ``twin`` is not installed.
     """
 
     def __init__(

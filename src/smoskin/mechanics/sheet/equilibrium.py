@@ -215,10 +215,7 @@ def _relax(net: Net, loads: Any, motion: Array, tolerance: Array, limit: int) ->
 class Equilibrium:
     """Finds the equilibria of one lattice, which is at rest without stress, its panels flat.
 
-    Raises
-    ------
-    DesignError
-        If the lattice can move without resistance.
+    It raises a `DesignError` if the lattice can move without resistance.
 
     Notes
     -----

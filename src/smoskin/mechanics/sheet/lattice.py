@@ -28,10 +28,7 @@ at some tens of kilopascals, far below the megapascal at which the rubber itself
 class Springs:
     """Stiffness of each kind of part; each number scales a kind of element.
 
-    Raises
-    ------
-    DesignError
-        If a stiffness is negative or not finite.
+    It raises a `DesignError` if a stiffness is negative or not finite.
     """
 
     column_shear: float

@@ -153,12 +153,8 @@ class BarHinge:
     ) -> Pressed:
         """Equilibria under touches; an answer counts up to a relative residual of `tolerance`.
 
-        `start`, (B, V, 3), m, are displacements near the answers, such as those of a moment ago.
-
-        Raises
-        ------
-        ArgumentError
-            If a touch lies off the skin.
+        `start`, (B, V, 3), m, are displacements near the answers, such as those of a moment ago. It
+        raises an `ArgumentError` if a touch lies off the skin.
         """
         if not 0.0 < tolerance < 1.0:
             raise ArgumentError(f"tolerance must lie in (0, 1); got {tolerance}")
@@ -188,12 +184,8 @@ class BarHinge:
 
         They are taken at equilibria of at most this residual, NaN where there is none. Between the
         vertices a patch's shares have a slope of their own at each point; the derivative by the
-        position is that of the shares as they are computed.
-
-        Raises
-        ------
-        ArgumentError
-            If a touch lies off the skin.
+        position is that of the shares as they are computed. It raises an `ArgumentError` if a touch
+        lies off the skin.
         """
         loads = self._loads(touches)
         answer = self._solve(loads, tolerance, None)

@@ -116,10 +116,7 @@ class Tangent:
     def at_rest(self) -> RestInverse:
         """The inverse that all presses share.
 
-        Raises
-        ------
-        DesignError
-            If the lattice can move without resistance.
+        It raises a `DesignError` if the lattice can move without resistance.
         """
         made = self.blocks(np.zeros_like(self.lattice.nodes))
         band = self._band(made.bars, made.hinges)

@@ -70,10 +70,8 @@ Grip = Sticking | Sliding | Frictionless | Covered
 class Touches:
     """Touches of the skin in each of B cases, up to K touches a case.
 
-    Raises
-    ------
-    ArgumentError
-        If shapes disagree, a number is not finite, a force pulls or a radius is not positive.
+    It raises an `ArgumentError` if shapes disagree, a number is not finite, a force pulls or a
+    radius is not positive.
 
     Examples
     --------
@@ -136,12 +134,7 @@ def vertex_shares(design: SkinDesign, positions: ArrayLike) -> Floats:
     """Share of a touch at positions (..., 2), m, that each cell's top vertex takes, (..., N, M).
 
     Their sum over the cells is 1, their mean place the touch's own; along an axis with a single
-    cell that one takes it all.
-
-    Raises
-    ------
-    ArgumentError
-        If a position lies off the skin.
+    cell that one takes it all. It raises an `ArgumentError` if a position lies off the skin.
 
     Examples
     --------

@@ -114,12 +114,8 @@ def directions(unit: Floats) -> Directions:
 def divisions(unit: Floats) -> Divisions:
     """Dividing lines halfway between the ratios that neighbouring columns, and rows, give.
 
-    `unit`, (N, M, 2, 2), are the displacements of `unit_press` of a first and a second magnet.
-
-    Raises
-    ------
-    ArgumentError
-        If there are not two magnets.
+    `unit`, (N, M, 2, 2), are the displacements of `unit_press` of a first and a second magnet. It
+    raises an `ArgumentError` if there are not two magnets.
 
     Notes
     -----

@@ -42,11 +42,8 @@ class CellAnswers(NamedTuple):
 def cell_answers(design: SkinDesign, table: ResponseTable) -> CellAnswers:
     """The answers of the cells' top vertices by a skin's response table of all its chips.
 
-    Raises
-    ------
-    ModelError
-        If the table belongs to another design or lacks chips, or a cell does not answer a press
-        and both drags each in its own way.
+    It raises a `ModelError` if the table belongs to another design or lacks chips, or a cell does
+    not answer a press and both drags each in its own way.
 
     Notes
     -----

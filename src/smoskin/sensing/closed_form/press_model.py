@@ -85,12 +85,9 @@ class Layout(NamedTuple):
 class PressModel:
     """The measured values of a table of touches on top vertices as functions of a skin's numbers.
 
-    `attenuations` is 1 for a v_a alike in X and Y, 2 for separate ones.
-
-    Raises
-    ------
-    ArgumentError
-        If a touch lies on no top vertex or has no depth, or there is another number of chips.
+    `attenuations` is 1 for a v_a alike in X and Y, 2 for separate ones. It raises an
+    `ArgumentError` if a touch lies on no top vertex or has no depth, or there is another number of
+    chips.
 
     Notes
     -----

@@ -70,14 +70,10 @@ class Prediction(NamedTuple):
 class LearnedModel:
     """A trained model, complete with what it may be used for.
 
-    With u the inputs, centred and scaled to lengths, and u_n those of the examples, it gives
-    f(u) = sum_n k(|u - u_n|) w_n + S^T u + c, where k(r) = (1 + r) e^-r is the Matern 3/2
-    covariance, w the weights, S the slope and c the intercept.
-
-    Raises
-    ------
-    ModelError
-        If the arrays do not fit each other or are not finite.
+    With u the inputs, centred and scaled to lengths, and u_n those of the examples, it gives f(u) =
+    sum_n k(|u - u_n|) w_n + S^T u + c, where k(r) = (1 + r) e^-r is the Matern 3/2 covariance, w
+    the weights, S the slope and c the intercept. It raises a `ModelError` if the arrays do not fit
+    each other or are not finite.
     """
 
     encoding: Encoding

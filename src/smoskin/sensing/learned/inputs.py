@@ -63,12 +63,8 @@ class Encoding:
     def encode(self, time: Floats, field: Floats) -> Floats:
         """Inputs (T, columns) of zeroed fields (T, S, 3), T, of all chips at rising times (T,), s.
 
-        Each row sees only what came before it.
-
-        Raises
-        ------
-        ArgumentError
-            If the shapes disagree, or the field has fewer chips than are used.
+        Each row sees only what came before it. It raises an `ArgumentError` if the shapes disagree,
+        or the field has fewer chips than are used.
         """
         field = floats("field", field, (len(time), None, 3))
         if max(self.chips) >= field.shape[1]:

@@ -23,12 +23,8 @@ def export_onnx(model: NetworkModel, path: Path | str) -> None:
     Its inputs are `signals`, (B, 3 S), T, of the model's chips as
     `smoskin.sensing.response.table.ResponseTable` defines them, and `temperature`, (1,), degC. Its
     outputs are `values`, (B, 5): x, y, m, and Fx, Fy, Fz, N; their `covariance`, (B, 5, 5); and
-    `novelty`, (B,), above 1 where they are not to be believed.
-
-    Raises
-    ------
-    MissingExtraError
-        If `onnx` is not installed.
+    `novelty`, (B,), above 1 where they are not to be believed. It raises a `MissingExtraError` if
+    `onnx` is not installed.
     """
     try:
         import onnx

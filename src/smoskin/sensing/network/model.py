@@ -42,16 +42,12 @@ class Layer(NamedTuple):
 class NetworkModel:
     """A trained ensemble, complete with what it may be used for.
 
-    Inputs are D = C + 1 numbers: the C signals over their length l, and log l. Hidden layers pass
-    x on as x / (1 + e^-x). Each member gives O means: x, y, then Fx / l and Fy / l where it knows
+    Inputs are D = C + 1 numbers: the C signals over their length l, and log l. Hidden layers pass x
+    on as x / (1 + e^-x). Each member gives O means: x, y, then Fx / l and Fy / l where it knows
     drags, and log(-Fz / l); O logarithms of deviations; and for each pair how much of what an
     earlier target is off a later one is off too, both in their deviations: row by row below the
-    diagonal of a factor L_k of their covariance L_k L_k^T.
-
-    Raises
-    ------
-    ModelError
-        If arrays do not fit each other or are not finite.
+    diagonal of a factor L_k of their covariance L_k L_k^T. It raises a `ModelError` if arrays do
+    not fit each other or are not finite.
     """
 
     design_hash: str

@@ -208,12 +208,9 @@ class TrainingEffort:
 class Lessons:
     """All that stays the same during a training: examples of every epoch, and where it begins.
 
-    With `start` it goes on from a network, whose layout, sizes and weights are taken.
-
-    Raises
-    ------
-    ModelError
-        If the start is of another design, of other chips, or knows drags where touches have none.
+    With `start` it goes on from a network, whose layout, sizes and weights are taken. It raises a
+    `ModelError` if the start is of another design, of other chips, or knows drags where touches
+    have none.
     """
 
     def __init__(

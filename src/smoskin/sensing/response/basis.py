@@ -35,13 +35,9 @@ _AT_ONCE: Final = 2048
 class TouchBasis:
     """Functions of place and force for one size of skin and of touch.
 
-    Every signal is a sum ``s(x, y, F) = sum_pqd A_pqd phi_p(x) psi_q(y) g_d(F)``.
-
-    Raises
-    ------
-    ArgumentError
-        If lines do not rise within the skin, radius or extent are not positive, or exponents are
-        not rows of three whole numbers >= 0 of which one is positive.
+    Every signal is a sum ``s(x, y, F) = sum_pqd A_pqd phi_p(x) psi_q(y) g_d(F)``. It raises an
+    `ArgumentError` if lines do not rise within the skin, radius or extent are not positive, or
+    exponents are not rows of three whole numbers >= 0 of which one is positive.
     """
 
     extent: Floats

@@ -105,24 +105,12 @@ def bound_map(
     misfit: bool = False,
     places: tuple[int, int] = (49, 65),
 ) -> BoundMap:
-    """Bounds over the skin of a response table.
+    """Bounds over the skin of a response table, at so many places along x and y.
 
-    Parameters
-    ----------
-    table : ResponseTable
-    noise : Floats, shape (C, C)
-        Covariance of signals, T^2 (`smoskin.sensing.signals.signals.signal_noise`).
-    force : float
-        Normal force of the touch, which has no drag, N.
-    drags, misfit : bool
-        Whether the drags are unknown too, and what the table does not know of the skin is noise.
-    places : tuple of int
-        Numbers of places along x and y.
-
-    Raises
-    ------
-    ArgumentError
-        If the force is not positive or there are fewer than two places along an axis.
+    The touch has a normal force, N, and no drag; `noise`, (C, C), T^2, is the covariance of signals
+    (`smoskin.sensing.signals.signals.signal_noise`). `drags` says whether drags are unknown too,
+    `misfit` whether what the table does not know of the skin is noise. It raises an `ArgumentError`
+    if the force is not positive or there are fewer than two places along an axis.
 
     Notes
     -----

@@ -64,22 +64,12 @@ def fit_response_table(
     *,
     radius: float = FINGERTIP,
 ) -> ResponseTable:
-    """The table of one skin from B presses all over it.
+    """The table of one skin with S chips from B presses all over it.
 
-    Parameters
-    ----------
-    design : SkinDesign
-        Design of the skin, with S chips.
-    position, force, signals : array_like, shapes (B, 2), (B, 3) and (B, S, 3)
-        m, N and T, as `ResponseTable` has them; with drags, where it shall know them.
-    radius : float
-        Radius of what presses, m.
-
-    Raises
-    ------
-    ArgumentError
-        If shapes disagree, a number is not finite, or there are fewer presses than twice the
-        functions that the table is made of.
+    Positions (B, 2), m, forces (B, 3), N, and signals (B, S, 3), T, are as `ResponseTable` has
+    them, with drags where it shall know them; `radius`, m, is that of what presses. It raises an
+    `ArgumentError` if shapes disagree, a number is not finite, or there are fewer presses than
+    twice the functions that the table is made of.
 
     Notes
     -----
@@ -150,24 +140,12 @@ def add_modes(
     *,
     least: float = 0.5e-6,
 ) -> ResponseTable:
-    """The table with the modes in which made skins differ from it, and the skins' mean.
+    """The table with the modes in which L made skins differ from it, and the skins' mean.
 
-    Parameters
-    ----------
-    table : ResponseTable
-    position, force : array_like, shapes (B, 2) and (B, 3)
-        Presses, the same on every skin, m and N.
-    deviations : array_like, shape (L, B, S, 3)
-        Signals of L made skins less those of the table's skin, T.
-    grips : array_like, shape (L, H, 2, H, 3), optional
-        Grip of each of the skins, m/N; by default that of the table's skin.
-    least : float
-        Root mean square over presses, T, of modes that go into the misfit.
-
-    Raises
-    ------
-    ArgumentError
-        If there are fewer than two skins.
+    B presses, the same on every skin, have positions (B, 2), m, and forces (B, 3), N; deviations,
+    (L, B, S, 3), T, are signals less those of the table's skin; grips, (L, H, 2, H, 3), m/N, by
+    default are that of the table's skin. Modes of a root mean square over presses below `least`, T,
+    go into the misfit. It raises an `ArgumentError` if there are fewer than two skins.
     """
     place, push = touch_arrays(position, force)
     skins = floats("deviations", deviations, (len(table.chips), 3))
@@ -225,18 +203,9 @@ def add_coupling(
 ) -> ResponseTable:
     """The table with what two touches at once do beyond adding up on the same skin.
 
-    Parameters
-    ----------
-    table : ResponseTable
-    grip : Floats, shape (H, 2, H, 3)
-        m/N (`smoskin.mechanics.sheet.compliance.grip_compliance`).
-    position, force, signals : array_like, shapes (B, 2, 2), (B, 2, 3) and (B, S, 3)
-        m, N and T, of pairs of touches.
-
-    Raises
-    ------
-    ModelError
-        If the grip does not fit the table's vertices.
+    The grip, (H, 2, H, 3), m/N, is that of `smoskin.mechanics.sheet.compliance.grip_compliance`;
+    pairs of touches have positions (B, 2, 2), m, forces (B, 2, 3), N, and signals (B, S, 3), T. It
+    raises a `ModelError` if the grip does not fit the table's vertices.
     """
     place, push = floats("position", position, (2, 2)), floats("force", force, (2, 3))
     both = floats("signals", signals, (None, 3)).reshape(len(place), table.count)

@@ -17,23 +17,12 @@ _TOUCHES: Final = np.arange(2)
 
 
 def mutual_drags(grip: Floats, shares: Floats, press: Floats) -> tuple[Floats, Floats]:
-    """What two straight touches that stick pull at each other.
+    """What two straight touches that stick pull at each other, (B, 2, 2), N, with its slopes.
 
-    Parameters
-    ----------
-    grip : Floats, shape (H, 2, H, 3)
-        G of `ResponseTable`, m/N.
-    shares : Floats, shape (B, 2, R, H)
-        Share a of each vertex in each touch; with R = 3 its slopes along x and y, 1/m, as well.
-    press : Floats, shape (B, 2)
-        Normal forces p, N, positive.
-
-    Returns
-    -------
-    drags : Floats, shape (B, 2, 2)
-        Sideways force t of each on the sheet beyond that which it has alone, N.
-    slopes : Floats, shape (B, 2, R, 2, 2)
-        Derivatives of the drags by x and y, where these slopes are given, and press of each touch.
+    `grip`, (H, 2, H, 3), m/N, is G of `ResponseTable`; `shares`, (B, 2, R, H), is the share a of
+    each vertex in each touch, with R = 3 its slopes along x and y, 1/m, as well; `press`, (B, 2),
+    N, are normal forces p. The drags t, sideways forces on the sheet beyond those of each touch
+    alone, have derivatives (B, 2, R, 2, 2) by x and y, where these are given, and press of each.
 
     Notes
     -----

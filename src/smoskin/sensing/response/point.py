@@ -19,13 +19,8 @@ from smoskin.sensing.response.pairs import mutual_drags
 class PointTable:
     """Signals s of one touch, and ``s_1 + s_2 + kappa(s_1, s_2)`` of two straight ones.
 
-    Parameters
-    ----------
-    basis : TouchBasis
-    coefficients : Floats, shape (P, Q, D, C)
-        Coefficients of s at the rubber's temperature, T/N^k.
-    grip, curvature : Floats
-        As `smoskin.sensing.response.table.ResponseTable` has them.
+    Coefficients (P, Q, D, C) of s, T/N^k, are at the rubber's temperature; grip and curvature are
+    as `smoskin.sensing.response.table.ResponseTable` has them.
     """
 
     def __init__(

@@ -37,12 +37,8 @@ class ResponseTable:
     """Signals of S chips for touches with D products of forces on P x Q functions of place.
 
     A signal is what a chip reads, turned into the skin's axes as designed, at the magnets'
-    reference temperature, less what it reads untouched. C = 3 S of them stand in a row.
-
-    Raises
-    ------
-    ModelError
-        If arrays do not fit each other or are not finite.
+    reference temperature, less what it reads untouched. C = 3 S of them stand in a row. It raises a
+    `ModelError` if arrays do not fit each other or are not finite.
 
     Notes
     -----
@@ -111,12 +107,8 @@ class ResponseTable:
     ) -> Floats:
         """What the chips read under each of B touches, ``s + D u``, shape (B, C), T.
 
-        Parameters
-        ----------
-        position, force : array_like, shapes (B, 2) and (B, 3)
-            m and N, on the skin; pressing is negative z.
-        temperature : array_like, shape (B,) or (), optional
-            Rubber temperature, degC.
+        Positions (B, 2), m, and forces (B, 3), N, are on the skin, pressing is negative z; the
+        rubber's temperature, (B,) or (), is in degC.
         """
         place, push = touch_arrays(position, force)
         warmer = floats("temperature", temperature) - REFERENCE_TEMPERATURE
