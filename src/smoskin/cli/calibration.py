@@ -7,7 +7,18 @@ from typing import Annotated, Any, Literal
 import typer
 from typer import Argument, Option
 
-from smoskin.cli.frame import Design, File, Json, Number, Text, Whole, app, progress_bar, tell
+from smoskin.cli.frame import (
+    Design,
+    File,
+    Json,
+    Number,
+    Text,
+    Whole,
+    app,
+    examples,
+    progress_bar,
+    tell,
+)
 from smoskin.errors import ArgumentError
 from smoskin.feasibility import load_design
 from smoskin.measurement import read_touches
@@ -44,7 +55,12 @@ OwnTable = Annotated[
 ]
 
 
-@app.command()
+@app.command(
+    epilog=examples(
+        "calibrate planar --rig 'virtual?seed=3' --out skin.table",
+        "calibrate planar --sheet touches.csv --out skin.table",
+    )
+)
 def calibrate(
     design: Design = "planar",
     rig: Rig = "virtual",
@@ -93,7 +109,7 @@ def calibrate(
         typer.echo(f"Now: smoskin run SOURCE --calibration {out}", err=True)
 
 
-@touches.command("plan")
+@touches.command("plan", epilog=examples("touches plan planar --out touches.csv"))
 def plan_touches(
     design: Design = "planar",
     out: Annotated[Path, Option(help="Sheet (CSV) to write.", dir_okay=False)] = Path(
@@ -141,7 +157,7 @@ def plan_touches(
     typer.echo(f"Now: smoskin calibrate {design} --sheet {out} --out skin.table", err=True)
 
 
-@app.command("fit-paper")
+@app.command("fit-paper", epilog=examples("fit-paper touches.csv --out calibration.toml"))
 def fit_paper(
     table: Annotated[Path, Argument(help="CSV of touches on the cells' top vertices.")],
     out: Annotated[Path, Option(help="Calibration (TOML) to write.", dir_okay=False)] = Path(
@@ -176,7 +192,7 @@ def fit_paper(
     tell(result, as_json)
 
 
-@app.command()
+@app.command(epilog=examples("virtual-bench touches.csv --seed 2"))
 def virtual_bench(
     out: Annotated[Path, Argument(help="CSV of touches to write.")] = Path("touches.csv"),
     design: Annotated[str, Option(help="Design that the virtual skin scatters about.")] = (

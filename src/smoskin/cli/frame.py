@@ -1,6 +1,8 @@
 """What commands share: the help that groups them, options that mean the same, tables and bars."""
 
 import json
+import logging
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,10 +13,13 @@ from typer import Argument, Option
 from typer.core import TyperGroup
 
 from smoskin import __version__
+from smoskin.roles import Progress
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+_EVERY: Final = 5.0
+"""s between lines of progress where there is no terminal."""
 _GROUPS: Final = {
     "See and read a skin": ("demo", "run", "info"),
     "Calibrate a skin": ("calibrate", "touches", "fit-paper", "virtual-bench"),
@@ -29,6 +34,11 @@ class GroupedCommands(TyperGroup):
 
     Contexts and formatters are those of click, which typer either needs or brings along.
     """
+
+    def parse_args(self, ctx: Any, args: list[str]) -> Any:
+        """Let the log be asked for behind a command too."""
+        asked = [arg for arg in args if arg in ("-v", "--verbose")]
+        return super().parse_args(ctx, [*asked[:1], *(arg for arg in args if arg not in asked)])
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Names in the order of the help; a command that is in no group comes last."""
@@ -65,30 +75,68 @@ Json = Annotated[bool, Option("--json", help="Print JSON for machines.")]
 Design = Annotated[str, Argument(help="A shipped design or the path of a TOML document.")]
 
 
+def examples(*lines: str) -> str:
+    """The end of a command's help: command lines to start from."""
+    return "\b\nExamples:\n" + "\n".join(f"  smoskin {line}" for line in lines)
+
+
 def _version(asked: bool) -> None:
     if asked:
         typer.echo(f"smoskin {__version__}")
         raise typer.Exit
 
 
+def _verbose(asked: bool) -> None:
+    """Log what the package does, on standard error."""
+    if asked:
+        logging.basicConfig(format="%(name)s: %(message)s")
+        logging.getLogger("smoskin").setLevel(logging.INFO)
+
+
 Version = Option("--version", callback=_version, is_eager=True, help="Print the version.")
+Verbose = Option(
+    "--verbose", "-v", callback=_verbose, is_eager=True, help="Log files, seeds, rates, drops."
+)
 
 
 @app.callback()
-def _options(version: Annotated[bool, Version] = False) -> None:
+def _options(
+    version: Annotated[bool, Version] = False, verbose: Annotated[bool, Verbose] = False
+) -> None:
     """Options before any command."""
 
 
 @contextmanager
-def progress_bar() -> Iterator[Callable[[str, float], None]]:
-    """A bar on standard error; called with what is being done and the share that is done."""
+def progress_bar() -> Iterator[Progress]:
+    """A listener that shows progress on standard error.
+
+    It is a bar on a terminal, elsewhere a line every 5 s, as a log or a notebook can hold.
+    """
     from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import Progress as Bar
 
     console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+    if not console.is_terminal:
+        yield _ProgressLines(time.monotonic)
+        return
+    with Bar(console=console, transient=True) as bar:
         task = bar.add_task("", total=1.0)
         yield lambda what, share: bar.update(task, description=what, completed=share)
+
+
+class _ProgressLines:
+    """Tells of work on standard error, at most once in `_EVERY` seconds."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self._begin = self._told = clock()
+
+    def __call__(self, what: str, share: float) -> None:
+        """Tell what is being done and the share that is done, if it is time to."""
+        now = self._clock()
+        if now - self._told >= _EVERY:
+            self._told = now
+            typer.echo(f"{now - self._begin:5.0f} s {100 * share:4.0f} %  {what}", err=True)
 
 
 class Report(Protocol):

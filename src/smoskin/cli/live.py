@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from smoskin.cli.frame import Design, File, Json, Number, Text, app, tell
+from smoskin.cli.frame import Design, File, Json, Number, Text, app, examples, tell
 from smoskin.feasibility import load_design
 from smoskin.sensing.response.table import load_response_table
 
@@ -15,7 +15,9 @@ Seconds = Annotated[Number, Option(min=0.0, help="Stop after so many seconds.")]
 Record = Annotated[File, Option(help="Write everything to this new MCAP file.", dir_okay=False)]
 
 
-@app.command()
+@app.command(
+    epilog=examples("demo", "demo --seconds 30 --seed 7", "demo --headless --seconds 30 --json")
+)
 def demo(
     design: Design = "planar",
     seconds: Seconds = None,
@@ -73,7 +75,12 @@ def demo(
         raise typer.Exit(1)
 
 
-@app.command()
+@app.command(
+    epilog=examples(
+        "run 'twin://planar?manufactured=yes&seed=3' --calibration skin.table --seconds 5",
+        "run replay:touch.mcap --json",
+    )
+)
 def run(
     source: Annotated[
         str, Argument(help="twin://DESIGN or replay:FILE, each with ?options.")

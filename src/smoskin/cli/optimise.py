@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from smoskin.cli.frame import Design, Json, app, progress_bar, show
+from smoskin.cli.frame import Design, Json, app, examples, progress_bar, show
 
 
-@app.command()
+@app.command(epilog=examples("optimise planar --out better.toml --minutes 10"))
 def optimise(
     out: Annotated[
         Path, typer.Option(help="The new design (TOML); the comparison beside it.", dir_okay=False)
@@ -51,5 +51,6 @@ def optimise(
         for table in found.tables():
             show(table)
         typer.echo(f"{document} and {beside}")
+    typer.echo(found.verdict(), err=True)
     if not found.kept:
         raise typer.Exit(1)

@@ -6,10 +6,12 @@ from typing import Annotated
 
 import typer
 
-from smoskin.cli.frame import Json, app, progress_bar, show
+from smoskin.cli.frame import Json, app, examples, progress_bar, show
 
 
-@app.command()
+@app.command(
+    epilog=examples("score skin.table --skins 2 --out judged", "score network.safetensors --json")
+)
 def score(
     file: Annotated[
         Path, typer.Argument(help="A response table, a network, or another estimator's file.")
@@ -76,5 +78,6 @@ def score(
             show(table)
         if out is not None:
             typer.echo(str(out / DATA))
+    typer.echo(sheet.verdict(), err=True)
     if not sheet.met:
         raise typer.Exit(1)

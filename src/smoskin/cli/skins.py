@@ -7,11 +7,12 @@ from typing import Annotated, Literal
 import typer
 from typer import Option
 
-from smoskin.cli.frame import Design, File, Json, Text, Whole, app, progress_bar, tell
+from smoskin.cli.ending import if_stopped
+from smoskin.cli.frame import Design, File, Json, Text, Whole, app, examples, progress_bar, tell
 from smoskin.feasibility import load_design
 
 
-@app.command()
+@app.command(epilog=examples("info planar", "info own.toml --json"))
 def info(design: Design = "planar", as_json: Json = False) -> None:
     """Print a design: what is built, where each value comes from, and what follows from it."""
     from smoskin.commands.info import describe
@@ -27,7 +28,11 @@ Grip = Annotated[
 ]
 
 
-@app.command()
+@app.command(
+    epilog=examples(
+        "simulate planar --at 45,80 --force 0,0,-0.5", "simulate --at 30,40 --at 90,120 --json"
+    )
+)
 def simulate(
     design: Design = "planar",
     at: Annotated[
@@ -68,7 +73,12 @@ def simulate(
         raise typer.Exit(1)
 
 
-@app.command()
+@app.command(
+    epilog=examples(
+        "sweep planar --kind grid --forces 0.1:1:4 --places 25x33 --out pressed",
+        "sweep --summary pressed",
+    )
+)
 def sweep(
     design: Design = "planar",
     kind: Annotated[
@@ -128,11 +138,13 @@ def sweep(
             seed=seed,
             presses_per_chunk=chunk,
         )
-        with progress_bar() as bar:
+        folder = out or Path(f"{skin.name}-{kind}")
+        kept = f"{folder} keeps what has been pressed, and the same command goes on from there"
+        with if_stopped(lambda: kept), progress_bar() as bar:
             report = sweeps.run_sweep(
                 skin,
                 plan,
-                out or Path(f"{skin.name}-{kind}"),
+                folder,
                 engine=Engine(workers, scheduler),
                 export=export,
                 progress=bar,

@@ -8,11 +8,25 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from smoskin.cli.frame import Design, File, Json, Number, Text, Whole, app, progress_bar, show
+from smoskin.cli.ending import if_stopped
+from smoskin.cli.frame import (
+    Design,
+    File,
+    Json,
+    Number,
+    Text,
+    Whole,
+    app,
+    examples,
+    progress_bar,
+    show,
+)
 from smoskin.feasibility import load_design
 
 
-@app.command("table")
+@app.command(
+    "table", epilog=examples("table own.toml --out own.table", "table own.toml --folder presses")
+)
 def make_table(
     design: Design = "planar",
     out: Annotated[
@@ -49,7 +63,7 @@ def make_table(
         skins=skins or usual.skins,
     )
     file = out or Path(f"{Path(design).stem}.table")
-    with progress_bar() as progress:
+    with if_stopped(lambda: _pressed(folder)), progress_bar() as progress:
         table = making.make_table(
             load_design(design), effort, folder=folder, engine=Engine(workers), progress=progress
         )
@@ -60,7 +74,16 @@ def make_table(
     show(making.table_rows(table, str(file)))
 
 
-@app.command()
+def _pressed(folder: Path | None) -> str:
+    """What a stopped table leaves, and how to go on."""
+    if folder is None:
+        return "nothing is kept; with --folder F a table goes on where it was stopped"
+    return f"{folder} keeps what has been pressed, and the same command goes on from there"
+
+
+@app.command(
+    epilog=examples("train skin.table --minutes 5", "train skin.table --minutes 5 --resume")
+)
 def train(
     response: Annotated[
         Path, Argument(help="A response table, of a design or of a skin.", dir_okay=False)
@@ -94,7 +117,7 @@ def train(
 
     checkpoint = training.checkpoint_of(out, resume=resume)
     curve = out.with_name(out.name + ".curve.jsonl")
-    with progress_bar() as progress:
+    with if_stopped(lambda: training.kept_of(checkpoint)), progress_bar() as progress:
         trained = training.train(
             response,
             design=None if design is None else load_design(design),

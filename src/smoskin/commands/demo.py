@@ -12,7 +12,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
@@ -52,6 +52,10 @@ _LIFT: Final = 0.5
 """s for which the hand lets go so that a new zero can be taken."""
 _SHOWN: Final = 0.25
 """s for which the page shows each touch of the rig."""
+_FASTEST: Final = 10_000.0
+"""Most readings a second, Hz; chips give some hundreds."""
+_LONGEST: Final = 86_400.0
+"""Longest demonstration whose end is set, s."""
 _PATIENCE: Final = 5.0
 """s that the rig waits for somebody to open the page."""
 
@@ -165,8 +169,10 @@ def run_demo(
         If the extra ``demo`` is not installed.
     """
     begun = time.monotonic()
-    if not 0.0 < rate < math.inf:
-        raise ArgumentError(f"rate must be positive and finite; got {rate} Hz")
+    if not 0.0 < rate <= _FASTEST:
+        raise ArgumentError(f"rate must be positive and at most {_FASTEST:g}; got {rate} Hz")
+    if seconds is not None and not seconds <= _LONGEST:
+        raise ArgumentError(f"seconds must be at most {_LONGEST:g}; got {seconds}")
     script = scripted_hand(design, seconds or 60.0, seed, start=_ZEROS / rate)
     stage = _Stage(Hand(script, repeat=seconds is None), say)
     table = load_response_table(design.name) if table is None else table
@@ -185,7 +191,8 @@ def run_demo(
         readers = Readers(makers)
         loop = stack.enter_context(Loop(source, readers, sinks=sinks))
         located: float | None = None
-        try:
+        # Whoever stops the demonstration, by a signal too, gets what it has shown so far.
+        with suppress(KeyboardInterrupt):
             for estimate in loop:
                 if located is None and estimate.status is Status.CONTACT:
                     located = round(time.monotonic() - begun, 2)
@@ -193,9 +200,6 @@ def run_demo(
                 if (seconds is not None and estimate.time >= seconds) or (stop and stop.is_set()):
                     break
                 source.touch(stage.hand.contacts(estimate.time + 1 / rate))
-        except KeyboardInterrupt:
-            if seconds is not None:
-                raise
         return _result(stage.hand.judge(), done.used, loop.counters, located)
 
 

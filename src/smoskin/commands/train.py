@@ -124,6 +124,13 @@ def checkpoint_of(out: Path, *, resume: bool) -> Path:
     return checkpoint
 
 
+def kept_of(checkpoint: Path) -> str:
+    """What a stopped training leaves, and how to go on."""
+    if not checkpoint.exists():
+        return "nothing is kept, as no epoch was over"
+    return f"{checkpoint} keeps every epoch that was over, and --resume goes on from there"
+
+
 def write_network(trained: "Trained", out: Path, onnx: Path | None = None) -> list[Path]:
     """Write a network to `out`, and to `onnx` as an ONNX file; the files written.
 

@@ -5,6 +5,7 @@ A value is either plain (``radius_mm = 1.5``) or a table that says where it come
 keys; how records become documents is `smoskin.documents`'s.
 """
 
+import logging
 import os
 from collections.abc import Iterator
 from dataclasses import asdict, fields, is_dataclass, replace
@@ -17,6 +18,7 @@ from smoskin.design.skin import Provenance, SkinDesign
 from smoskin.documents import Form, format_toml
 from smoskin.errors import DesignError
 
+_LOG: Final = logging.getLogger(__name__)
 _FORM: Final = Form(
     units={
         "panel_a": "mm",
@@ -75,9 +77,11 @@ def read_design(name_or_path: str | os.PathLike[str]) -> SkinDesign:
             f"path of a TOML document; got {given!r} ({error})"
         ) from error
     try:
-        return parse_design(text)
+        design = parse_design(text)
     except DesignError as error:
         raise DesignError(f"{given}: {error}") from error
+    _LOG.info("read design %r (%s) from %s", design.name, design.content_hash[:12], given)
+    return design
 
 
 def parse_design(text: str) -> SkinDesign:

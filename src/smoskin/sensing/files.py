@@ -5,6 +5,7 @@ format is safetensors, which carries no code.
 """
 
 import json
+import logging
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from smoskin.arrays import freeze
 from smoskin.errors import ArgumentError, MissingExtraError, ModelError
 
+_LOG: Final = logging.getLogger(__name__)
 RESPONSE_TABLE: Final = "smoskin_response_table"
 NETWORK: Final = "smoskin_network"
 """Keys of the kinds that programs tell apart by `tensor_key`."""
@@ -67,6 +69,7 @@ class TensorFile(NamedTuple):
             header = json.loads(text)
             if header["format"] not in (self.format, *self.older):
                 raise ModelError(f"{path}: format must be {self.format}; got {header['format']!r}")
+            _LOG.info("read %s from %s", self.kind, path)
             return build(arrays, header)
         except ModelError:
             raise

@@ -5,6 +5,7 @@ loop waits for its sinks: one that may be slow takes what it is given in a threa
 live page does, and counts what it passes over.
 """
 
+import logging
 import threading
 import time
 from collections import Counter, deque
@@ -20,6 +21,7 @@ from smoskin.errors import ArgumentError
 from smoskin.records import Estimate, Status
 from smoskin.roles import Estimator, Resource, Sink, Source
 
+_LOG: Final = logging.getLogger(__name__)
 _WINDOW: Final = 1000
 """Number of last readings that rate and latency are told of."""
 
@@ -132,6 +134,12 @@ class Loop(Resource):
 
     def close(self) -> None:
         """Close the source and every sink, whatever any of them raises."""
+        if _LOG.isEnabledFor(logging.INFO):
+            done = self.counters
+            _LOG.info(
+                "%d readings at %.1f Hz, %.2f ms to the sinks, %d dropped",
+                *(done.readings, done.rate, 1e3 * done.latency_median, done.dropped),
+            )
         with ExitStack() as stack:
             for sink in reversed(self._sinks):
                 stack.callback(sink.close)

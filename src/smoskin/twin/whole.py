@@ -6,6 +6,7 @@ live touches. `smoskin.twin.reduced` answers the same by the SI's closed forms.
 """
 
 import functools
+import logging
 from collections import deque
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple, final
@@ -27,6 +28,7 @@ from smoskin.twin.surroundings import Surroundings
 if TYPE_CHECKING:
     from smoskin.mechanics.sheet.model import BarHinge, Pressed
 
+_LOG = logging.getLogger(__name__)
 _LIVE_TOLERANCE = 1e-6
 """Relative residual of a live touch: a nanometre, far below what a chip can see."""
 _SLOTS = 2
@@ -97,6 +99,7 @@ class Twin(MagneticSkin):
             if manufactured
             else as_designed(design)
         )
+        _LOG.info("%s skin of %r, seed %s", "made" if manufactured else "ideal", design.name, seed)
         self.noise = None if seed is None else np.random.default_rng(of_noise)
         self.readout = Readout(design, self.deviations, surroundings)
         holders = holder_matrix(design)

@@ -97,6 +97,17 @@ class Optimised:
         """Whether the new design keeps every limit, also as made."""
         return all(limit.kept for limit in (*self.limits, *self.made))
 
+    def verdict(self) -> str:
+        """What the exit code says, in a sentence."""
+        if self.kept:
+            return "The design keeps every limit: exit code 0."
+        broken = [limit.name for limit in self.limits if not limit.kept]
+        broken += [f"{limit.name} of made skins" for limit in self.made if not limit.kept]
+        return (
+            f"Do not build this design, which breaks {len(broken)} limits ({', '.join(broken)}): "
+            "exit code 1. A longer search may find one that keeps them."
+        )
+
     @property
     def gain(self) -> float:
         """Mean bound of location of the old design over that of the new one, drags unknown."""
@@ -142,7 +153,8 @@ class Optimised:
         It raises a `MissingExtraError` if the TOML writer is not installed.
         """
         document = Path(path)
-        document.write_text(format_design(self.after), encoding="utf-8")
+        warning = "" if self.kept else f"# {self.verdict()}\n"
+        document.write_text(warning + format_design(self.after), encoding="utf-8")
         beside = document.with_suffix(".json")
         beside.write_text(json.dumps(self.as_json(), indent=2) + "\n", encoding="utf-8")
         return document, beside

@@ -218,6 +218,15 @@ class ScoreSheet:
         """Whether every target is."""
         return all(target.met for target in self.targets())
 
+    def verdict(self) -> str:
+        """What the exit code says, in a sentence."""
+        targets = self.targets()
+        missed = [target.name for target in targets if not target.met]
+        if not missed:
+            return f"All {len(targets)} targets are met: exit code 0."
+        names = ", ".join(missed)
+        return f"{len(missed)} of {len(targets)} targets are missed ({names}): exit code 1."
+
     def case(self, name: str) -> Case | None:
         """The case of a name; None where it was not asked for."""
         return next((case for case in self.cases if case.name == name), None)
