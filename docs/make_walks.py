@@ -17,7 +17,16 @@ import smoskin as smo
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PACKAGE = Path(smo.__file__).parent
-RECORDS = ("arrays", "errors", "records", "roles", "units", "design/skin", "origami/geometry")
+RECORDS = (
+    "__init__",
+    "arrays",
+    "errors",
+    "records",
+    "roles",
+    "units",
+    "design/skin",
+    "origami/geometry",
+)
 """Files of plain data and its checks, which every file reads."""
 
 

@@ -72,12 +72,8 @@ def assign(record: object, **values: object) -> None:
 def freeze(record: object, **shapes: tuple[int | None, ...]) -> None:
     """Turn fields of a frozen record into read-only arrays of these shapes, while it is being made.
 
-    For the record's `__post_init__`; ``None`` stands for any length.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is not numeric or has another shape.
+    For the record's `__post_init__`; ``None`` stands for any length. It raises an `ArgumentError`
+    if a field is not numeric or has another shape.
     """
     for name, shape in shapes.items():
         assign(record, **{name: frozen(name, getattr(record, name), shape)})

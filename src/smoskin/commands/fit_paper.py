@@ -129,21 +129,9 @@ def fit_paper(
 ) -> CalibrationReport:
     """Fit the paper's model to touches on a skin's top vertices and write its calibration.
 
-    Parameters
-    ----------
-    touches : path
-        CSV, as `smoskin.measurement.read_touches` describes it.
-    output : path
-        TOML file to write.
-    recording : path, optional
-        MCAP file with the chips' readings, where the CSV says only when each touch was held.
-
-    Raises
-    ------
-    RecordingError
-        If the CSV or the recording cannot be read.
-    ArgumentError, ModelError
-        As `fit_calibration`.
+    Touches are a CSV, as `smoskin.measurement.read_touches` describes it; the output is a TOML
+    file; a recording, an MCAP file, has the chips' readings where the CSV says only when each touch
+    was held. It raises a `RecordingError` if one cannot be read, else as `fit_calibration`.
     """
     table, digest = read_touches(touches)
     if recording is not None:

@@ -106,25 +106,11 @@ def simulate_press(
 ) -> PressReport:
     """One state of one or more touches.
 
-    Parameters
-    ----------
-    design : SkinDesign
-    at : sequence of str
-        ``x,y`` in mm of each touch; by default one touch in the middle of the skin.
-    force : sequence of str
-        ``Fx,Fy,Fz`` in N of each touch on the skin, or one for all; pressing is negative z. By
-        default 0.5 N straight down.
-    temperature : float
-        Temperature of the skin, degC.
-    mechanics, grip : str
-        Twin that is pressed, and how touches hold on to it, as `parse_grip` reads it.
-    manufactured, seed : bool and int
-        Whether the skin is drawn from the tolerances; seed of that and of the chips' noise.
-
-    Raises
-    ------
-    ArgumentError
-        If a text is not such numbers, or the skin cannot be touched so.
+    Each touch is at ``x,y`` in mm, by default one in the middle of the skin, with a force
+    ``Fx,Fy,Fz`` in N on the skin, or one for all; pressing is negative z, by default 0.5 N. The
+    skin's temperature is in degC, the grip as `parse_grip` reads it. The seed is that of the made
+    skin, drawn from the tolerances if it is `manufactured`, and of the chips' noise. It raises an
+    `ArgumentError` if a text is not such numbers, or the skin cannot be touched so.
     """
     contacts = _contacts(design, at, force)
     skin: VirtualSkin

@@ -122,25 +122,13 @@ def plan_sweep(
     seed: int = 0,
     presses_per_chunk: int | None = None,
 ) -> Sweep:
-    """A sweep from its words.
+    """A sweep from its words; an option that is None is not given.
 
-    Parameters
-    ----------
-    options : mapping
-        What the kind of sweep takes, in words; None is not given. Grid: forces, places, radius.
-        Shear: these, drags, directions. Pairs: as grid. Random: count, touches, forces, drags,
-        radius, margin.
-    temperatures : str, optional
-        Temperatures, degC, one or more numbers.
-    skins : int, optional
-        Number of manufactured skins, of seeds 0, 1, ...; by default the design itself.
-    presses_per_chunk : int, optional
-        By default as `Sweep` has it, and more in a very large sweep, for fewer files.
-
-    Raises
-    ------
-    ArgumentError
-        If an option is not one of the kind's, or is out of bounds.
+    Options of a grid are forces, places, radius; of shear these, drags, directions; of pairs as of
+    a grid; of random count, touches, forces, drags, radius, margin. Temperatures are in degC; made
+    skins have the seeds 0, 1, ..., by default it is the design itself. A very large sweep has more
+    presses a chunk than `Sweep` has, for fewer files. It raises an `ArgumentError` if an option is
+    not one of the kind's, or is out of bounds.
     """
     given = {name: value for name, value in options.items() if value is not None}
     for name in given:

@@ -161,16 +161,9 @@ def drifting_readings(
 ) -> tuple[tuple[Reading, ...], Floats]:
     """Readings of a skin's chips in T states, one after the other, while they drift.
 
-    Parameters
-    ----------
-    times, durations : Floats, shape (T,)
-        Time of each reading, and time since the one before, s.
-    temperature : float
-        Temperature of skin and chips, degC.
-    drift : float
-        Random walk of each axis in a second, T.
-    walked : Floats, shape (S, 3), optional
-        Walk before the first reading, T; that by the last is returned after the readings.
+    `times`, (T,), s, are those of the readings, `durations`, (T,), s, those since the one before.
+    Skin and chips have a temperature, degC; each axis walks at random by `drift` in a second, T.
+    The walk before the first reading is `walked`, (S, 3), T; that by the last is returned too.
     """
     sample = twin.sample(motion, rng, temperature=np.full(len(times), temperature))
     field = mlx90393.tesla(sample.counts, twin.design.hall_setting)

@@ -110,22 +110,9 @@ class BarHinge:
     A touch first presses straight: where it grips, the mean motion in the plane of its patch over
     the ground is zero, and what that takes is its reaction, counting what the board gives way.
     Its drag then comes on top of that reaction, as a load that follows no motion. With friction,
-    the sum of both is cut to friction times normal force.
-
-    Parameters
-    ----------
-    design : SkinDesign
-    grip : Grip, optional
-        How touches hold on to the scales; `Sticking` by default.
-    lattice : Lattice, optional
-        The design's lattice with springs of its own; `build_lattice(design)` by default.
-
-    Raises
-    ------
-    DesignError
-        If the sheet can move without resistance.
-    MissingExtraError
-        When imported without JAX.
+    the sum of both is cut to friction times normal force. Touches stick by default, and the lattice
+    is `build_lattice(design)` unless one with its own springs is given. It raises a `DesignError`
+    if the sheet can move without resistance; its module a `MissingExtraError` without JAX.
 
     Notes
     -----
