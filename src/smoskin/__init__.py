@@ -37,7 +37,8 @@ if TYPE_CHECKING:
     from smoskin.sensing.network.model import load_network
     from smoskin.sensing.response.table import load_response_table
     from smoskin.service.loop import Loop, run
-    from smoskin.service.recorder import Recorder, open_recording
+    from smoskin.service.recorder import Recorder
+    from smoskin.service.recording import open_recording
     from smoskin.service.source import open_source
     from smoskin.twin.reduced import ReducedTwin
     from smoskin.twin.rig import VirtualRig
@@ -105,7 +106,8 @@ _HOMES = {
     "sensing.network.model": "load_network",
     "sensing.response.table": "load_response_table",
     "service.loop": "Loop run",
-    "service.recorder": "Recorder open_recording",
+    "service.recorder": "Recorder",
+    "service.recording": "open_recording",
     "service.source": "open_source",
     "twin.reduced": "ReducedTwin",
     "twin.rig": "VirtualRig",

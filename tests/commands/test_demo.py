@@ -14,7 +14,7 @@ from smoskin.commands.demo import Readers, run_demo
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.records import Contact, Status
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
-from smoskin.service.recorder import open_recording
+from smoskin.service.recording import open_recording
 from smoskin.twin.reduced import ReducedTwin
 
 pytest.importorskip("jax")

@@ -11,7 +11,8 @@ from smoskin.commands.calibrate import calibrate
 from smoskin.commands.run import watch
 from smoskin.errors import ArgumentError, DesignError, ModelError
 from smoskin.records import Contact, Reading, Status
-from smoskin.service.recorder import Recorder, open_recording
+from smoskin.service.recorder import Recorder
+from smoskin.service.recording import open_recording
 from smoskin.service.source import TwinSource
 from smoskin.twin.creep import Creep
 from smoskin.twin.reduced import ReducedTwin

@@ -12,7 +12,8 @@ from smoskin.design.document import read_design
 from smoskin.errors import SourceError
 from smoskin.records import Reading
 from smoskin.roles import Source
-from smoskin.service.recorder import Recorder, open_recording
+from smoskin.service.recorder import Recorder
+from smoskin.service.recording import open_recording
 from smoskin.service.source import ReplaySource, TwinSource, open_source
 from smoskin.twin.creep import Creep
 from smoskin.twin.reduced import ReducedTwin

@@ -15,7 +15,8 @@ from smoskin.errors import ArgumentError, SmoskinError, SourceError
 from smoskin.records import ChipFlag, Estimate, Reading, Status
 from smoskin.roles import Estimator, Sink, Source
 from smoskin.service.loop import Loop, run
-from smoskin.service.recorder import Recorder, open_recording
+from smoskin.service.recorder import Recorder
+from smoskin.service.recording import open_recording
 
 CHIPS = 3
 

@@ -13,7 +13,8 @@ from hypothesis.extra.numpy import arrays
 
 from smoskin.errors import ArgumentError, MissingExtraError, RecordingError
 from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
-from smoskin.service.recorder import Recorder, open_recording
+from smoskin.service.recorder import Recorder
+from smoskin.service.recording import open_recording
 from touch_recordings import CHIPS, DESIGN, WALL, moments, recorder
 
 # ---------------------------------------------------------------- what is written is read

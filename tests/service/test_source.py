@@ -14,7 +14,8 @@ from smoskin.errors import ArgumentError, DesignError, SourceError
 from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.records import ChipFlag, Contact, Reading
 from smoskin.service.pace import Pace
-from smoskin.service.recorder import Recorder, open_recording
+from smoskin.service.recorder import Recorder
+from smoskin.service.recording import open_recording
 from smoskin.service.source import ReplaySource, TwinSource, open_source
 from smoskin.twin.creep import Creep
 from smoskin.twin.reduced import ReducedTwin

@@ -25,7 +25,7 @@ from smoskin.sensing.response.calibrate import Target, TouchPlanner, calibrate_t
 from smoskin.sensing.response.labels import Label, Labeller, labelled_touches
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.signals import signal_noise
-from smoskin.service.recorder import open_recording
+from smoskin.service.recording import open_recording
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -17,7 +17,7 @@ from smoskin.measurement import read_touches, write_touches
 from smoskin.roles import VirtualSkin
 from smoskin.sensing.closed_form.calibration import Calibration, Uncertainty, format_calibration
 from smoskin.sensing.closed_form.fitting import Attenuation, Fit, fit_calibration
-from smoskin.service.recorder import open_recording
+from smoskin.service.recording import open_recording
 from smoskin.twin.bench import calibration_loads, made_skin, measure, table_loads
 from smoskin.units import SI_PER_SUFFIX
 

@@ -10,9 +10,12 @@ import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from io import BytesIO
-from typing import BinaryIO, Final, NamedTuple
+from typing import TYPE_CHECKING, BinaryIO, Final, NamedTuple
 
 from smoskin.errors import MissingExtraError, RecordingError
+
+if TYPE_CHECKING:
+    from mcap.records import Chunk
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
 _RECORD: Final = struct.Struct("<BQ")  # opcode, length of what follows
@@ -23,6 +26,12 @@ _UNPACKING: Final = (struct.error, ValueError, RuntimeError, OverflowError, Memo
 """Errors that damaged bytes raise in unpacking, beside the libraries' own."""
 _SIZE_UNTOLD: Final = -1
 """Size that zstandard tells of a frame that does not hold it."""
+_LARGEST: Final = 2**26
+"""Bytes of the largest chunk or index that is read, packed or not; a recorder's are of 1 MB."""
+_GROWTH: Final = 256
+"""How many times its own size a chunk may unpack to; readings unpack to some ten times theirs."""
+_ALLOWED: Final = 2**16
+"""Bytes that any chunk may unpack to, however small it is."""
 
 
 class Span(NamedTuple):
@@ -40,6 +49,8 @@ class Layout:
     """The chunks, in the file's order, not yet checked."""
     topics: Mapping[int, str]
     """Topic of each channel, as far as the file's index tells."""
+    counts: Mapping[int, int]
+    """Messages of each channel, as far as the file's index tells."""
     truncated: bool
     """Whether the file ends before its end."""
 
@@ -62,36 +73,55 @@ def survey(file: BinaryIO) -> Layout:
 
 
 def load(file: BinaryIO, span: Span) -> bytes | None:
-    """The records in a chunk, unpacked; None if the chunk is damaged."""
+    """The records in a chunk, unpacked; None if the chunk is damaged or out of proportion."""
     from mcap.data_stream import ReadDataStream
     from mcap.exceptions import McapError
     from mcap.opcode import Opcode
     from mcap.records import Chunk
-    from mcap.stream_reader import get_chunk_data_stream
-    from zstandard import ZstdError, frame_content_size
+    from zstandard import ZstdError
 
+    if not _RECORD.size <= span.length <= _LARGEST:
+        return None
     file.seek(span.offset)
     raw = file.read(span.length)
-    if len(raw) != span.length or len(raw) < _RECORD.size:
+    if len(raw) != span.length:
         return None
     if _RECORD.unpack_from(raw) != (Opcode.CHUNK, span.length - _RECORD.size):
         return None
     try:
         chunk = Chunk.read(ReadDataStream(BytesIO(raw[_RECORD.size :])))
-        # A damaged size must not make the unpacking ask for memory without end.
-        sizes = (chunk.uncompressed_size, _SIZE_UNTOLD)
-        if chunk.compression == "zstd" and frame_content_size(chunk.data) not in sizes:
+        if chunk.uncompressed_size > min(_ALLOWED + _GROWTH * len(raw), _LARGEST):
             return None
-        stream, length = get_chunk_data_stream(chunk)
-        data = stream.read(length)
+        data = _unpacked(chunk)
     except (McapError, ZstdError, *_UNPACKING):
         return None
     return data if zlib.crc32(data) == chunk.uncompressed_crc else None
 
 
+def _unpacked(chunk: "Chunk") -> bytes:
+    """The records of a chunk, of which no more are unpacked than it says that it holds."""
+    from lz4.frame import LZ4FrameDecompressor
+    from zstandard import ZstdDecompressor, frame_content_size
+
+    most = max(chunk.uncompressed_size, 1)  # no limit is written as none
+    match chunk.compression:
+        case "zstd":
+            # The size that the frame tells comes before the limit.
+            if frame_content_size(chunk.data) not in (chunk.uncompressed_size, _SIZE_UNTOLD):
+                raise ValueError("two sizes of one chunk")
+            return ZstdDecompressor().decompress(chunk.data, max_output_size=most)
+        case "lz4":
+            return bytes(LZ4FrameDecompressor().decompress(chunk.data, max_length=most))
+        case "":
+            return chunk.data
+        case other:
+            raise ValueError(f"packed by {other!r}")
+
+
 def messages(data: bytes, topics: dict[int, str]) -> Iterator[tuple[str, bytes]]:
     """The messages in an unpacked chunk; adds the channels that it declares to `topics`."""
     from mcap.data_stream import ReadDataStream
+    from mcap.exceptions import McapError
     from mcap.opcode import Opcode
     from mcap.records import Channel
 
@@ -104,20 +134,26 @@ def messages(data: bytes, topics: dict[int, str]) -> Iterator[tuple[str, bytes]]
         position = start + length
         if position > len(data):
             raise RecordingError("a chunk ends within a record")
+        if opcode == 0:
+            raise RecordingError("a chunk holds something else than records")
         if opcode == Opcode.MESSAGE and length >= _MESSAGE.size:
             topic = topics.get(_MESSAGE.unpack_from(data, start)[0])
             # Without a topic, its channel was declared in a chunk that is lost.
             if topic is not None:
                 yield topic, data[start + _MESSAGE.size : position]
         elif opcode == Opcode.CHANNEL:
-            declared = Channel.read(ReadDataStream(BytesIO(data[start:position])))
+            try:
+                declared = Channel.read(ReadDataStream(BytesIO(data[start:position])))
+            except (McapError, *_UNPACKING) as error:
+                raise RecordingError(f"a channel cannot be read: {error}") from error
             topics[declared.id] = declared.topic
 
 
 def _indexed(file: BinaryIO) -> Layout | None:
     """The layout by the summary at the file's end; None unless its checksum holds."""
+    from mcap.exceptions import McapError
     from mcap.opcode import Opcode
-    from mcap.records import Channel, ChunkIndex
+    from mcap.records import Channel, ChunkIndex, Statistics
     from mcap.stream_reader import StreamReader
 
     tail = _FOOTER.size + len(_MAGIC)
@@ -131,7 +167,7 @@ def _indexed(file: BinaryIO) -> Layout | None:
         footer.endswith(_MAGIC)
         and opcode == Opcode.FOOTER
         and length == _FOOTER.size - _RECORD.size
-        and len(_MAGIC) <= start < end
+        and max(len(_MAGIC), end - _LARGEST) <= start < end
     )
     if not sound:
         return None
@@ -140,13 +176,19 @@ def _indexed(file: BinaryIO) -> Layout | None:
     # The checksum runs on over the footer up to itself.
     if zlib.crc32(footer[: _FOOTER.size - 4], zlib.crc32(summary)) != checksum:
         return None
-    records = list(StreamReader(BytesIO(summary + footer), skip_magic=True).records)
+    try:
+        records = list(StreamReader(BytesIO(summary + footer), skip_magic=True).records)
+    except (McapError, *_UNPACKING):
+        return None
     chunks = [record for record in records if isinstance(record, ChunkIndex)]
     if not chunks:
         return None
+    told = (record for record in records if isinstance(record, Statistics))
+    counts = next((record.channel_message_counts for record in told), {})
     return Layout(
         spans=tuple(Span(chunk.chunk_start_offset, chunk.chunk_length) for chunk in chunks),
         topics={record.id: record.topic for record in records if isinstance(record, Channel)},
+        counts=counts,
         truncated=False,
     )
 
@@ -171,4 +213,4 @@ def _walked(file: BinaryIO) -> Layout:
             break
     file.seek(position)
     ended = opcode == Opcode.FOOTER and file.read(len(_MAGIC) + 1) == _MAGIC
-    return Layout(spans=tuple(spans), topics={}, truncated=not ended)
+    return Layout(spans=tuple(spans), topics={}, counts={}, truncated=not ended)

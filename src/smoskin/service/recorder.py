@@ -1,30 +1,34 @@
-"""Recordings: every reading and estimate, to the last bit, in a file that robotics tools open.
+"""The recorder: every reading and estimate, to the last bit, in a file that robotics tools open.
 
 Decides the layout of a recording (MCAP, ROS 2 messages, one chunk a second) and what survives
-a kill, a cut or a damaged byte. Hides topics, time stamps, chunks and checksums.
+a kill or a full disk. Hides topics, time stamps and chunks.
 """
 
+import errno
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
+from io import BufferedWriter
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, BinaryIO, Final, final
+from typing import Any, Final, final
 
+from smoskin.design.document import format_design
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, MissingExtraError, RecordingError
 from smoskin.records import Estimate, Reading, Status
 from smoskin.roles import Sink
-from smoskin.service import mcap, ros
-from smoskin.service.mcap import Span
+from smoskin.service import ros
+from smoskin.service.recording import (
+    DESCRIPTION_TOPIC,
+    DESIGN_TOPIC,
+    ESTIMATE_TOPIC,
+    READING_TOPIC,
+)
 from smoskin.service.ros import Codec, Description
 
-DESCRIPTION_TOPIC: Final = "/skin/description"
-READING_TOPIC: Final = "/skin/reading"
-ESTIMATE_TOPIC: Final = "/skin/estimate"
 WRENCH_TOPIC: Final = "/skin/wrench"
 
 _CHUNK_BYTES: Final = 1_000_000
@@ -42,16 +46,23 @@ class Recorder(Sink):
     Beside our own messages, which hold every bit, it writes what viewers draw without knowing
     skins: ``/skin/chip0/field`` (`sensor_msgs/MagneticField`), ``/skin/contact0``
     (`geometry_msgs/PointStamped`) and so on, and ``/skin/wrench``
-    (`geometry_msgs/WrenchStamped`), the sum over all contacts about the skin's origin.
+    (`geometry_msgs/WrenchStamped`), the sum over all contacts about the skin's origin. The design's
+    document stands in ``/skin/design``.
+
+    A disk that is full, or a file that somebody removes, ends the recording but not the loop:
+    `failure` says why, `dropped` counts, and what is in the file up to there stays readable.
 
     Parameters
     ----------
     path : str or path-like
         A new file; an existing one is never overwritten.
     design : SkinDesign
-        What is recorded; its name, hash and chip setting go into the file.
+        What is recorded; all of it goes into the file.
     flush_interval : float
-        s of readings that a kill of the process can lose at most; a power cut can lose more.
+        s of readings that a kill of the process can lose at most, in the beginning no more than
+        half of what there is; a power cut can lose more.
+    on_failure : callable
+        Called once with a sentence when the file cannot be written any more.
     clock : callable
         A monotonic clock in s, for the flushing.
     wall_clock : callable
@@ -73,6 +84,7 @@ class Recorder(Sink):
         design: SkinDesign,
         *,
         flush_interval: float = 1.0,
+        on_failure: Callable[[str], object] = warnings.warn,
         clock: Callable[[], float] = time.monotonic,
         wall_clock: Callable[[], int] = time.time_ns,
     ) -> None:
@@ -95,12 +107,17 @@ class Recorder(Sink):
             version=version("smoskin"),
             start=opened * 1e-9,
         )
-        self._file = _new_file(path)
+        self._document = format_design(design)
+        self._on_failure = on_failure
+        self.failure = ""
+        """Reason why the file cannot be written any more; empty while it can."""
+        self._path, self._file = Path(path).absolute(), _new_file(path)
         self._closed = False
-        self._sequence = self._bytes = 0
+        self._sequence = self._kept = self._whole = self._bytes = 0
         self._flushed = clock()
         self._last_stamp = opened
         self._first: tuple[int, float] | None = None
+        self._begun: float | None = None
         # Chunks end where this class says, between readings, never by the writer's own count.
         self._writer: Any = Writer(  # partly untyped
             self._file, chunk_size=2**62, compression=CompressionType.ZSTD
@@ -109,12 +126,18 @@ class Recorder(Sink):
         self._channels: dict[str, int] = {}
         try:
             self._begin()
-        except OSError:
-            self._file.close()
-            raise
+        except OSError as error:
+            self._file.raw.close()
+            self._path.unlink(missing_ok=True)
+            raise RecordingError(f"{path} cannot be written: {error.strerror}") from error
+
+    @property
+    def dropped(self) -> int:
+        """How many readings are not in the file because it could not be written."""
+        return self._sequence - self._kept if self.failure else 0
 
     def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
-        """Append a reading and what was made of it.
+        """Append a reading and what was made of it, as long as the file can be written.
 
         Raises `ArgumentError` if it has another number of chips than the design, `RecordingError`
         if the recorder is closed.
@@ -126,37 +149,68 @@ class Recorder(Sink):
             raise ArgumentError(
                 f"reading must have the design's {chips} chips; got {len(reading.field)}"
             )
-        codec, sequence = self._codec, self._sequence
-        stamp = self._last_stamp = self._stamp(reading.time)
-        self._add(READING_TOPIC, codec.encode_reading(reading, sequence, stamp))
-        if estimate is not None:
-            # Directly behind its reading: the pair must not be parted by a chunk's end.
-            self._add(ESTIMATE_TOPIC, codec.encode_estimate(estimate, sequence, stamp))
-        for chip in range(chips):
-            self._add(f"/skin/chip{chip}/field", codec.encode_field(reading, chip, stamp))
-        if estimate is not None:
-            self._add_contacts(estimate, stamp)
         self._sequence += 1
-        waited = self._clock() - self._flushed
-        if waited >= self._flush_interval or self._bytes >= _CHUNK_BYTES:
-            self._flush()
+        if not self.failure:
+            with self._tried():
+                self._append(reading, estimate)
 
     def close(self) -> None:
         """Write what is left and the file's index; may be called any number of times."""
         if self._closed:
             return
         self._closed = True
+        if not self.failure:
+            with self._tried():
+                # Once more, so that damage to the first chunk does not make the file nameless.
+                self._describe()
+                self._writer.finish()
+                self._file.flush()
+                self._file.close()
+
+    def _append(self, reading: Reading, estimate: Estimate | None) -> None:
+        """Add a reading's messages, and end the chunk if it is time."""
+        codec, sequence = self._codec, self._sequence - 1
+        stamp = self._last_stamp = self._stamp(reading.time)
+        self._add(READING_TOPIC, codec.encode_reading(reading, sequence, stamp))
+        if estimate is not None:
+            # Directly behind its reading: the pair must not be parted by a chunk's end.
+            self._add(ESTIMATE_TOPIC, codec.encode_estimate(estimate, sequence, stamp))
+        for chip in range(len(reading.field)):
+            self._add(f"/skin/chip{chip}/field", codec.encode_field(reading, chip, stamp))
+        if estimate is not None:
+            self._add_contacts(estimate, stamp)
+        now = self._clock()
+        self._begun = now if self._begun is None else self._begun
+        # The first chunks are short: a kill loses no more than half of what there is.
+        patience = min(self._flush_interval, self._flushed - self._begun)
+        if now - self._flushed >= patience or self._bytes >= _CHUNK_BYTES:
+            self._flush()
+            self._flushed = now
+
+    @contextmanager
+    def _tried(self) -> Iterator[None]:
+        """Writing that leaves a file of whole chunks, whatever ends it."""
         try:
-            # Once more, so that damage to the first chunk does not make the file nameless.
-            self._describe()
-            self._writer.finish()
-        finally:
-            self._file.close()
+            yield
+        except OSError as error:
+            self._give_up(error.strerror or str(error))
+        except KeyboardInterrupt:
+            self._give_up("a reading was interrupted")
+            raise
+
+    def _give_up(self, reason: str) -> None:
+        """Leave the file as it was after its last chunk, and say so."""
+        self.failure = f"{self._path} cannot be written: {reason}; nothing more is recorded"
+        with suppress(OSError, ValueError):
+            os.ftruncate(self._file.fileno(), self._whole)
+        self._file.raw.close()  # what was not written must not be
+        self._on_failure(self.failure)
 
     def _begin(self) -> None:
         """Write header, schemas, channels and description before the first reading."""
         self._writer.start(profile="ros2", library=f"smoskin {self._description.version}")
         self._declare(DESCRIPTION_TOPIC, ros.DESCRIPTION)
+        self._declare(DESIGN_TOPIC, ros.DOCUMENT)
         self._declare(READING_TOPIC, ros.READING)
         self._declare(ESTIMATE_TOPIC, ros.ESTIMATE)
         self._declare(WRENCH_TOPIC, ros.WRENCH)
@@ -175,9 +229,10 @@ class Recorder(Sink):
             self._add(WRENCH_TOPIC, self._codec.encode_wrench(estimate.contacts, stamp))
 
     def _describe(self) -> None:
-        """Write the description in a chunk of its own, with the channels not yet written."""
+        """Write description and design in a chunk of their own, with the channels till then."""
         self._flush()
         self._add(DESCRIPTION_TOPIC, self._codec.encode_description(self._description))
+        self._add(DESIGN_TOPIC, self._codec.encode_document(self._document))
         self._flush()
 
     def _declare(self, topic: str, schema: str) -> None:
@@ -196,9 +251,12 @@ class Recorder(Sink):
         self._bytes += len(payload)
 
     def _flush(self) -> None:
-        """End the chunk."""
+        """End the chunk; raises `OSError` where it is not on the disk, or not under its name."""
         self._writer.flush()
-        self._bytes, self._flushed = 0, self._clock()
+        if not os.path.samestat(os.stat(self._path), os.fstat(self._file.fileno())):
+            raise FileNotFoundError(errno.ENOENT, "another file stands in its place")
+        self._whole, self._kept = self._file.tell(), self._sequence
+        self._bytes = 0
 
     def _stamp(self, moment: float) -> int:
         """Wall clock time of a moment on the readings' clock, ns, as far as it can be told."""
@@ -209,74 +267,7 @@ class Recorder(Sink):
         return min(max(wall + round(elapsed * 1e9), 0), _LAST_STAMP)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Recording:
-    """A recording on disk, which `open_recording` makes.
-
-    Iterating reads it anew, chunk by chunk, and gives ``(reading, estimate)`` in the order of
-    recording, the estimate None where none was recorded.
-    """
-
-    path: Path
-    description: Description
-    """What was recorded."""
-    reading_count: int
-    """Readings that can be read."""
-    estimate_count: int
-    """Estimates that can be read."""
-    duration: float
-    """s, from the earliest to the latest reading."""
-    lost_chunks: int
-    """Damaged chunks, each up to a second of readings, that are left out."""
-    truncated: bool
-    """Whether the file was cut off, or its recorder was killed or is still writing."""
-    spans: tuple[Span, ...]
-    """Places of the sound chunks in the file."""
-    topics: Mapping[int, str]
-    """Topic of each channel number of the file."""
-
-    def __iter__(self) -> Iterator[tuple[Reading, Estimate | None]]:
-        """Readings with their estimates, unless the file has changed since it was opened."""
-        codec = Codec()
-        waiting: tuple[int, Reading] | None = None
-        for topic, payload in self._messages():
-            if topic == READING_TOPIC:
-                if waiting is not None:
-                    yield waiting[1], None
-                waiting = codec.decode_reading(payload)
-            elif topic == ESTIMATE_TOPIC and waiting is not None:
-                sequence, estimate = codec.decode_estimate(payload)
-                if sequence == waiting[0]:
-                    yield waiting[1], estimate
-                    waiting = None
-        if waiting is not None:
-            yield waiting[1], None
-
-    def readings(self) -> Iterator[Reading]:
-        """The readings alone."""
-        codec = Codec()
-        for topic, payload in self._messages():
-            if topic == READING_TOPIC:
-                yield codec.decode_reading(payload)[1]
-
-    def estimates(self) -> Iterator[Estimate]:
-        """The estimates alone."""
-        codec = Codec()
-        for topic, payload in self._messages():
-            if topic == ESTIMATE_TOPIC:
-                yield codec.decode_estimate(payload)[1]
-
-    def _messages(self) -> Iterator[tuple[str, bytes]]:
-        topics = dict(self.topics)
-        with _opened(self.path) as file:
-            for span in self.spans:
-                data = mcap.load(file, span)
-                if data is None:
-                    raise RecordingError("the file has changed since it was opened")
-                yield from mcap.messages(data, topics)
-
-
-def _new_file(path: str | os.PathLike[str]) -> BinaryIO:
+def _new_file(path: str | os.PathLike[str]) -> BufferedWriter:
     """A file that did not exist, opened for writing."""
     try:
         return open(path, "xb")
@@ -286,85 +277,3 @@ def _new_file(path: str | os.PathLike[str]) -> BinaryIO:
         ) from error
     except OSError as error:
         raise RecordingError(f"{os.fspath(path)} cannot be written: {error.strerror}") from error
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[BinaryIO]:
-    """A file for reading, which every error names."""
-    try:
-        with open(path, "rb") as file:
-            yield file
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be read: {error.strerror}") from error
-    except RecordingError as error:
-        raise RecordingError(f"{path}: {error}") from error
-
-
-def open_recording(path: str | os.PathLike[str]) -> Recording:
-    """A recording that `Recorder` wrote, every chunk of it checked.
-
-    A file that was cut off or damaged gives every reading whose chunk is whole; `truncated`
-    and `lost_chunks` tell that something is missing.
-
-    Raises
-    ------
-    RecordingError
-        If there is no such file, it is not a recording, or it ends before its description.
-    MissingExtraError
-        If mcap or rosbags is not installed.
-    """
-    with _opened(Path(path)) as file:
-        return _surveyed(Path(path), file)
-
-
-def _surveyed(path: Path, file: BinaryIO) -> Recording:
-    """The recording in a file, gone through once."""
-    layout, codec = mcap.survey(file), Codec()
-    topics = dict(layout.topics)
-    sound: list[Span] = []
-    times: list[float] = []
-    description: Description | None = None
-    estimates = lost = expected = 0
-    gap_known = False
-    for span in layout.spans:
-        data = mcap.load(file, span)
-        if data is None:
-            lost += 1
-            gap_known = True
-            continue
-        sound.append(span)
-        for topic, payload in mcap.messages(data, topics):
-            if topic == READING_TOPIC:
-                sequence, moment = codec.sequence_and_time(payload)
-                # Readings can be missing without a damaged chunk in sight where its very opcode
-                # is damaged and the file has no index.
-                lost += sequence != expected and not gap_known
-                expected, gap_known = sequence + 1, False
-                times.append(moment)
-            elif topic == ESTIMATE_TOPIC:
-                estimates += 1
-            elif topic == DESCRIPTION_TOPIC and description is None:
-                description = codec.decode_description(payload)
-    if description is None:
-        raise RecordingError(_nameless(layout, lost, topics))
-    return Recording(
-        path=path,
-        description=description,
-        reading_count=len(times),
-        estimate_count=estimates,
-        duration=max(times) - min(times) if times else 0.0,
-        lost_chunks=lost,
-        truncated=layout.truncated,
-        spans=tuple(sound),
-        topics=MappingProxyType(topics),
-    )
-
-
-def _nameless(layout: mcap.Layout, lost: int, topics: Mapping[int, str]) -> str:
-    """The reason why a file holds no description."""
-    if layout.truncated and not layout.spans:
-        return "the file ends before its description"
-    if lost:
-        return "the recording's description is damaged"
-    seen = ", ".join(sorted(set(topics.values()))) or "none"
-    return f"not a recording of a skin: no message on {DESCRIPTION_TOPIC}; its topics: {seen}"

@@ -29,12 +29,15 @@ DESCRIPTION: Final = "smoskin_msgs/msg/Description"
 FIELD: Final = "sensor_msgs/msg/MagneticField"
 POSITION: Final = "geometry_msgs/msg/PointStamped"
 WRENCH: Final = "geometry_msgs/msg/WrenchStamped"
+DOCUMENT: Final = "std_msgs/msg/String"
 
 _MEANINGLESS: Final = int(ChipFlag.MISSING | ChipFlag.WRAPPED | ChipFlag.INVALID)
 """Flags of chips whose field is no field at all; viewers get NaN."""
 _HEAD: Final = struct.Struct("<4xiIQd")
 """Little-endian CDR of `stamp`, `sequence` and `time`, after its four bytes of preamble."""
 _SECOND: Final = 1_000_000_000
+_WRONG: Final = (LookupError, ValueError, TypeError, OverflowError, MemoryError, struct.error)
+"""Errors that payloads of something else raise, beside the library's own."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +90,7 @@ class Codec:
         except ImportError as error:
             raise MissingExtraError("recording and replaying", "recording") from error
         self._store = _typestore()
-        self._wrong = (SerdeError, KeyError, ValueError)
+        self._wrong = (SerdeError, *_WRONG)
 
     def schema(self, name: str) -> bytes:
         """The definition of a message type and of all types in it, as `ros2msg` text."""
@@ -125,6 +128,10 @@ class Codec:
         """What the recording is of."""
         design, digest, chips, setting, version, start = astuple(description)
         return self._encode(DESCRIPTION, design, digest, chips, *setting, version, start)
+
+    def encode_document(self, text: str) -> bytes:
+        """A text, such as the document of a design."""
+        return self._encode(DOCUMENT, text)
 
     def encode_field(self, reading: Reading, chip: int, stamp: int) -> bytes:
         """One chip's field for viewers, in T; NaN where the chip's numbers mean nothing."""
@@ -181,6 +188,11 @@ class Codec:
                 setting=HallSetting(**{name: getattr(message, name) for name in registers}),
                 **{name: getattr(message, name) for name in own},
             )
+
+    def decode_document(self, payload: bytes) -> str:
+        """The text of a document."""
+        with self._decoded("a document", DOCUMENT, payload) as message:
+            return str(message.data)
 
     def sequence_and_time(self, payload: bytes) -> tuple[int, float]:
         """Number and time of a reading, without decoding the rest."""

@@ -16,7 +16,7 @@ from smoskin.service.pace import Pace
 
 if TYPE_CHECKING:
     from smoskin.design.skin import SkinDesign
-    from smoskin.service.recorder import Recording
+    from smoskin.service.recording import Recording
     from smoskin.twin.creep import Creep
 
 _FORMS: Final = "replay:FILE[?speed=1&gap=0.5] or twin://DESIGN[?rate=100&seed=0&speed=1]"
@@ -219,7 +219,7 @@ class TwinSource(Source):
 
 
 def _open_replay(path: str, *, speed: float, gap: float) -> ReplaySource:
-    from smoskin.service.recorder import open_recording
+    from smoskin.service.recording import open_recording
 
     try:
         recording = open_recording(path)

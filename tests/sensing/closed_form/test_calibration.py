@@ -29,7 +29,8 @@ from smoskin.sensing.closed_form.calibration import (
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.closed_form.fitting import fit_calibration
 from smoskin.sensing.closed_form.press_model import PressModel, touched_cells
-from smoskin.service.recorder import Recorder, open_recording
+from smoskin.service.recorder import Recorder
+from smoskin.service.recording import open_recording
 from smoskin.twin.bench import calibration_loads, made_skin, measure
 from smoskin.twin.reduced import ReducedTwin
 
