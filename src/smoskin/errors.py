@@ -4,9 +4,29 @@ Wrong use raises one of these at once. A bad *measurement* never raises: it beco
 `smoskin.Estimate` whose `smoskin.Status` says what is wrong.
 """
 
+from importlib.util import find_spec
+from typing import Final
+
+_LONGEST: Final = 300
+"""Characters of a message; more are left out of its middle."""
+_LAST: Final = 95
+"""Characters at a message's end that are kept."""
+
 
 class SmoskinError(Exception):
-    """Any error that this package raises on purpose."""
+    """Any error that this package raises on purpose.
+
+    Its message is one line of at most 300 characters; those that would not print are escaped.
+    """
+
+    def __str__(self) -> str:
+        text = super().__str__()
+        if len(text) > _LONGEST:
+            text = f"{text[: _LONGEST - _LAST - 5]} ... {text[-_LAST:]}"
+        if text.isprintable():
+            return text
+        escaped = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+        return escaped if len(escaped) <= _LONGEST else f"{escaped[: _LONGEST - 4]} ..."
 
 
 class DesignError(SmoskinError, ValueError):
@@ -29,6 +49,10 @@ class ModelError(SmoskinError, ValueError):
     """A trained model or calibration that cannot be read or does not fit the skin."""
 
 
+class FileError(SmoskinError, OSError):
+    """A file that cannot be read or written, or must not be."""
+
+
 class EngineError(SmoskinError, RuntimeError):
     """Work that its workers could not finish, or not in time."""
 
@@ -37,4 +61,27 @@ class MissingExtraError(SmoskinError, ImportError):
     """An optional dependency that the asked-for function needs is not installed."""
 
     def __init__(self, purpose: str, extra: str) -> None:
-        super().__init__(f"{purpose} needs the extra {extra!r}: pip install 'smoskin[{extra}]'")
+        super().__init__(f"{purpose} needs the extra {extra!r}: pip install {_origin(extra)}")
+
+
+def require(purpose: str, extra: str, *modules: str) -> None:
+    """Raise `MissingExtraError` unless these libraries of an extra are installed."""
+    if any(find_spec(module) is None for module in modules):
+        raise MissingExtraError(purpose, extra)
+
+
+def _origin(extra: str) -> str:
+    """What pip takes to add an extra: the folder or file that this package was installed from."""
+    import json  # here and below, so that the package starts fast
+    from importlib.metadata import PackageNotFoundError, distribution
+    from urllib.parse import unquote, urlsplit
+
+    try:
+        origin = json.loads(distribution("smoskin").read_text("direct_url.json") or "{}")
+    except PackageNotFoundError:
+        return f"'.[{extra}]'"
+    where = unquote(urlsplit(origin.get("url", "")).path)
+    if not where or not origin["url"].startswith("file:"):
+        return f"'smoskin[{extra}]'"
+    editable = "-e " if origin.get("dir_info", {}).get("editable") else ""
+    return f"{editable}'{where}[{extra}]'"

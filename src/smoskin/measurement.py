@@ -13,7 +13,6 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from decimal import Decimal, InvalidOperation
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -21,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from smoskin.arrays import Bools, Floats, Ints, assign, floats, freeze
 from smoskin.errors import ArgumentError, RecordingError
+from smoskin.outputs import TEXT_LIMIT, read_input, write_output
 from smoskin.records import Contact, HeldTouch, Reading
 from smoskin.units import SI_PER_SUFFIX, from_si, to_si
 
@@ -223,14 +223,15 @@ def write_touches(path: str | os.PathLike[str], table: TouchTable) -> None:
     values = np.column_stack(
         [table.position, force, -table.depth, table.held, chips.reshape(len(force), -1)]
     )
-    with Path(path).open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(names)
-        for row in values:
-            writer.writerow(
-                str(from_si(float(value) + 0.0, _suffix(name))) if np.isfinite(value) else ""
-                for value, name in zip(row, names, strict=True)
-            )
+    file = io.StringIO(newline="")
+    writer = csv.writer(file)
+    writer.writerow(names)
+    for row in values:
+        writer.writerow(
+            str(from_si(float(value) + 0.0, _suffix(name))) if np.isfinite(value) else ""
+            for value, name in zip(row, names, strict=True)
+        )
+    write_output(path, file.getvalue().encode())
 
 
 def read_touches(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
@@ -244,11 +245,10 @@ def read_touches(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
     `RecordingError` if the file cannot be read, a column is missing or unknown, or a value is no
     number; the message names the line and the column.
     """
-    where = os.fspath(path)
+    where, raw = os.fspath(path), read_input(path, TEXT_LIMIT, RecordingError)
     try:
-        raw = Path(path).read_bytes()
         lines = list(csv.reader(io.StringIO(raw.decode("utf-8-sig"))))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except (UnicodeDecodeError, csv.Error) as error:
         raise RecordingError(f"{where}: must be a readable CSV file ({error})") from error
     if len(lines) < 2:
         raise RecordingError(f"{where}: must hold a header and at least one row")

@@ -15,13 +15,15 @@ from numpy.typing import ArrayLike
 
 from smoskin.arrays import Floats, floats
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import MissingExtraError
+from smoskin.errors import ArgumentError, MissingExtraError
 from smoskin.origami.geometry import geometry
+from smoskin.outputs import check_output, write_output
 from smoskin.records import Contact, Estimate, Reading
 
 try:
     from matplotlib import rc_context
     from matplotlib.axes import Axes
+    from matplotlib.backend_bases import FigureCanvasBase
     from matplotlib.figure import Figure
     from matplotlib.patches import Circle, Ellipse, Rectangle
 except ImportError as error:
@@ -75,8 +77,24 @@ class Plate:
         """Write it as SVG; the same data give the same bytes."""
         path = folder / f"{self.name}.svg"
         with styled():
-            self.figure.savefig(path, metadata={"Date": None, "Title": self.title})
+            save_figure(self.figure, path, metadata={"Date": None, "Title": self.title})
         return path
+
+
+def check_figure(path: Path, *, force: bool = False) -> None:
+    """Refuse a figure's file as `smoskin.outputs.check_output` does, and of an unknown format."""
+    check_output(path, force=force)
+    kinds = FigureCanvasBase.get_supported_filetypes()
+    if path.suffix[1:].lower() not in kinds:
+        raise ArgumentError(
+            f"a figure's file must end with one of {', '.join(kinds)}; got {path.name!r}"
+        )
+
+
+def save_figure(figure: Figure, path: Path, **options: Any) -> None:
+    """Write a figure in the format that its file's name ends with."""
+    kind = path.suffix[1:].lower()
+    write_output(path, lambda part: figure.savefig(part, format=kind, **options))
 
 
 def styled() -> AbstractContextManager[None]:

@@ -22,7 +22,7 @@ from smoskin.datasets.simulation import COLUMNS, Rows, Simulation
 from smoskin.datasets.store import open_dataset, write_dataset
 from smoskin.datasets.workers import Engine
 from smoskin.design.document import parse_design
-from smoskin.errors import ArgumentError, EngineError, MissingExtraError, RecordingError
+from smoskin.errors import ArgumentError, EngineError, FileError, MissingExtraError, RecordingError
 
 pytest.importorskip("h5py")
 
@@ -173,7 +173,7 @@ def test_a_set_goes_into_one_file(unbroken, tmp_path):
         manifest = json.loads(file.attrs["manifest"])
     assert parse_design(manifest["design"]) == unbroken.design
     assert manifest["rows"] == SMALL.rows
-    with pytest.raises(RecordingError, match=r"one\.h5 exists"):
+    with pytest.raises(FileError, match=r"one\.h5 exists"):
         unbroken.export(tmp_path / "one.h5")
 
 

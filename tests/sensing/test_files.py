@@ -67,10 +67,14 @@ def test_damage_is_said_in_a_sentence(tmp_path):
 
 def test_what_is_no_tensor_file_is_refused(tmp_path):
     (tmp_path / "text").write_text("text")
-    for path in (tmp_path / "text", tmp_path / "none", tmp_path):
-        with pytest.raises(ModelError, match="cannot be read as a thing"):
-            KIND.read(path, ("a", "b"), both)
-        with pytest.raises(ModelError, match="cannot be read as a tensor file"):
-            tensor_key(path)
+    for path, sentence in (
+        ("text", "cannot be read as a thing"),
+        ("none", "none cannot be read: No such file"),
+        ("", "must be a file; got a folder"),
+    ):
+        with pytest.raises(ModelError, match=sentence):
+            KIND.read(tmp_path / path, ("a", "b"), both)
+        with pytest.raises(ModelError, match=sentence.replace("thing", "tensor file")):
+            tensor_key(tmp_path / path)
     tensors.save_file({"a": np.zeros(2)}, tmp_path / "plain")
     assert tensor_key(tmp_path / "plain") == ""

@@ -10,6 +10,7 @@ from typer import Argument, Option
 from smoskin.cli.frame import (
     Design,
     File,
+    Force,
     Json,
     Number,
     Text,
@@ -19,10 +20,11 @@ from smoskin.cli.frame import (
     progress_bar,
     tell,
 )
-from smoskin.errors import ArgumentError
+from smoskin.errors import ArgumentError, require
 from smoskin.feasibility import load_design
 from smoskin.measurement import read_touches
-from smoskin.sensing.response.table import load_response_table
+from smoskin.outputs import check_output
+from smoskin.sensing.response.table import ResponseTable, load_response_table
 from smoskin.twin.rig import open_rig
 
 touches = typer.Typer(no_args_is_help=True, help="Plan the touches of a calibration by hand.")
@@ -48,8 +50,12 @@ Recording = Annotated[
     File, Option(help="MCAP with the readings, where the CSV says when touches were held.")
 ]
 Touches = Annotated[Whole, Option(min=1, help="Touches that a rig makes; 15 by default.")]
-RigForce = Annotated[Number, Option(help="Largest normal force of a rig, N; 0.8 by default.")]
-RigDrag = Annotated[Number, Option(help="Largest sideways force of a rig, N; 0.3 by default.")]
+RigForce = Annotated[
+    Number, Option("--force-N", help="Largest normal force of a rig; 0.8 N by default.")
+]
+RigDrag = Annotated[
+    Number, Option("--drag-N", "--drag", help="Largest sideways force of a rig; 0.3 N by default.")
+]
 OwnTable = Annotated[
     Path, Option(help="File of the skin's own response table to write.", dir_okay=False)
 ]
@@ -74,6 +80,7 @@ def calibrate(
     force_mn: ForceMn = None,
     table: Table = None,
     out: OwnTable = Path("skin.table"),
+    overwrite: Force = False,
     as_json: Json = False,
 ) -> None:
     """Calibrate a skin from a few touches and write its own response table.
@@ -83,13 +90,15 @@ def calibrate(
     """
     from smoskin.commands import calibrate as work
 
+    check_output(out, force=overwrite)
+    ResponseTable.check_writer()
     until = None if until_mm is None else 1e-3 * until_mm
     orders = {"count": touches, "until": until, "force": force, "drag": drag}
     options: dict[str, Any] = {key: value for key, value in orders.items() if value is not None}
     if sheet is not None and (options or rig != "virtual"):
         raise ArgumentError(
-            "--sheet must come without --rig, --touches, --until-mm, --force and --drag: its "
-            "touches have been made"
+            "--sheet must come without --rig, --touches, --until-mm, --force-N and --drag-N: "
+            "its touches have been made"
         )
     if sheet is None and recording is not None:
         raise ArgumentError("--recording must come with --sheet: a rig reads the chips itself")
@@ -117,12 +126,13 @@ def plan_touches(
     ),
     count: Annotated[int, Option(min=1, help="Touches to make.")] = 15,
     until_mm: UntilMm = None,
-    force: Annotated[float, Option(help="Largest normal force, N.")] = 0.8,
-    drag: Annotated[float, Option(help="Largest sideways force, N.")] = 0.0,
+    force: Annotated[float, Option("--force-N", help="Largest normal force.")] = 0.8,
+    drag: Annotated[float, Option("--drag-N", "--drag", help="Largest sideways force.")] = 0.0,
     place_mm: PlaceMm = 0.5,
     force_mn: ForceMn = 10.0,
     after: Annotated[File, Option(help="A filled sheet of touches that have been made.")] = None,
     table: Table = None,
+    overwrite: Force = False,
     as_json: Json = False,
 ) -> None:
     """Write where and how hard to touch a skin by hand, as a sheet to fill in.
@@ -132,6 +142,7 @@ def plan_touches(
     """
     from smoskin.commands.calibrate import plan_by_hand, write_plan
 
+    check_output(out, force=overwrite)
     skin = load_design(design)
     filled = None if after is None else read_touches(after)[0]
     targets = plan_by_hand(
@@ -168,6 +179,7 @@ def fit_paper(
     date: Annotated[Text, Option(help="ISO date of the measurement; today by default.")] = None,
     separate: Annotated[bool, Option("--separate", help="Fit v_a in X and Y apart.")] = False,
     plot: Annotated[File, Option(help="Draw the residuals to this file.")] = None,
+    overwrite: Force = False,
     as_json: Json = False,
 ) -> None:
     """Fit the paper's own model to touches of a bench, with uncertainties.
@@ -179,6 +191,12 @@ def fit_paper(
 
     from smoskin.commands import fit_paper as work
 
+    check_output(out, force=overwrite)
+    require("writing a calibration", "cli", "tomli_w")
+    if plot is not None:
+        from smoskin.plots import check_figure, save_figure
+
+        check_figure(plot, force=overwrite)
     result = work.fit_paper(
         load_design(design),
         table,
@@ -188,7 +206,7 @@ def fit_paper(
         attenuation="separate" if separate else "equal",
     )
     if plot is not None:
-        work.residual_figure(result.fit).savefig(plot)
+        save_figure(work.residual_figure(result.fit), plot)
     tell(result, as_json)
 
 
@@ -203,10 +221,12 @@ def virtual_bench(
         Literal["whole", "reduced"],
         Option(help="whole: the folded sheet's twin; reduced: the paper's model."),
     ] = "whole",
+    overwrite: Force = False,
 ) -> None:
     """Measure a virtual skin as a person would measure a real one for calibration."""
     from smoskin.commands.fit_paper import write_virtual_bench
 
+    check_output(out, force=overwrite)
     write_virtual_bench(load_design(design), out, seed=seed, sheet=sheet)
     if sheet == "whole":
         typer.echo(f"Now: smoskin calibrate {design} --sheet {out} --out skin.table", err=True)

@@ -72,6 +72,7 @@ Whole = int | None
 """Values of options that may be left out."""
 
 Json = Annotated[bool, Option("--json", help="Print JSON for machines.")]
+Force = Annotated[bool, Option("--force", help="Replace files that exist already.")]
 Design = Annotated[str, Argument(help="A shipped design or the path of a TOML document.")]
 
 

@@ -7,7 +7,9 @@ from typing import Annotated
 
 import typer
 
-from smoskin.cli.frame import Design, Json, app, examples, progress_bar, show
+from smoskin.cli.frame import Design, Force, Json, app, examples, progress_bar, show
+from smoskin.errors import require
+from smoskin.outputs import check_output
 
 
 @app.command(epilog=examples("optimise planar --out better.toml --minutes 10"))
@@ -19,9 +21,12 @@ def optimise(
     minutes: Annotated[
         float | None, typer.Option(min=0.1, help="Take the best that is found in this time.")
     ] = None,
-    force: Annotated[float, typer.Option(min=0.05, max=1.0, help="Of the touches, N.")] = 0.5,
+    force: Annotated[
+        float, typer.Option("--force-N", min=0.05, max=1.0, help="Force of the touches.")
+    ] = 0.5,
     rate: Annotated[float, typer.Option(min=1.0, help="Least readings a second.")] = 100.0,
     seed: Annotated[int, typer.Option(min=0, help="Of what is drawn.")] = 0,
+    overwrite: Force = False,
     as_json: Json = False,
 ) -> None:
     """Vary magnets, chips, columns and frame so that touches are located best.
@@ -34,6 +39,9 @@ def optimise(
     from smoskin.commands.optimise import optimise as vary
     from smoskin.feasibility import load_design
 
+    for file in (out, out.with_suffix(".json")):
+        check_output(file, force=overwrite)
+    require("writing a design", "cli", "tomli_w")
     seconds = math.inf if minutes is None else 60 * minutes
     with progress_bar() as progress:
         found = vary(

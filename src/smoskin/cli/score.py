@@ -6,7 +6,9 @@ from typing import Annotated
 
 import typer
 
-from smoskin.cli.frame import Json, app, examples, progress_bar, show
+from smoskin.cli.frame import Force, Json, app, examples, progress_bar, show
+from smoskin.errors import require
+from smoskin.outputs import check_output
 
 
 @app.command(
@@ -39,6 +41,7 @@ def score(
         str | None, typer.Option(help="Read only these chips, such as 1,2; from 0.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first made skin.")] = 1,
+    overwrite: Force = False,
     as_json: Json = False,
 ) -> None:
     """Judge an estimator on made skins that it has never seen, pressed all over.
@@ -54,6 +57,9 @@ def score(
     from smoskin.commands.train import parse_chips
     from smoskin.feasibility import load_design
 
+    if out is not None:
+        check_output(check_output(out, folder=True) / DATA, force=overwrite)
+        require("drawing", "plots", "matplotlib")
     skin = load_design(design)
     grid = None if places is None else parse_places(places)
     read = None if chips is None else parse_chips(chips)

@@ -8,8 +8,20 @@ import typer
 from typer import Option
 
 from smoskin.cli.ending import if_stopped
-from smoskin.cli.frame import Design, File, Json, Text, Whole, app, examples, progress_bar, tell
+from smoskin.cli.frame import (
+    Design,
+    File,
+    Force,
+    Json,
+    Text,
+    Whole,
+    app,
+    examples,
+    progress_bar,
+    tell,
+)
 from smoskin.feasibility import load_design
+from smoskin.outputs import check_output
 
 
 @app.command(epilog=examples("info planar", "info own.toml --json"))
@@ -112,6 +124,7 @@ def sweep(
     scheduler: Annotated[
         Text, Option(help="A dask cluster, tcp://host:8786; or local to start one.")
     ] = None,
+    overwrite: Force = False,
     as_json: Json = False,
 ) -> None:
     """Press a simulated skin in many ways into a data set; one that was stopped goes on.
@@ -122,6 +135,8 @@ def sweep(
     from smoskin.commands import sweep as sweeps
     from smoskin.datasets.workers import Engine
 
+    if export is not None:
+        check_output(export, force=overwrite)
     if summary is not None:
         report = sweeps.summarise(summary)
     else:
@@ -147,6 +162,7 @@ def sweep(
                 folder,
                 engine=Engine(workers, scheduler),
                 export=export,
+                force=overwrite,
                 progress=bar,
             )
     typer.echo(json.dumps(report.as_json()) if as_json else "\n".join(report.lines()))

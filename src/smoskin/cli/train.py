@@ -12,6 +12,7 @@ from smoskin.cli.ending import if_stopped
 from smoskin.cli.frame import (
     Design,
     File,
+    Force,
     Json,
     Number,
     Text,
@@ -21,7 +22,10 @@ from smoskin.cli.frame import (
     progress_bar,
     show,
 )
+from smoskin.errors import require
 from smoskin.feasibility import load_design
+from smoskin.outputs import check_output
+from smoskin.sensing.response.table import ResponseTable
 
 
 @app.command(
@@ -44,6 +48,7 @@ def make_table(
         File, Option(help="Keep the presses here and go on where they stop.", file_okay=False)
     ] = None,
     workers: Annotated[Whole, Option(min=1, help="Processes; one a core.")] = None,
+    overwrite: Force = False,
     as_json: Json = False,
 ) -> None:
     """Press a design's twin all over and write what its chips read as a response table.
@@ -62,7 +67,8 @@ def make_table(
         pairs=usual.pairs if pairs is None else pairs,
         skins=skins or usual.skins,
     )
-    file = out or Path(f"{Path(design).stem}.table")
+    file = check_output(out or Path(f"{Path(design).stem}.table"), force=overwrite)
+    ResponseTable.check_writer()
     with if_stopped(lambda: _pressed(folder)), progress_bar() as progress:
         table = making.make_table(
             load_design(design), effort, folder=folder, engine=Engine(workers), progress=progress
@@ -104,6 +110,7 @@ def train(
     resume: Annotated[bool, Option("--resume", help="Go on where training was stopped.")] = False,
     onnx: Annotated[File, Option(help="Write an ONNX file too.")] = None,
     seed: Annotated[int, Option(min=0, help="Seed of weights and of touches.")] = 0,
+    overwrite: Force = False,
     as_json: Json = False,
 ) -> None:
     """Train a network that tells place and force, each with its uncertainty, from a reading.
@@ -117,6 +124,11 @@ def train(
 
     checkpoint = training.checkpoint_of(out, resume=resume)
     curve = out.with_name(out.name + ".curve.jsonl")
+    check_output(out, force=overwrite)
+    check_output(curve, force=overwrite or resume)
+    if onnx is not None:
+        check_output(onnx, force=overwrite)
+        require("writing ONNX files", "onnx", "onnx")
     with if_stopped(lambda: training.kept_of(checkpoint)), progress_bar() as progress:
         trained = training.train(
             response,

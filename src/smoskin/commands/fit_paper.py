@@ -14,6 +14,7 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import Coefficients, SkinDesign
 from smoskin.errors import MissingExtraError
 from smoskin.measurement import read_touches, write_touches
+from smoskin.outputs import sealed, write_output
 from smoskin.roles import VirtualSkin
 from smoskin.sensing.closed_form.calibration import Calibration, Uncertainty, format_calibration
 from smoskin.sensing.closed_form.fitting import Attenuation, Fit, fit_calibration
@@ -139,7 +140,7 @@ def fit_paper(
         both = digest + hashlib.sha256(Path(recording).read_bytes()).hexdigest()
         digest = hashlib.sha256(both.encode()).hexdigest()
     fit = fit_calibration(design, table, date=date, data_sha256=digest, attenuation=attenuation)
-    Path(output).write_text(format_calibration(fit.calibration), encoding="utf-8")
+    write_output(output, sealed(format_calibration(fit.calibration)).encode())
     return CalibrationReport(design=design, fit=fit)
 
 

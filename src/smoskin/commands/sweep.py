@@ -156,15 +156,16 @@ def run_sweep(
     *,
     engine: Engine | None = None,
     export: Path | None = None,
+    force: bool = False,
     progress: Progress = unheard,
 ) -> SweepReport:
     """Compute a sweep, or what is missing of it, into a folder; and into one file if asked.
 
-    It raises as `smoskin.datasets.store.write_dataset`.
+    `force` lets that file be replaced. It raises as `smoskin.datasets.store.write_dataset`.
     """
     data = write_dataset(out, design, sweep, engine=engine, progress=progress)
     if export is not None:
-        data.export(export)
+        data.export(export, force=force)
     return SweepReport(dataset=data, damaged=0, exported=export)
 
 

@@ -1,8 +1,7 @@
-"""What a data set is of, written before its first row; and files that a kill cannot damage.
+"""What a data set is of, written before its first row.
 
 Decides what must be the same for two runs to fill one folder: design, sweep and version of this
-package. Hides the manifest's JSON, the lock that keeps a second writer out, and the writing under
-a temporary name.
+package. Hides the manifest's JSON and the lock that keeps a second writer out.
 """
 
 import fcntl
@@ -20,10 +19,9 @@ from smoskin.datasets.patterns import Sweep, format_sweep, parse_sweep
 from smoskin.design.document import design_values, format_design, parse_design
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import RecordingError, SmoskinError
+from smoskin.outputs import PART, write_output
 
 FORMAT: Final = "smoskin data set 2"
-PART: Final = ".part"
-"""Ending of a file that is not yet whole."""
 FILE: Final = "manifest.json"
 _LOCK: Final = ".lock"
 
@@ -67,12 +65,13 @@ def claim(folder: Path, manifest: Manifest) -> Manifest:
 
     `RecordingError` says what differs where it holds anything else.
     """
-    for part in folder.glob(f"*{PART}"):
+    new, parts = not (folder / FILE).exists(), list(folder.glob(f"*{PART}"))
+    others = {path.name for path in folder.iterdir()} - {_LOCK, *(part.name for part in parts)}
+    if new and others:
+        raise RecordingError(f"{folder} must be empty or hold this data set; got {min(others)}")
+    for part in parts:
         part.unlink()
-    if not (folder / FILE).exists():
-        others = sorted(path.name for path in folder.iterdir() if path.name != _LOCK)
-        if others:
-            raise RecordingError(f"{folder} must be empty or hold this data set; got {others[0]}")
+    if new:
         save_manifest(folder, manifest)
         return manifest
     kept = read_manifest(folder)
@@ -129,7 +128,7 @@ def save_manifest(folder: Path, manifest: Manifest) -> None:
         "design": format_design(manifest.design),
         "runs": [asdict(run) for run in manifest.runs],
     }
-    write_whole(folder / FILE, json.dumps(document, indent=1).encode() + b"\n")
+    write_output(folder / FILE, json.dumps(document, indent=1).encode() + b"\n")
 
 
 @contextmanager
@@ -149,31 +148,6 @@ def locked(folder: Path) -> Iterator[None]:
         except BlockingIOError as error:
             raise RecordingError(f"{folder} is being written by another process") from error
         yield
-    finally:
-        os.close(handle)
-
-
-def write_whole(file: Path, content: bytes) -> None:
-    """Write a file that is whole or not there, whenever this process or the machine stops."""
-    part = file.with_name(file.name + PART)
-    try:
-        part.write_bytes(content)
-        settle(part, file)
-    except OSError as error:
-        raise RecordingError(f"{file} cannot be written: {error}") from error
-
-
-def settle(part: Path, file: Path) -> None:
-    """Give a finished file its name, once it is on the disk."""
-    _sync(part)
-    os.replace(part, file)
-    _sync(file.parent)
-
-
-def _sync(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
     finally:
         os.close(handle)
 

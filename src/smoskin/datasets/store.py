@@ -21,12 +21,13 @@ from numpy.typing import NDArray
 
 from smoskin.arrays import Ints
 from smoskin.datasets import manifest as manifests
-from smoskin.datasets.manifest import PART, Manifest, Run, settle, write_whole
+from smoskin.datasets.manifest import Manifest, Run
 from smoskin.datasets.patterns import Sweep
 from smoskin.datasets.simulation import COLUMNS, Column, Rows, Simulation
 from smoskin.datasets.workers import Engine
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import MissingExtraError, RecordingError
+from smoskin.outputs import check_output, write_output
 from smoskin.roles import Progress, unheard
 
 _ROWS_AT_ONCE: Final = 4096
@@ -119,25 +120,20 @@ class Dataset:
                 damaged.append(chunk)
         return tuple(damaged)
 
-    def export(self, path: str | os.PathLike[str]) -> None:
-        """Write all rows to one new HDF5 file; raises `RecordingError` where it cannot be."""
+    def export(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
+        """Write all rows to one HDF5 file; raises `FileError` where it cannot be, or exists."""
         self._require_all()
-        target = Path(path)
-        if target.exists():
-            raise RecordingError(f"{target} exists; choose another name or remove it")
-        part = target.with_name(target.name + PART)
-        try:
-            with _h5py().File(part, "w") as file:
-                file.attrs["manifest"] = (self.path / manifests.FILE).read_text(encoding="utf-8")
-                for chunk, column in itertools.product(self.present, COLUMNS.values()):
-                    values, rows = self._read(chunk, column.name), self.sweep.rows_of(chunk)
-                    if chunk == 0:
-                        _create(file, column, (self.sweep.rows, *values.shape[1:]))
-                    file[column.name][rows.start : rows.stop] = values
-            settle(part, target)
-        except OSError as error:
-            part.unlink(missing_ok=True)
-            raise RecordingError(f"{target} cannot be written: {error}") from error
+        write_output(check_output(path, force=force), self._fill)
+
+    def _fill(self, path: Path) -> None:
+        """Write all rows to this HDF5 file."""
+        with _h5py().File(path, "w") as file:
+            file.attrs["manifest"] = (self.path / manifests.FILE).read_text(encoding="utf-8")
+            for chunk, column in itertools.product(self.present, COLUMNS.values()):
+                values, rows = self._read(chunk, column.name), self.sweep.rows_of(chunk)
+                if chunk == 0:
+                    _create(file, column, (self.sweep.rows, *values.shape[1:]))
+                file[column.name][rows.start : rows.stop] = values
 
     def _require_all(self) -> None:
         if not self.complete:
@@ -204,7 +200,9 @@ def write_dataset(
     ArgumentError
         If the skin cannot be pressed so; before anything is written or computed.
     RecordingError
-        If the folder holds something else, another process writes to it, or it cannot be written.
+        If the folder holds something else, or another process writes to it.
+    FileError
+        If it cannot be written.
     EngineError
         If the workers fail; what is on disk stays.
     MissingExtraError
@@ -274,7 +272,7 @@ def _write_chunk(file: Path, image: bytes) -> None:
             os.fsync(sums.fileno())
     except OSError as error:
         raise RecordingError(f"{file.parent} cannot be written: {error}") from error
-    write_whole(file, image)
+    write_output(file, image)
 
 
 def _remove_damaged(folder: Path) -> int:
@@ -286,7 +284,7 @@ def _remove_damaged(folder: Path) -> int:
     # Written anew, as a kill may have cut the last line.
     sound = {_chunk_file(folder, chunk).name for chunk in set(data.present) - set(damaged)}
     lines = [f"{value}  {name}\n" for name, value in _read_sums(folder).items() if name in sound]
-    write_whole(folder / _SUMS, "".join(lines).encode())
+    write_output(folder / _SUMS, "".join(lines).encode())
     return len(damaged)
 
 

@@ -11,12 +11,15 @@ from collections.abc import Iterator
 from dataclasses import asdict, fields, is_dataclass, replace
 from decimal import Decimal
 from importlib import resources
-from pathlib import Path
 from typing import Any, Final
 
 from smoskin.design.skin import Provenance, SkinDesign
 from smoskin.documents import Form, format_toml
 from smoskin.errors import DesignError
+from smoskin.outputs import read_text
+
+_LARGEST: Final = 2**20
+"""Largest document that is read, bytes."""
 
 _LOG: Final = logging.getLogger(__name__)
 _FORM: Final = Form(
@@ -69,13 +72,12 @@ def read_design(name_or_path: str | os.PathLike[str]) -> SkinDesign:
     if given in shipped_designs():
         source = resources.files("smoskin.design").joinpath(f"{given}.toml")
         return parse_design(source.read_text(encoding="utf-8"))
-    try:
-        text = Path(given).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+    if not os.path.exists(given):
         raise DesignError(
             f"design must be the name of a shipped design ({', '.join(shipped_designs())}) or the "
-            f"path of a TOML document; got {given!r} ({error})"
-        ) from error
+            f"path of a TOML document; got {given!r}"
+        )
+    text = read_text(given, _LARGEST, DesignError)
     try:
         design = parse_design(text)
     except DesignError as error:

@@ -5,12 +5,14 @@ Decides which estimator reads which file, and hides how kinds of files are told 
 
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from smoskin.arrays import Floats
 from smoskin.design.document import shipped_design
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, DesignError, ModelError
+from smoskin.outputs import read_text
 from smoskin.records import Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing import files
@@ -50,9 +52,10 @@ def load_estimator(path: str | os.PathLike[str], design: SkinDesign | None = Non
     """
     file = Path(path)
     if not _holds_arrays(file):
+        text = read_text(file, error=ModelError)
         try:
-            calibration = parse_calibration(file.read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError, ModelError) as error:
+            calibration = parse_calibration(text)
+        except ModelError as error:
             raise ModelError(f"{file}: {error}") from error
         skin = _design_of(file, calibration.design_hash, design)
         return ClosedFormEstimator(skin, calibration)
@@ -115,11 +118,11 @@ class ZeroFirst(Estimator):
 
 def _holds_arrays(path: Path) -> bool:
     """Whether a file begins as tensor files do, with a length in binary: text holds no zeros."""
-    try:
-        with path.open("rb") as file:
-            return b"\0" in file.read(8)
-    except OSError:
+    if not path.is_file():
         return False  # whoever reads it says why it cannot be read
+    with suppress(OSError), path.open("rb") as file:
+        return b"\0" in file.read(8)
+    return False
 
 
 def _design_of(path: Path, content_hash: str, design: SkinDesign | None) -> SkinDesign:

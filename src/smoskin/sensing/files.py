@@ -4,10 +4,10 @@ Decides how such a file is written and which is refused; what stands in it is it
 format is safetensors, which carries no code.
 """
 
+import hashlib
 import json
 import logging
-from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
@@ -15,12 +15,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smoskin.arrays import freeze
-from smoskin.errors import ArgumentError, MissingExtraError, ModelError
+from smoskin.errors import ArgumentError, ModelError, require
+from smoskin.outputs import read_input, write_output
 
 _LOG: Final = logging.getLogger(__name__)
 RESPONSE_TABLE: Final = "smoskin_response_table"
 NETWORK: Final = "smoskin_network"
 """Keys of the kinds that programs tell apart by `tensor_key`."""
+
+_SUM: Final = "sha256"
+"""Key of the checksum in the header; files of earlier versions have none."""
+_LARGEST: Final = 2**30
+"""Largest file that is read, bytes."""
+_DAMAGE: Final = (
+    ArithmeticError,
+    AttributeError,
+    IndexError,
+    KeyError,
+    RecursionError,
+    TypeError,
+    ValueError,
+)
+"""Errors that a description raises which is not what was written."""
 
 _Content = TypeVar("_Content")
 
@@ -37,17 +53,29 @@ class TensorFile(NamedTuple):
     older: tuple[int, ...] = ()
     """Earlier versions that are read as well."""
 
+    def check_writer(self) -> None:
+        """Raise `MissingExtraError` unless the library that writes such files is installed."""
+        require(f"writing {self.kind}", "learned", "safetensors")
+
     def write(
         self, path: Path | str, arrays: Mapping[str, NDArray[Any]], header: Mapping[str, object]
     ) -> None:
-        """Write arrays and header; `MissingExtraError` if `safetensors` is not installed."""
-        try:
-            from safetensors.numpy import save_file
-        except ImportError as error:
-            raise MissingExtraError(f"writing {self.kind}", "learned") from error
-        text = json.dumps({"format": self.format, **header})
+        """Write arrays, header and their checksum.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        MissingExtraError
+            If `safetensors` is not installed.
+        """
+        self.check_writer()
+        from safetensors.numpy import save
+
         whole = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
-        save_file(whole, str(path), metadata={self.key: text})
+        described = {"format": self.format, **header}
+        text = json.dumps({_SUM: _checksum(whole, described), **described})
+        write_output(path, save(whole, metadata={self.key: text}))
 
     def read(
         self,
@@ -60,20 +88,24 @@ class TensorFile(NamedTuple):
         It raises a `ModelError` if the file cannot be read, is of another kind or format, or is
         damaged, and a `MissingExtraError` if `safetensors` is not installed.
         """
-        with _opened(path, self.kind) as file:
-            text = (file.metadata() or {}).get(self.key)
-            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        labels, arrays = _load(path, self.kind)
+        text = labels.get(self.key)
         if text is None or set(arrays) != set(names):
             raise ModelError(f"{path}: {self.kind} of this package must be given; got another")
         try:
             header = json.loads(text)
+            checksum = header.pop(_SUM, None)
+            if checksum not in (None, _checksum(arrays, header)):
+                raise ModelError(
+                    f"{path} is damaged: its checksum does not fit; make it again or copy it anew"
+                )
             if header["format"] not in (self.format, *self.older):
                 raise ModelError(f"{path}: format must be {self.format}; got {header['format']!r}")
             _LOG.info("read %s from %s", self.kind, path)
             return build(arrays, header)
         except ModelError:
             raise
-        except (KeyError, TypeError, ValueError) as error:
+        except _DAMAGE as error:
             raise ModelError(f"{path}: its description is damaged: {error!r}") from error
 
 
@@ -96,19 +128,29 @@ def tensor_key(path: Path | str) -> str:
 
     Errors are those of `TensorFile.read`.
     """
-    with _opened(path, "a tensor file") as file:
-        return next(iter(file.metadata() or {}), "")
+    return next(iter(_load(path, "a tensor file")[0]), "")
 
 
-@contextmanager
-def _opened(path: Path | str, kind: str) -> Iterator[Any]:
-    """A tensor file, open for reading."""
+def _load(path: Path | str, kind: str) -> tuple[dict[str, str], dict[str, NDArray[Any]]]:
+    """The labels and the arrays of a tensor file."""
+    require(f"reading {kind}", "learned", "safetensors")
+    from safetensors import SafetensorError
+    from safetensors.numpy import load
+
+    whole = read_input(path, _LARGEST, ModelError)
     try:
-        from safetensors import SafetensorError, safe_open
-    except ImportError as error:
-        raise MissingExtraError(f"reading {kind}", "learned") from error
-    try:
-        with safe_open(str(path), framework="numpy") as file:
-            yield file
-    except (SafetensorError, OSError) as error:
+        arrays = load(whole)
+        header = json.loads(whole[8 : 8 + int.from_bytes(whole[:8], "little")])
+    except (SafetensorError, *_DAMAGE) as error:
         raise ModelError(f"{path}: cannot be read as {kind}: {error}") from error
+    return header.get("__metadata__", {}), arrays
+
+
+def _checksum(arrays: Mapping[str, NDArray[Any]], header: Mapping[str, object]) -> str:
+    """SHA-256 of arrays and header."""
+    whole = hashlib.sha256(json.dumps(header).encode())
+    for name in sorted(arrays):
+        array = arrays[name]
+        whole.update(f"{name} {array.dtype.str} {array.shape}".encode())
+        whole.update(array.tobytes())
+    return whole.hexdigest()

@@ -120,7 +120,7 @@ def test_the_command_writes_both_files_and_exits_with_1_where_a_limit_is_broken(
     monkeypatch.setattr(application, "optimise", stand_in)
     out = tmp_path / "found.toml"
     arguments = ["optimise", "planar", "--out", str(out), "--minutes", "2", "--seed", "3"]
-    run = CliRunner().invoke(app, [*arguments, "--json", "--force", "0.4", "--rate", "150"])
+    run = CliRunner().invoke(app, [*arguments, "--json", "--force-N", "0.4", "--rate", "150"])
     assert run.exit_code == (0 if kept else 1), run.output
     told = json.loads(run.stdout)
     assert told["kept"] is kept

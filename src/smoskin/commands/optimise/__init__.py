@@ -29,6 +29,7 @@ from smoskin.commands.optimise.pressed import Places, PressedSheet, design_bound
 from smoskin.commands.optimise.search import Objective, Search, SearchEffort
 from smoskin.design.document import design_values, format_design
 from smoskin.design.skin import Provenance, SkinDesign
+from smoskin.outputs import write_output
 from smoskin.roles import Progress, unheard
 from smoskin.sensing.response.bound import bound_of_slopes, figures
 from smoskin.sensing.signals.signals import signal_noise
@@ -154,9 +155,9 @@ class Optimised:
         """
         document = Path(path)
         warning = "" if self.kept else f"# {self.verdict()}\n"
-        document.write_text(warning + format_design(self.after), encoding="utf-8")
+        write_output(document, (warning + format_design(self.after)).encode())
         beside = document.with_suffix(".json")
-        beside.write_text(json.dumps(self.as_json(), indent=2) + "\n", encoding="utf-8")
+        write_output(beside, (json.dumps(self.as_json(), indent=2) + "\n").encode())
         return document, beside
 
 

@@ -22,6 +22,7 @@ from smoskin.commands.score.report import ScoreSheet, case_of, grid_places
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.feasibility import load_design
+from smoskin.outputs import check_output, write_output
 from smoskin.roles import Estimator, Progress, unheard
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.bayes.priors import TouchPriors
@@ -89,8 +90,9 @@ def score(
     ModelError
         If the file cannot be examined, or is of another design.
     ArgumentError
-        If a number is out of its range, the file does not read the chips, or the folder cannot be
-        written.
+        If a number is out of its range, or the file does not read the chips.
+    FileError
+        If the folder cannot be written.
     MissingExtraError
         If JAX, safetensors or, with a folder, Matplotlib is not installed.
     """
@@ -109,25 +111,12 @@ def score(
         return examine(skin, subject, exam, progress=progress)
     from smoskin.commands.score.plates import score_plates
 
-    _check_folder(out)
+    check_output(out, folder=True)
     sheet = examine(skin, subject, exam, progress=progress)
-    text = json.dumps(sheet.as_json(), indent=1) + "\n"
-    (out / DATA).write_text(text, encoding="utf-8")
+    write_output(out / DATA, (json.dumps(sheet.as_json(), indent=1) + "\n").encode())
     for plate in score_plates(sheet):
         plate.write(out)
     return sheet
-
-
-def _check_folder(folder: Path) -> None:
-    """Make a folder if it is missing, and refuse one that takes no file."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with (folder / DATA).open("a", encoding="utf-8"):
-            pass
-    except OSError as error:
-        raise ArgumentError(
-            f"out must be a folder that can be written; got {str(folder)!r}: {error.strerror}"
-        ) from error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -9,7 +9,6 @@ import math
 import os
 from dataclasses import dataclass
 from decimal import Decimal
-from pathlib import Path
 from typing import Final, Self
 
 import numpy as np
@@ -19,6 +18,7 @@ from smoskin.design.skin import Coefficients, SkinDesign
 from smoskin.documents import Form, format_toml
 from smoskin.errors import ModelError
 from smoskin.mechanics.reduced.stiffness import board_stiffness, sheet_stiffness
+from smoskin.outputs import is_damaged, read_text
 
 Triple = tuple[float, float, float]
 
@@ -180,6 +180,11 @@ def format_calibration(calibration: Calibration) -> str:
 
 def parse_calibration(text: str) -> Calibration:
     """The calibration that a TOML document describes; a `ModelError` for what cannot be."""
+    if is_damaged(text):
+        raise ModelError(
+            "the calibration is damaged: its checksum does not fit; make it again or copy it anew "
+            "(where it was changed by hand, remove its last line)"
+        )
     document = _FORM.parse_toml(text)
     if "press_table" in document:
         raise ModelError(
@@ -191,9 +196,10 @@ def parse_calibration(text: str) -> Calibration:
 
 def read_calibration(path: str | os.PathLike[str], design: SkinDesign) -> Calibration:
     """The calibration in a file, or a `ModelError` where it is none of this design."""
+    text = read_text(path, error=ModelError)
     try:
-        calibration = parse_calibration(Path(path).read_text(encoding="utf-8"))
+        calibration = parse_calibration(text)
         calibration.check_fits(design)
-    except (OSError, UnicodeDecodeError, ModelError) as error:
+    except ModelError as error:
         raise ModelError(f"{os.fspath(path)}: {error}") from error
     return calibration

@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.errors import MissingExtraError
+from smoskin.errors import require
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
+from smoskin.outputs import write_output
 from smoskin.sensing.network.model import SPREADS, Ensemble, NetworkModel
 
 
@@ -26,11 +27,10 @@ def export_onnx(model: NetworkModel, path: Path | str) -> None:
     `novelty`, (B,), above 1 where they are not to be believed. It raises a `MissingExtraError` if
     `onnx` is not installed.
     """
-    try:
-        import onnx
-        import onnx.parser
-    except ImportError as error:
-        raise MissingExtraError("writing ONNX files", "onnx") from error
+    require("writing ONNX files", "onnx", "onnx")
+    import onnx
+    import onnx.parser
+
     ensemble = Ensemble(model)
     # The file's operators, of set 17, are known to every runtime of the last years. Its signals are
     # in units of the floor, whose squares do not underflow float32.
@@ -48,7 +48,7 @@ def export_onnx(model: NetworkModel, path: Path | str) -> None:
     facts = {"design": model.design_hash, "chips": chips, "data_sha256": model.data_sha256}
     onnx.helper.set_model_props(file, facts)
     onnx.checker.check_model(file, full_check=True)
-    onnx.save(file, str(path))
+    write_output(path, file.SerializeToString())
 
 
 def _constants(ensemble: Ensemble) -> dict[str, ArrayLike]:

@@ -7,7 +7,6 @@ validity. Needs the extra `train`.
 """
 
 import json
-import os
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -23,6 +22,7 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import MissingExtraError, ModelError
 from smoskin.mechanics.viscoelasticity import Prony
+from smoskin.outputs import write_output
 from smoskin.roles import Progress, unheard
 from smoskin.sensing.files import TensorFile
 from smoskin.sensing.learned.gaussian_process import Metric, Prediction
@@ -207,12 +207,10 @@ class _Course:
         if checkpoint is not None and points:
             leaves = jax.tree.leaves((self._state, self.best))
             arrays = {str(k): np.asarray(leaf) for k, leaf in enumerate(leaves)}
-            fresh = checkpoint.with_name(checkpoint.name + ".new")
-            _CHECKPOINT.write(fresh, arrays, {"training": self._lessons.key, "curve": points})
-            os.replace(fresh, checkpoint)
+            _CHECKPOINT.write(checkpoint, arrays, {"training": self._lessons.key, "curve": points})
         if curve is not None:
             lines = [json.dumps(point) + "\n" for point in points]
-            curve.write_text("".join(lines), encoding="utf-8")
+            write_output(curve, "".join(lines).encode())
 
 
 def _optimiser(weights: State) -> optax.GradientTransformation:

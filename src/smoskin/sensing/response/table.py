@@ -173,6 +173,11 @@ class ResponseTable:
         softened = both / (1 + self.softening * warmer) ** order
         return PointTable(self.basis, softened, self.grip, self.curvature)
 
+    @staticmethod
+    def check_writer() -> None:
+        """Raise `MissingExtraError` unless the library that writes tables is installed."""
+        _FILE.check_writer()
+
     def save(self, path: Path | str) -> None:
         """Write the table's file; `MissingExtraError` if `safetensors` is not installed."""
         arrays = {name: np.asarray(getattr(self, name)) for name in _TENSORS}
@@ -215,7 +220,7 @@ def load_response_table(name_or_path: str | os.PathLike[str]) -> ResponseTable:
     if given in shipped:
         with resources.as_file(shipped[given]) as file:
             return _FILE.read(file, names, _table)
-    if not Path(given).exists():
+    if not os.path.exists(given):
         raise ModelError(
             f"table must be that of a shipped design ({', '.join(sorted(shipped))}) or the path of "
             f"a response table; got {given!r}"
