@@ -67,3 +67,38 @@ def test_a_missed_touch_is_exit_code_1(monkeypatch):
         assert given["seconds"] == 15.0
         assert given["page"] is False
         assert (given["rate"], given["seed"], given["calibration_touches"]) == (100.0, 0, 15)
+
+
+def test_progress_is_told_in_lines_where_there_is_no_terminal(capsys):
+    seconds = iter([0.0, 1.0, 5.0, 6.0, 11.0])
+    tell = frame._ProgressLines(lambda: next(seconds))
+    for k in range(4):
+        tell(f"step {k}", k / 4)
+    assert capsys.readouterr().err.splitlines() == [
+        "    5 s   25 %  step 1",
+        "   11 s   75 %  step 3",
+    ]
+
+
+def test_the_log_may_be_asked_for_behind_a_command(caplog, monkeypatch):
+    import logging
+
+    from typer.testing import CliRunner
+
+    monkeypatch.setattr(logging.getLogger("smoskin"), "level", logging.WARNING)
+    for arguments in (["-v", "info"], ["info", "--verbose"]):
+        logging.getLogger("smoskin").setLevel(logging.WARNING)
+        assert CliRunner().invoke(app, arguments).exit_code == 0
+        assert logging.getLogger("smoskin").level == logging.INFO
+
+
+def test_every_command_has_an_example_and_a_whole_first_sentence():
+    from typer.main import get_command
+    from typer.testing import CliRunner
+
+    commands = get_command(app).commands
+    text = CliRunner().invoke(app, ["--help"]).output
+    assert "..." not in text.partition("\n")[2]
+    for name, command in commands.items():
+        for one in getattr(command, "commands", {"": command}).values():
+            assert "smoskin " in (one.epilog or ""), name

@@ -51,7 +51,7 @@ def _app() -> "typer.Typer":
         from smoskin.cli.frame import app
     except ImportError as error:
         raise MissingExtraError("the command line", "cli") from error
-    from smoskin.cli import calibration, live, optimise, score, skins, train  # noqa: F401
+    from smoskin.cli import calibration, files, live, optimise, score, skins, train  # noqa: F401
 
     return app
 

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 _EVERY: Final = 5.0
 """s between lines of progress where there is no terminal."""
 _GROUPS: Final = {
-    "See and read a skin": ("demo", "run", "info"),
+    "See and read a skin": ("demo", "run", "info", "check"),
     "Calibrate a skin": ("calibrate", "touches", "fit-paper", "virtual-bench"),
     "Simulate": ("simulate", "sweep", "table"),
-    "Train, judge, design": ("train", "score", "optimise"),
+    "Train, judge, design": ("train", "score", "optimise", "new-design"),
 }
 """Commands by what they are for, in the order of the help."""
 

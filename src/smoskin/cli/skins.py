@@ -20,6 +20,7 @@ from smoskin.cli.frame import (
     progress_bar,
     tell,
 )
+from smoskin.errors import DesignError
 from smoskin.feasibility import load_design
 from smoskin.outputs import check_output
 
@@ -27,9 +28,19 @@ from smoskin.outputs import check_output
 @app.command(epilog=examples("info planar", "info own.toml --json"))
 def info(design: Design = "planar", as_json: Json = False) -> None:
     """Print a design: what is built, where each value comes from, and what follows from it."""
+    from smoskin.commands.check import check_file
     from smoskin.commands.info import describe
 
-    tell(describe(load_design(design)), as_json)
+    try:
+        skin = load_design(design)
+    except DesignError as error:
+        kind = check_file(Path(design)).kind if Path(design).is_file() else ""
+        if kind in ("", "a file", "a design", "a file of another kind"):
+            raise
+        raise DesignError(
+            f"{design} is {kind}, not a design; smoskin check {design} tells of it"
+        ) from error
+    tell(describe(skin), as_json)
 
 
 Mechanics = Annotated[

@@ -1,0 +1,51 @@
+"""Commands about files: what one is, and a design to start from."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer import Argument, Option
+
+from smoskin.cli.frame import Force, Json, Text, app, examples
+from smoskin.outputs import check_output, write_output
+
+
+@app.command(epilog=examples("check touch.mcap", "check *.table --json"))
+def check(
+    paths: Annotated[list[Path], Argument(metavar="FILE...", help="Files, or folders of data.")],
+    as_json: Json = False,
+) -> None:
+    """Tell what files are, whether they are whole and what reads them.
+
+    Designs, recordings, response tables, networks, learned models, calibrations, sheets of touches
+    and data sets are known. The exit code is 1 if one is damaged or of another kind.
+    """
+    from smoskin.commands.check import check_file
+
+    found = [check_file(path) for path in paths]
+    if as_json:
+        typer.echo(json.dumps([one.as_json() for one in found]))
+    else:
+        typer.echo("\n".join(line for one in found for line in one.lines()))
+    if any(one.problem for one in found):
+        raise typer.Exit(1)
+
+
+@app.command(epilog=examples("new-design mine --out mine.toml --cells 6x8"))
+def new_design(
+    name: Annotated[str, Argument(help="Name of the new design.")],
+    out: Annotated[Path, Option(help="The design (TOML) to write.", dir_okay=False)],
+    cells: Annotated[Text, Option(help="Cells along x and y, such as 6x8.")] = None,
+    base: Annotated[str, Option("--from", help="Design to start from.")] = "planar",
+    force: Force = False,
+) -> None:
+    """Write a design to start from, each part with what it means.
+
+    It is a copy of another one, which can be built and read; magnets move with the cells.
+    """
+    from smoskin.commands.new_design import new_design as make
+
+    check_output(out, force=force)
+    write_output(out, make(name, base, cells).encode())
+    typer.echo(f"Now: edit {out}, then smoskin info {out}", err=True)
