@@ -36,7 +36,7 @@ def test_a_recording_is_whole_or_told_what_it_lost(recording, tmp_path):
     content = recording.read_bytes()
     cut, flipped = tmp_path / "cut", tmp_path / "flipped"
     cut.write_bytes(content[: len(content) * 2 // 3])
-    assert "cut off" in check_file(cut).problem
+    assert "it ends too early" in check_file(cut).problem
     middle = len(content) // 3
     flipped.write_bytes(content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :])
     assert check_file(flipped).problem

@@ -12,15 +12,16 @@ from typing import Any, Final, NamedTuple
 
 from smoskin.commands.sweep import summarise
 from smoskin.design.document import read_design, shipped_design
-from smoskin.errors import DesignError, RecordingError, SmoskinError
+from smoskin.errors import DesignError, ModelError, RecordingError, SmoskinError
 from smoskin.feasibility import check_design
 from smoskin.measurement import read_touches
+from smoskin.outputs import read_text
 from smoskin.sensing import files
 from smoskin.sensing.closed_form.calibration import parse_calibration
 from smoskin.sensing.learned.gaussian_process import load_model
 from smoskin.sensing.network.model import load_network
 from smoskin.sensing.response.table import load_response_table
-from smoskin.service.recorder import open_recording
+from smoskin.service.recording import open_recording
 
 _MCAP: Final = b"\x89MCAP0\r\n"
 _START: Final = 65_536
@@ -150,12 +151,8 @@ def _recording(path: Path) -> Facts:
     yield "made by", f"smoskin {made.version}"
     yield "readings", f"{recording.reading_count} over {recording.duration:.1f} s"
     yield "estimates", str(recording.estimate_count)
-    problems = [f"{recording.lost_chunks} chunks of up to a second are lost"]
-    problems = problems if recording.lost_chunks else []
-    if recording.truncated:
-        problems.append("it was cut off, its recorder was killed or is still writing")
-    if problems:
-        raise RecordingError("; ".join(problems))
+    if recording.damage:
+        raise RecordingError(recording.damage)
 
 
 def _table(path: Path) -> Facts:
@@ -180,10 +177,7 @@ def _model(path: Path) -> Facts:
 
 
 def _calibration(path: Path) -> Facts:
-    try:
-        calibration = parse_calibration(path.read_text(encoding="utf-8"))
-    except UnicodeDecodeError as error:
-        raise RecordingError("must be text in UTF-8") from error
+    calibration = parse_calibration(read_text(path, error=ModelError))
     yield _of_design(calibration.design_hash)
     yield "chips", str(len(calibration.field_factor))
 
