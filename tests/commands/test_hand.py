@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from smoskin.commands.hand import PERIOD, Hand, judge, scripted_hand
+from smoskin.commands.hand import Hand, judge
 from smoskin.errors import ArgumentError
 from smoskin.records import Contact, Estimate, Status
+from smoskin.twin.hand import PERIOD, scripted_hand
 
 PRESS = Contact(position=(0.05, 0.07), force=(0.0, 0.0, -0.5))
 DRAG = Contact(position=(0.09, 0.02), force=(0.2, 0.1, -0.4))

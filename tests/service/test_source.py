@@ -366,14 +366,56 @@ def test_as_fast_as_possible_has_two_names(zero: str, tmp_path: Path) -> None:
 
 def test_wrong_paces_are_refused(tmp_path: Path) -> None:
     recording = open_recording(recorded(tmp_path / "a.mcap", [0.0]))
-    with pytest.raises(ArgumentError, match="speed must be positive; got 0"):
-        ReplaySource(recording, speed=0.0)
-    with pytest.raises(ArgumentError, match="longest_gap must be positive; got nan"):
+    for value in (0.0, -1.0, 1e-9, 1e9, float("nan"), "1", None, True):
+        with pytest.raises(ArgumentError, match=r"speed must be from 0\.001 to 1000 or inf; got"):
+            ReplaySource(recording, speed=value)  # type: ignore[arg-type]
+        with pytest.raises(ArgumentError, match="speed must be from"):
+            TwinSource(ReducedTwin(DESIGN), speed=value)  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match=r"longest_gap must be from .*; got nan"):
         ReplaySource(recording, longest_gap=float("nan"))
-    with pytest.raises(ArgumentError, match="rate must be positive; got -1"):
-        TwinSource(ReducedTwin(DESIGN), rate=-1.0)
-    with pytest.raises(ArgumentError, match="rate must be finite"):
-        TwinSource(ReducedTwin(DESIGN), rate=float("inf"))
+    for value in (-1.0, float("inf"), 1e308):
+        with pytest.raises(ArgumentError, match=r"rate must be from 0\.01 to 100000; got"):
+            TwinSource(ReducedTwin(DESIGN), rate=value)
+
+
+def test_a_path_is_that_of_a_recording(tmp_path: Path) -> None:
+    path = recorded(tmp_path / "a.mcap", [0.0, 0.01])
+    with open_source(path) as source:
+        assert [reading.time for reading in source] == [0.0, 0.01]
+    for junk in (None, 3, b"twin://planar", ["twin://planar"]):
+        with pytest.raises(ArgumentError, match="url must be replay:FILE"):
+            open_source(junk)  # type: ignore[arg-type]
+
+
+def test_a_recording_knows_its_design(tmp_path: Path) -> None:
+    own = replace(DESIGN, name="mine", columns=replace(DESIGN.columns, radius=1.4e-3))
+    Recorder(tmp_path / "own.mcap", own).close()
+    source = ReplaySource(open_recording(tmp_path / "own.mcap"))
+    assert source.design == own
+    assert source.design.provenance == own.provenance
+    assert source.design_hash == own.content_hash
+
+
+def test_a_scripted_hand_touches_what_nothing_else_does() -> None:
+    twin = ReducedTwin(DESIGN, seed=None)
+    touch = Contact(position=(0.05, 0.0667), force=(0.0, 0.0, -0.5))
+    source = TwinSource(twin, speed=float("inf"), hand=[touch])
+    held = []
+    for _ in range(150):
+        source.read()
+        held.append(source.contacts)
+    assert not any(held[:26])
+    assert (touch,) in held[26:60]
+    assert not any(held[95:105])  # between its touches
+    assert (touch,) in held[105:150]
+    other = Contact(position=(0.09, 0.02), force=(0.0, 0.0, -0.4))
+    source.touch([other])
+    source.read()
+    assert source.contacts == (other,)
+    with open_source("twin://planar?mechanics=reduced&speed=max&hand=yes") as opened:
+        assert isinstance(opened, TwinSource)
+        touched = [bool(opened.read() and opened.contacts) for _ in range(200)]
+    assert sum(touched) > 50
 
 
 def test_chips_are_those_of_the_design(tmp_path: Path) -> None:

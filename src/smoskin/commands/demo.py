@@ -21,7 +21,7 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.commands.calibrate import TouchCalibration, TouchStep, calibrate
-from smoskin.commands.hand import Hand, JudgedTouch, Touch, scripted_hand
+from smoskin.commands.hand import Hand, JudgedTouch, Touch
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.origami.geometry import geometry
@@ -36,6 +36,7 @@ from smoskin.service.page.view import View
 from smoskin.service.recorder import Recorder
 from smoskin.service.source import TwinSource
 from smoskin.twin.creep import Creep
+from smoskin.twin.hand import scripted_hand
 from smoskin.twin.rig import VirtualRig
 from smoskin.twin.whole import Twin
 

@@ -1,6 +1,6 @@
 """The scripted hand of the demonstration, and what is said of its touches.
 
-Decides where and when the hand touches, when the mouse or a new zero pushes it aside, and how a
+Decides when the mouse or a new zero pushes it aside, and how a
 touch is judged: by the median of the estimates made while it was held.
 """
 
@@ -12,23 +12,9 @@ from typing import Final
 
 import numpy as np
 
-from smoskin.design.skin import SkinDesign
-from smoskin.errors import ArgumentError
-from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate, Status
+from smoskin.twin.hand import HOLD, PERIOD, RAMP
 
-PERIOD: Final = 0.8
-"""Time from touch to touch, s."""
-_RAMP: Final = 0.15
-"""Time in which a touch rises and in which it falls, s."""
-_HOLD: Final = 0.35
-"""Time for which it is held between, s."""
-_PRESS: Final = (0.3, 0.8)
-"""Least and most that the hand presses, N."""
-_DRAG: Final = (0.1, 0.3)
-"""Least and most that it drags, N."""
-_MARGIN: Final = 4e-3
-"""Distance that the hand keeps from the skin's rim, as a fingertip must, m."""
 _FOUND: Final = 5e-3
 """Distance within which a touch counts as found, about a fingertip's radius, m."""
 
@@ -71,32 +57,6 @@ class JudgedTouch:
     """Error of the force vector, relative to the true force."""
 
 
-def scripted_hand(
-    design: SkinDesign, seconds: float, seed: int, *, start: float = 0.2
-) -> tuple[Contact, ...]:
-    """As many touches as fit into so many seconds, spread over the whole skin.
-
-    The skin is gone over cell by cell in a random order, each touch anywhere in its cell. Every
-    other touch drags as well; the first, `start` s after the beginning, presses straight.
-    `ArgumentError` if not even one fits.
-    """
-    count = math.floor((seconds - start) / PERIOD + 1e-9)
-    if count < 1:
-        raise ArgumentError(f"seconds must be at least {start + PERIOD:g}; got {seconds:g}")
-    rng = np.random.default_rng(seed)
-    cells = np.stack(np.meshgrid(*map(np.arange, design.cells), indexing="ij"), -1).reshape(-1, 2)
-    rounds = [rng.permutation(cells) for _ in range(-(-count // len(cells)))]
-    room = geometry(design).extent - 2 * _MARGIN
-    touches = []
-    for k, cell in enumerate(np.concatenate(rounds)[:count]):
-        place = _MARGIN + (cell + rng.uniform(size=2)) / design.cells * room
-        press, drag, angle = rng.uniform(*_PRESS), rng.uniform(*_DRAG), rng.uniform(0, math.tau)
-        drag *= k % 2
-        force = (drag * math.cos(angle), drag * math.sin(angle), -press)
-        touches.append(Contact(position=place, force=force))
-    return tuple(touches)
-
-
 class Hand:
     """The scripted hand, the mouse beside it, and what was estimated meanwhile.
 
@@ -137,7 +97,7 @@ class Hand:
             self._spoilt.add(number)
             return () if lifted or mouse is None else (mouse,)
         touch = self._touch(number)
-        strength = min(since / _RAMP, 1.0, (_HOLD + 2 * _RAMP - since) / _RAMP)
+        strength = min(since / RAMP, 1.0, (HOLD + 2 * RAMP - since) / RAMP)
         if touch is None or strength <= 0:
             return ()
         return (Contact(position=touch.position, force=strength * touch.force),)
@@ -148,7 +108,7 @@ class Hand:
         if estimate.time < self._start:
             return
         number, since = self._phase(estimate.time)
-        if self._touch(number) is not None and _RAMP < since < _RAMP + _HOLD:
+        if self._touch(number) is not None and RAMP < since < RAMP + HOLD:
             self._held.setdefault(number, []).append(estimate)
 
     def judge(self) -> tuple[JudgedTouch, ...]:
@@ -156,7 +116,7 @@ class Hand:
         if self._latest < self._start:
             return ()
         number, since = self._phase(self._latest)
-        finished = number + (since >= _RAMP + _HOLD)
+        finished = number + (since >= RAMP + HOLD)
         return tuple(
             judge(touch, self._held.get(number, []))
             for number in range(finished)

@@ -4,15 +4,19 @@ Decides what a source's URL may say and when each reading comes; hides waiting a
 """
 
 import math
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, final
 from urllib.parse import parse_qsl
+
+import numpy as np
 
 from smoskin.errors import ArgumentError, RecordingError, SourceError
 from smoskin.magnetics.temperature import check_temperature
 from smoskin.records import Contact, Reading
 from smoskin.roles import Source, VirtualSkin
 from smoskin.service.pace import Pace
+from smoskin.twin.hand import contacts_of, scripted_hand
 
 if TYPE_CHECKING:
     from smoskin.design.skin import SkinDesign
@@ -20,14 +24,24 @@ if TYPE_CHECKING:
     from smoskin.twin.creep import Creep
 
 _FORMS: Final = "replay:FILE[?speed=1&gap=0.5] or twin://DESIGN[?rate=100&seed=0&speed=1]"
+_UNTOUCHED: Final = 25
+"""Readings before the hand begins, in which an estimator finds its zero."""
+_RATES: Final = (0.01, 1e5)
+"""Least and most readings a second, Hz."""
+_GAPS: Final = (1e-6, 1e6)
+"""Least and most that the wait for a reading may be cut to, s."""
+_SPEEDS: Final = (1e-3, 1e3)
+"""Least and most that a pace may be of real time, unless it is infinite."""
 
 
-def open_source(url: str) -> Source:
+def open_source(url: str | os.PathLike[str]) -> Source:
     """The source that a URL names, open; close it, or use it in a ``with`` statement.
 
     Parameters
     ----------
-    url : str
+    url : str or path-like
+        A path is that of a recording, to be played back.
+
         ``replay:FILE`` plays a recording back. Options: ``speed``, times the original (1) or
         ``max``, as fast as possible; ``gap``, s, the longest wait for the next reading (0.5).
 
@@ -36,7 +50,8 @@ def open_source(url: str) -> Source:
         made skin (0); ``speed``, times real time (1) or ``max``; ``mechanics``, the ``whole``
         sheet (which needs the extra ``twin``) or the ``reduced`` model; ``manufactured``, whether
         the skin is drawn from the tolerances, ``yes`` or ``no`` (``no``); ``creep``, whether the
-        rubber creeps, as estimators take it to (``yes``); ``temperature``, degC (25).
+        rubber creeps, as estimators take it to (``yes``); ``hand``, whether a scripted hand
+        touches it anywhere, again and again (``no``); ``temperature``, degC (25).
 
     Raises
     ------
@@ -49,6 +64,10 @@ def open_source(url: str) -> Source:
     MissingExtraError
         If the whole sheet is asked for without the extra ``twin``.
     """
+    if isinstance(url, os.PathLike):
+        return _open_replay(os.fspath(url), **_options("", "", _REPLAY_OPTIONS))
+    if not isinstance(url, str):
+        raise ArgumentError(f"url must be {_FORMS}, or a path; got {url!r}")
     scheme, colon, rest = url.partition(":")
     place, _, query = rest.removeprefix("//").partition("?")
     if not colon or scheme not in ("replay", "twin") or not place:
@@ -74,8 +93,8 @@ class ReplaySource(Source):
         longest_gap: float = 0.5,
         pace: Pace | None = None,
     ) -> None:
-        _require_positive("speed", speed)
-        _require_positive("longest_gap", longest_gap)
+        _require("speed", speed, *_SPEEDS, unless=math.inf)
+        _require("longest_gap", longest_gap, *_GAPS)
         self._recording = recording
         self._readings: Iterator[Reading] = recording.readings()
         self._speed = speed
@@ -90,9 +109,19 @@ class ReplaySource(Source):
         return self._recording.description.chips
 
     @property
+    def design(self) -> "SkinDesign":
+        """Design of the skin that was recorded; raises `DesignError` where it cannot be told."""
+        return self._recording.design
+
+    @property
     def design_hash(self) -> str:
         """Content hash of the design of the skin that was recorded."""
         return self._recording.description.design_hash
+
+    @property
+    def recording(self) -> "Recording":
+        """What is played."""
+        return self._recording
 
     def read(self, timeout: float = 1.0) -> Reading | None:
         """The next reading, when its time has come; None at the end or when closed."""
@@ -143,6 +172,8 @@ class TwinSource(Source):
         infinite.
     creep : Creep, optional
         Creep of the skin under a touch and after it; by default there is none.
+    hand : sequence of Contact
+        Touches of a hand, one after the other and over again, while nothing else touches.
     temperature : float
         Temperature of skin and chips, degC.
     pace : Pace, optional
@@ -156,15 +187,18 @@ class TwinSource(Source):
         rate: float = 100.0,
         speed: float = 1.0,
         creep: "Creep | None" = None,
+        hand: Sequence[Contact] = (),
         temperature: float = 25.0,
         pace: Pace | None = None,
     ) -> None:
-        _require_positive("rate", rate)
-        if math.isinf(rate):
-            raise ArgumentError("rate must be finite; use speed=max to run as fast as possible")
-        _require_positive("speed", speed)
+        _require("rate", rate, *_RATES)
+        _require("speed", speed, *_SPEEDS, unless=math.inf)
         check_temperature(temperature)
-        self._twin = twin
+        self.twin = twin
+        """Skin that is read."""
+        self.contacts: tuple[Contact, ...] = ()
+        """What touched it in the last reading."""
+        self._hand = tuple(hand)
         self._rate = rate
         self._period = 1.0 / (rate * speed)
         self._pace = Pace() if pace is None else pace
@@ -178,12 +212,12 @@ class TwinSource(Source):
     @property
     def chips(self) -> int:
         """Number of chips in every reading."""
-        return len(self._twin.design.halls)
+        return len(self.twin.design.halls)
 
     @property
     def design(self) -> "SkinDesign":
         """Design of the skin."""
-        return self._twin.design
+        return self.twin.design
 
     @property
     def design_hash(self) -> str:
@@ -192,7 +226,7 @@ class TwinSource(Source):
 
     def touch(self, contacts: Sequence[Contact]) -> None:
         """Touch the skin so from the next reading on, if it can be; from any thread."""
-        self._twin.check(contacts)  # raises here, not in the thread that reads
+        self.twin.check(contacts)  # raises here, not in the thread that reads
         self._contacts = tuple(contacts)
 
     def read(self, timeout: float = 1.0) -> Reading | None:
@@ -202,11 +236,15 @@ class TwinSource(Source):
         missed = int(self._pace.lateness / self._period) if self._period > 0.0 else 0
         self._index += missed
         self.missed += missed
-        motion = self._twin.motion(self._contacts, temperature=self._temperature)
+        self.contacts = self._contacts
+        if self._hand and not self.contacts and self._index >= _UNTOUCHED:
+            since = (self._index - _UNTOUCHED) / self._rate
+            self.contacts = contacts_of(self._hand, since)
+        motion = self.twin.motion(self.contacts, temperature=self._temperature)
         if self._creep is not None:
             since = (missed + 1) / self._rate if self._index > missed else 0.0
             motion = self._creep.step(since, motion)
-        reading = self._twin.sense(
+        reading = self.twin.sense(
             motion, time=self._index / self._rate, temperature=self._temperature
         )
         self._index += 1
@@ -229,7 +267,14 @@ def _open_replay(path: str, *, speed: float, gap: float) -> ReplaySource:
 
 
 def _open_twin(
-    name_or_path: str, *, seed: int, mechanics: str, manufactured: bool, creep: bool, **pace: Any
+    name_or_path: str,
+    *,
+    seed: int,
+    mechanics: str,
+    manufactured: bool,
+    creep: bool,
+    hand: bool,
+    **pace: Any,
 ) -> TwinSource:
     from smoskin.feasibility import load_design
     from smoskin.twin.creep import Creep
@@ -245,7 +290,8 @@ def _open_twin(
     else:
         skin = Twin(design, seed=seed, manufactured=manufactured)
     skin.prepare()
-    return TwinSource(skin, creep=Creep(design) if creep else None, **pace)
+    script = scripted_hand(design, 60.0, seed) if hand else ()
+    return TwinSource(skin, creep=Creep(design) if creep else None, hand=script, **pace)
 
 
 class _Option(NamedTuple):
@@ -324,10 +370,14 @@ _TWIN_OPTIONS: Final = {
     "mechanics": _Option("whole", *_one_of({"whole": "whole", "reduced": "reduced"})),
     "manufactured": _Option("no", *_YES_NO),
     "creep": _Option("yes", *_YES_NO),
+    "hand": _Option("no", *_YES_NO),
     "temperature": _Option("25", "a number of degC", _finite),
 }
 
 
-def _require_positive(name: str, value: float) -> None:
-    if not value > 0.0:
-        raise ArgumentError(f"{name} must be positive; got {value}")
+def _require(name: str, value: float, least: float, most: float, *, unless: float = 0.0) -> None:
+    """Raise `ArgumentError` for what is no number between these two, nor that other one."""
+    number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+    if not (number and (least <= value <= most or (unless and value == unless))):
+        other = f" or {unless:g}" if unless else ""
+        raise ArgumentError(f"{name} must be from {least:g} to {most:g}{other}; got {value!r}")
