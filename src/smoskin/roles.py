@@ -64,6 +64,11 @@ class Source(Resource):
         """Content hash of the design of the skin that is read; None where the source has none."""
         return None
 
+    @property
+    def design(self) -> SkinDesign | None:
+        """Design of the skin that is read; None where the source does not know it."""
+        return None
+
     @abstractmethod
     def read(self, timeout: float = 1.0) -> Reading | None:
         """The next reading; None when the source has ended or is closed.

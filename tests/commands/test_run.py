@@ -8,9 +8,9 @@ import pytest
 from networks import tiny_network
 from smoskin.commands import run as running
 from smoskin.commands.calibrate import calibrate
-from smoskin.commands.run import watch
-from smoskin.errors import ArgumentError, DesignError, ModelError
-from smoskin.records import Contact, Reading, Status
+from smoskin.commands.run import Watch, thinned
+from smoskin.errors import ArgumentError, FileError, ModelError
+from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.service.recorder import Recorder
 from smoskin.service.recording import open_recording
 from smoskin.service.source import TwinSource
@@ -46,7 +46,7 @@ def watched(monkeypatch, source, touch, after, **options):
     """Estimates of a source that is touched after so many of them."""
     monkeypatch.setattr(running, "open_source", lambda url: source)
     estimates = []
-    for estimate in watch("twin://planar", **options):
+    for estimate in Watch("twin://planar", **options):
         estimates.append(estimate)
         if len(estimates) == after:
             source.touch([touch])
@@ -97,15 +97,126 @@ def recording(skin, tmp_path):
 
 
 def test_a_recording_is_read_as_its_own_design(planar, skin, recording, tmp_path):
-    with pytest.raises(DesignError, match="design must be given"):
-        next(watch(recording))
     with pytest.raises(ModelError, match=r"own\.mcap.* must be of the design 'planar'"):
-        next(watch(recording, planar))
+        Watch(recording, planar)
     kept = tmp_path / "kept.mcap"
-    estimates = list(watch(recording, skin, record=kept))
+    estimates = list(Watch(recording, record=kept))
     assert [one.status for one in estimates[20:]] == [Status.NO_CONTACT] * 10
     assert [one for _, one in open_recording(kept)] == estimates
-    assert open_recording(kept).description.design_hash == skin.content_hash
+    assert open_recording(kept).design == skin
+    again = f"replay:{kept}?speed=max"
+    with pytest.raises(FileError, match=r"kept\.mcap exists"):
+        Watch(again, record=kept)
+    with pytest.raises(ArgumentError, match="another file than the one that is played"):
+        Watch(again, record=kept, force=True)
+    assert list(Watch(recording, record=kept, force=True)) == estimates
+
+
+def test_damage_is_told_before_and_after(recording):
+    path = recording.removeprefix("replay:").partition("?")[0]
+    spans = open_recording(path).spans
+    with open(path, "r+b") as file:
+        file.seek(spans[1].offset + spans[1].length // 2)
+        file.write(b"\0\0")
+    told = []
+    with Watch(recording, say=told.append) as watch:
+        given = list(watch)
+    assert told == [watch.summary.damage]
+    assert f"{30 - len(given)} of 30 readings are lost" in told[0]
+    assert watch.summary.lost == 30 - len(given)
+    assert watch.summary.readings == len(given)
+
+
+def test_a_recorder_that_fails_does_not_end_the_estimation(tmp_path):
+    told = []
+    with Watch(REDUCED, record=tmp_path / "a.mcap", seconds=0.4, say=told.append) as watch:
+        for number, _ in enumerate(watch):
+            if number == 5:
+                (tmp_path / "a.mcap").unlink()
+    assert number == 40
+    assert watch.summary.readings == 41
+    assert watch.summary.not_recorded > 0
+    assert "a.mcap cannot be written" in watch.summary.failure
+    assert told == [f"Making the skin of {REDUCED}.", watch.summary.failure]
+    assert "not recorded" in str(watch.summary)
+
+
+def test_the_summary_counts_touches(monkeypatch, planar):
+    source = TwinSource(ReducedTwin(planar, seed=None), speed=np.inf)
+    touch = Contact(position=(0.05, 0.0667), force=(0.0, 0.0, -0.5))
+    monkeypatch.setattr(running, "open_source", lambda url: source)
+    with Watch("twin://planar", seconds=0.99) as watch:
+        for number, _ in enumerate(watch):
+            source.touch([touch] if 30 <= number < 50 else [])
+    summary = watch.summary
+    assert summary.readings == 100
+    assert summary.touches == 1
+    assert summary.statuses["NOT_CALIBRATED"] == 20
+    assert sum(summary.statuses.values()) == 100
+    assert summary.latency_ms_median > 0
+    assert str(summary).startswith("100 readings: ")
+    assert summary.as_json()["damage"] == ""
+
+
+def test_lines_are_thinned_by_time_and_by_changes():
+    touch = Contact(position=(0.05, 0.07), force=(0.0, 0.0, -0.5))
+    states = [()] * 4 + [(touch,)] * 4 + [()] * 3
+    estimates = [
+        Estimate(
+            time=0.1 * k if k < 10 else -5.0,  # the source's clock began anew
+            status=Status.CONTACT if contacts else Status.NO_CONTACT,
+            contacts=contacts,
+            covariance=np.zeros((len(contacts), 5, 5)),
+        )
+        for k, contacts in enumerate(states)
+    ]
+
+    def shown(**options):
+        worth = thinned(iter(estimates), **options)
+        return [k for k, (_, told) in enumerate(worth) if told]
+
+    assert shown() == list(range(11))
+    assert shown(changes=True) == [0, 4, 8]
+    assert shown(every=0.29) == [0, 3, 6, 9, 10]
+    assert shown(every=0.29, changes=True) == [0, 3, 4, 6, 8, 9, 10]
+
+
+def test_the_page_shows_and_presses_a_virtual_skin(planar, monkeypatch):
+    class Page:
+        url = "http://127.0.0.1:1"
+
+        def __init__(self, design, **options):
+            self.options, self.shown, self.closed = options, [], False
+            pages.append(self)
+
+        def write(self, reading, estimate, *, truth=(), vertices=None):
+            self.shown.append((estimate, truth, vertices))
+
+        def close(self):
+            self.closed = True
+
+    pages = []
+    monkeypatch.setattr("smoskin.service.page.view.View", Page)
+    touch = Contact(position=(0.05, 0.0667), force=(0.0, 0.0, -0.5))
+    with Watch(f"{REDUCED}&creep=no", view=True, port=7, seconds=0.8) as watch:
+        (page,) = pages
+        assert watch.url == page.url
+        assert page.options["port"] == 7
+        statuses = []
+        for number, estimate in enumerate(watch):
+            statuses.append(estimate.status)
+            if number == 24:
+                page.options["on_press"](touch)
+            if number == 40:
+                page.options["on_zero"]()  # waits until the finger lifts
+            if number == 50:
+                page.options["on_press"](None)
+    assert all(truth == (touch,) for _, truth, _ in page.shown[26:50])
+    assert page.shown[-1][1] == ()
+    assert page.shown[30][2].shape[1] == 3
+    assert Status.NOT_CALIBRATED not in statuses[20:51]
+    assert statuses.count(Status.NOT_CALIBRATED) == 40
+    assert page.closed
 
 
 def test_a_source_that_names_no_design_is_read_with_the_given_one(planar, monkeypatch):
@@ -121,21 +232,21 @@ def test_a_source_that_names_no_design_is_read_with_the_given_one(planar, monkey
     closed = []
     monkeypatch.setattr(running, "open_source", lambda url: Chips())
     with pytest.raises(ArgumentError, match="design must be given"):
-        next(watch("usb:skin"))
+        next(iter(Watch("usb:skin")))
     with pytest.raises(ArgumentError, match="source must have 3 chips, as design 'planar'; got 2"):
-        next(watch("usb:skin", planar))
+        next(iter(Watch("usb:skin", planar)))
     assert len(closed) == 2
 
 
 def test_a_table_of_another_design_does_not_run(planar, own_table):
     for design in (None, planar):
         with pytest.raises(ModelError, match=r"skin\.table must be of the design 'planar'"):
-            next(watch(REDUCED, design, calibration=own_table))
+            next(iter(Watch(REDUCED, design, calibration=own_table)))
     other = replace(planar, columns=replace(planar.columns, radius=1.4e-3))
     with pytest.raises(ModelError, match=r"source .* must be of the design"):
-        next(watch(REDUCED, other))
+        next(iter(Watch(REDUCED, other)))
 
 
 def test_a_calibration_that_is_not_there_is_named(tmp_path):
     with pytest.raises(ModelError, match=r"nowhere\.toml"):
-        next(watch(REDUCED, calibration=tmp_path / "nowhere.toml"))
+        next(iter(Watch(REDUCED, calibration=tmp_path / "nowhere.toml")))

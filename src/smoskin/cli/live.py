@@ -1,5 +1,6 @@
 """Commands that run a skin: the demonstration, and any source of readings."""
 
+import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -7,7 +8,7 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from smoskin.cli.frame import Design, File, Json, Number, Text, app, examples, tell
+from smoskin.cli.frame import Design, File, Force, Json, Number, Text, app, examples, tell
 from smoskin.feasibility import load_design
 from smoskin.sensing.response.table import load_response_table
 
@@ -78,7 +79,8 @@ def demo(
 @app.command(
     epilog=examples(
         "run 'twin://planar?manufactured=yes&seed=3' --calibration skin.table --seconds 5",
-        "run replay:touch.mcap --json",
+        "run 'twin://planar?manufactured=yes&seed=3' --calibration skin.table --view --quiet",
+        "run replay:touch.mcap --every 0.5 --strict",
     )
 )
 def run(
@@ -93,16 +95,49 @@ def run(
         bool, Option(help="Take the first 20 readings as those of the untouched skin.")
     ] = True,
     seconds: Seconds = None,
+    view: Annotated[bool, Option("--view", help="Serve the live page.")] = False,
+    port: Annotated[int, Option(min=0, max=65535, help="TCP port of the page; 0: a free one.")] = 0,
     record: Record = None,
+    force: Force = False,
+    every: Annotated[Number, Option(min=0.0, help="Print one estimate in so many seconds.")] = None,
+    changes: Annotated[
+        bool, Option("--changes", help="Print where the status or number of touches changes.")
+    ] = False,
+    quiet: Annotated[bool, Option("--quiet", help="Print no estimates.")] = False,
+    strict: Annotated[bool, Option("--strict", help="Fail if a recording is not whole.")] = False,
     as_json: Annotated[
-        bool, Option("--json", help="Print each estimate as a line of JSON.")
+        bool, Option("--json", help="Print estimates, and the summary, as lines of JSON.")
     ] = False,
 ) -> None:
-    """Estimate touches from a source of readings and print them as they come."""
-    from smoskin.commands.run import estimate_line, watch
+    """Estimate touches from a source of readings and print them as they come.
 
-    skin = None if design is None else load_design(design)
-    for estimate in watch(
-        source, skin, calibration=calibration, zero=zero, seconds=seconds, record=record
-    ):
-        typer.echo(estimate_line(estimate, as_json=as_json))
+    At the end a summary is told on standard error. The exit code is 1 if readings could not be
+    recorded or, with --strict, are missing from a recording.
+    """
+    from smoskin.commands.run import Watch, estimate_line, thinned
+
+    def say(sentence: object) -> None:
+        typer.echo(str(sentence), err=True)
+
+    with Watch(
+        source,
+        None if design is None else load_design(design),
+        calibration=calibration,
+        zero=zero,
+        seconds=seconds,
+        record=record,
+        force=force,
+        view=view,
+        port=port,
+        say=say,
+    ) as watch:
+        try:
+            for estimate, worth in thinned(iter(watch), every=every, changes=changes):
+                if worth and not quiet:
+                    typer.echo(estimate_line(estimate, as_json=as_json))
+        finally:
+            watch.close()
+            summary = watch.summary
+            say(json.dumps({"summary": summary.as_json()}) if as_json else summary)
+    if summary.failure or (strict and summary.damage):
+        raise typer.Exit(1)

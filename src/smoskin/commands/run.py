@@ -1,89 +1,246 @@
-"""Estimates of any source, as lines: what `smoskin run` does.
+"""Estimates of any source, as lines and on a page: what `smoskin run` does.
 
-Decides with which design a source is read (its own, unless another is given) and that the first
-readings are the zero.
+Decides with which design a source is read (its own, unless another is given), that the first
+readings are the zero, and what is said of it all at the end.
 """
 
 import json
+import math
 import os
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from typing import Any
 
-from smoskin.design.document import shipped_design
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.records import Estimate
-from smoskin.roles import Estimator, Source
+from smoskin.outputs import check_output
+from smoskin.records import Contact, Estimate, Reading, Status
+from smoskin.roles import Resource, Sink, Source
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst, load_estimator
 from smoskin.service.loop import Loop
 from smoskin.service.recorder import Recorder
-from smoskin.service.source import TwinSource, open_source
+from smoskin.service.source import ReplaySource, TwinSource, open_source
 
 
-def watch(
-    url: str,
-    design: SkinDesign | None = None,
-    *,
-    calibration: str | os.PathLike[str] | None = None,
-    zero: bool = True,
-    seconds: float | None = None,
-    record: str | os.PathLike[str] | None = None,
-) -> Iterator[Estimate]:
-    """Estimates of the readings of a source.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """What was read, in a few numbers."""
+
+    readings: int
+    rate_hz: float | None
+    """Rate of the last thousand readings."""
+    latency_ms_median: float | None
+    latency_ms_p99: float | None
+    """Time from a reading's arrival until it is estimated and recorded."""
+    statuses: dict[str, int]
+    """Estimates of each status that occurred."""
+    touches: int
+    """How often an untouched skin became a touched one."""
+    skipped: int
+    """Readings that the source left out because nobody asked in time."""
+    lost: int
+    """Readings that are missing from the recording that was played."""
+    damage: str
+    """Sentence about that recording's damage; empty where it is whole."""
+    not_recorded: int
+    """Readings that could not be written."""
+    failure: str
+    """Sentence about why; empty where all could be."""
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain values for machines."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        statuses = ", ".join(f"{count} {name}" for name, count in self.statuses.items())
+        parts = [
+            f"{self.readings} readings" + (f": {statuses}" if statuses else ""),
+            f"{self.touches} touches",
+            f"{self.rate_hz:.0f} Hz" if self.rate_hz else "",
+            f"estimated in {self.latency_ms_median:.2f} ms, 99 % in {self.latency_ms_p99:.2f} ms"
+            if self.latency_ms_median is not None and self.latency_ms_p99 is not None
+            else "",
+            f"{self.skipped} skipped" if self.skipped else "",
+            f"{self.lost} lost" if self.lost else "",
+            f"{self.not_recorded} not recorded" if self.not_recorded else "",
+        ]
+        return "; ".join(filter(None, parts)) + "."
+
+
+class Watch(Resource):
+    """A source and what is estimated of its readings; iterate for the estimates.
 
     Parameters
     ----------
-    url : str
+    url : str or path
         The source, as `smoskin.open_source` takes it.
     design : SkinDesign, optional
         Design of the skin that the source reads; by default the source's own.
-    calibration, record : path, optional
-        File of this skin, as `smoskin.load_estimator` reads it, or it is taken to be as designed;
-        and a new MCAP file for readings and estimates.
+    calibration : path, optional
+        File of this skin, as `smoskin.load_estimator` reads it, or it is taken to be as designed.
     zero : bool
         Whether the first 20 good readings are the zero: nothing may touch the skin in them, and
         they are answered by `Status.NOT_CALIBRATED`.
     seconds : float, optional
         Time after the first reading to stop at, s, on the readings' clock.
+    record, force : path and bool
+        A new MCAP file for readings and estimates; with `force` it may replace another.
+    view, port : bool and int
+        Whether to serve the live page, on which the mouse presses a virtual skin, and its TCP
+        port; 0 takes a free one.
+    say : callable
+        Called with sentences about what is going on.
 
     Raises
     ------
     ArgumentError
-        If the source has another number of chips than the design.
+        If the source has another number of chips than the design, or the port is taken.
     DesignError
-        If no design is given and the source's does not come with the package.
+        If no design is given and the source's is neither in it nor comes with the package.
+    FileError
+        If the recording cannot be written.
     ModelError
         If the source or the calibration belongs to another design, or the latter cannot be read.
     SourceError
-        If the source cannot be opened or falls silent.
+        If the source cannot be opened; in iterating, if it falls silent.
     """
-    with ExitStack() as stack:
-        source = stack.enter_context(open_source(url))
-        skin = _design_of(source, url, design)
-        estimator: Estimator = (
-            ClosedFormEstimator(skin) if calibration is None else load_estimator(calibration, skin)
-        )
-        if zero:
-            estimator = ZeroFirst(estimator)
-        sinks = [] if record is None else [Recorder(record, skin)]
+
+    def __init__(
+        self,
+        url: str | os.PathLike[str],
+        design: SkinDesign | None = None,
+        *,
+        calibration: str | os.PathLike[str] | None = None,
+        zero: bool = True,
+        seconds: float | None = None,
+        record: str | os.PathLike[str] | None = None,
+        force: bool = False,
+        view: bool = False,
+        port: int = 0,
+        say: Callable[[str], object] = lambda sentence: None,
+    ) -> None:
+        if record is not None:
+            check_output(record, force=force)
+        self._seconds = seconds
+        self._touches = 0
+        with ExitStack() as stack:
+            if str(url).startswith("twin:"):
+                say(f"Making the skin of {url}.")
+            self._source = stack.enter_context(open_source(url))
+            if self._damage:
+                say(self._damage)
+            skin = _design_of(self._source, str(url), design)
+            estimator = (
+                ClosedFormEstimator(skin)
+                if calibration is None
+                else load_estimator(calibration, skin)
+            )
+            self._estimator = ZeroFirst(estimator) if zero else estimator
+            self._page = stack.enter_context(_Page(skin, port, self._source)) if view else None
+            self._recorder: Recorder | None = None
+            if record is not None:
+                _make_room(record, self._source)
+                self._recorder = stack.enter_context(Recorder(record, skin, on_failure=say))
+            sinks = [sink for sink in (self._recorder, self._page) if sink is not None]
+            self._loop = stack.enter_context(Loop(self._source, self._estimator, sinks=sinks))
+            stack.pop_all()
+        if self._page is not None:
+            say(f"The skin is live at {self._page.url}")
+
+    def __iter__(self) -> Iterator[Estimate]:
+        """Estimates, one for each reading, until the source ends or the time is over."""
         first: float | None = None
-        for estimate in stack.enter_context(Loop(source, estimator, sinks=sinks)):
-            yield estimate
+        touched = False
+        for estimate in self._loop:
             first = estimate.time if first is None else first
-            if seconds is not None and estimate.time - first >= seconds:
+            self._touches += bool(estimate.contacts) and not touched
+            touched = bool(estimate.contacts)
+            yield estimate
+            # Not while something touches: it would be the zero.
+            if self._page is not None and self._page.zero_asked.is_set() and not touched:
+                self._page.zero_asked.clear()
+                self._estimator.reset()
+            if self._seconds is not None and estimate.time - first >= self._seconds:
                 return
+
+    def close(self) -> None:
+        """End source, page and recording."""
+        self._loop.close()
+
+    @property
+    def url(self) -> str | None:
+        """Address of the page, if there is one."""
+        return None if self._page is None else self._page.url
+
+    @property
+    def summary(self) -> Summary:
+        """What has been read so far."""
+        counters, recorder = self._loop.counters, self._recorder
+        played = self._source.recording if isinstance(self._source, ReplaySource) else None
+        return Summary(
+            readings=counters.readings,
+            rate_hz=_rounded(counters.rate, 2),
+            latency_ms_median=_rounded(counters.latency_median * 1e3, 3),
+            latency_ms_p99=_rounded(counters.latency_p99 * 1e3, 3),
+            statuses={status.name: n for status, n in counters.statuses.items() if n},
+            touches=self._touches,
+            skipped=self._source.missed if isinstance(self._source, TwinSource) else 0,
+            lost=0 if played is None else played.lost_readings,
+            damage=self._damage,
+            not_recorded=0 if recorder is None else recorder.dropped,
+            failure="" if recorder is None else recorder.failure,
+        )
+
+    @property
+    def _damage(self) -> str:
+        return self._source.recording.damage if isinstance(self._source, ReplaySource) else ""
+
+
+class _Page(Sink):
+    """The live page of a source, beside the truth where the skin is virtual."""
+
+    def __init__(self, design: SkinDesign, port: int, source: Source) -> None:
+        from smoskin.service.page.view import View
+
+        self._twin = source if isinstance(source, TwinSource) else None
+        self.zero_asked = threading.Event()
+        self._view = View(
+            design,
+            port=port,
+            on_press=None if self._twin is None else self._press,
+            on_zero=self.zero_asked.set,
+        )
+        self.url = self._view.url
+
+    def _press(self, contact: Contact | None) -> None:
+        if self._twin is not None:
+            self._twin.touch(() if contact is None else (contact,))
+
+    def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
+        """Show a reading, its estimate and, of a virtual skin, the true touch."""
+        if self._twin is None:
+            self._view.write(reading, estimate)
+            return
+        truth = self._twin.contacts
+        vertices = self._twin.twin.sheet_vertices(truth)
+        self._view.write(reading, estimate, truth=truth, vertices=vertices)
+
+    def close(self) -> None:
+        """End the page."""
+        self._view.close()
 
 
 def _design_of(source: Source, url: str, design: SkinDesign | None) -> SkinDesign:
     """The given design, which must be the source's, or the source's own."""
     own = source.design_hash
     if design is None:
-        if isinstance(source, TwinSource):
-            return source.design
-        if own is None:
+        found = source.design
+        if found is None:
             raise ArgumentError(f"design must be given: {url!r} does not name it")
-        return shipped_design(own)
+        return found
     if own is not None:
         design.check_own(f"source {url!r}", own)
     if source.chips != len(design.halls):
@@ -92,6 +249,42 @@ def _design_of(source: Source, url: str, design: SkinDesign | None) -> SkinDesig
             f"got {source.chips} from {url!r}"
         )
     return design
+
+
+def _make_room(record: str | os.PathLike[str], source: Source) -> None:
+    """Remove the recording that a new one replaces, unless it is the one that is played."""
+    if not os.path.exists(record):
+        return
+    if isinstance(source, ReplaySource) and os.path.samefile(record, source.recording.path):
+        raise ArgumentError(
+            f"record must be another file than the one that is played; got {record}"
+        )
+    os.unlink(record)
+
+
+def _rounded(value: float, digits: int) -> float | None:
+    """A number for JSON, which has no NaN."""
+    return round(value, digits) if math.isfinite(value) else None
+
+
+def thinned(
+    estimates: Iterator[Estimate], *, every: float | None = None, changes: bool = False
+) -> Iterator[tuple[Estimate, bool]]:
+    """Estimates, and whether each is worth a line.
+
+    With neither option all are; with `every` one in so many seconds is, with `changes` one whose
+    status or number of touches differs from the one before.
+    """
+    due = -math.inf
+    before: tuple[Status, int] | None = None
+    for estimate in estimates:
+        state = estimate.status, len(estimate.contacts)
+        # A clock that was set back counts from there.
+        late = every is not None and not due - every <= estimate.time < due
+        if late:
+            due = estimate.time + (every or 0.0)
+        yield estimate, late or (changes and state != before) or (every is None and not changes)
+        before = state
 
 
 def estimate_line(estimate: Estimate, *, as_json: bool) -> str:

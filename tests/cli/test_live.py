@@ -1,0 +1,49 @@
+"""What `smoskin run` prints, tells at the end, and fails by."""
+
+import json
+
+import numpy as np
+import pytest
+
+from smoskin.design.document import read_design
+from smoskin.records import Reading
+from smoskin.service.recorder import Recorder
+
+pytest.importorskip("typer")
+
+from typer.testing import CliRunner
+
+from smoskin.cli import app
+
+
+@pytest.fixture
+def recording(tmp_path):
+    with Recorder(tmp_path / "own.mcap", read_design("optimised")) as recorder:
+        for k in range(40):
+            recorder.write(Reading(time=0.01 * k, field=np.full((3, 3), 1e-4)))
+    return tmp_path / "own.mcap"
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, ["run", *map(str, arguments)])
+
+
+def test_a_recording_needs_no_design_and_ends_in_a_summary(recording):
+    done = run(f"replay:{recording}?speed=max", "--strict")
+    assert done.exit_code == 0, done.stderr
+    assert len(done.stdout.splitlines()) == 40
+    assert done.stderr.startswith("40 readings: 20 NOT_CALIBRATED, 20 ")
+    few = run(f"replay:{recording}?speed=max", "--changes", "--json")
+    assert len(few.stdout.splitlines()) == 2
+    assert json.loads(few.stderr)["summary"]["readings"] == 40
+    assert run(f"replay:{recording}?speed=max", "--quiet").stdout == ""
+    other = run(f"replay:{recording}?speed=max", "--design", "planar")
+    assert "must be of the design 'planar'" in str(other.exception)
+
+
+def test_a_cut_recording_is_told_and_fails_when_strict(recording):
+    recording.write_bytes(recording.read_bytes()[:-900])
+    told = run(f"replay:{recording}?speed=max", "--quiet")
+    assert told.exit_code == 0
+    assert "own.mcap is not whole" in told.stderr
+    assert run(f"replay:{recording}?speed=max", "--quiet", "--strict").exit_code == 1
