@@ -32,7 +32,7 @@ def test_a_recording_needs_no_design_and_ends_in_a_summary(recording):
     done = run(f"replay:{recording}?speed=max", "--strict")
     assert done.exit_code == 0, done.stderr
     assert len(done.stdout.splitlines()) == 40
-    assert done.stderr.startswith("40 readings: 20 NOT_CALIBRATED, 20 ")
+    assert done.stderr.startswith("40 readings: 20 NO_CONTACT, 20 NOT_CALIBRATED; 0 touches; ")
     few = run(f"replay:{recording}?speed=max", "--changes", "--json")
     assert len(few.stdout.splitlines()) == 2
     assert json.loads(few.stderr)["summary"]["readings"] == 40
