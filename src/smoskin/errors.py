@@ -53,6 +53,10 @@ class FileError(SmoskinError, OSError):
     """A file that cannot be read or written, or must not be."""
 
 
+class CalibrationError(SmoskinError, ValueError):
+    """Measurements that fit no skin of the design; the message names what seems to be wrong."""
+
+
 class EngineError(SmoskinError, RuntimeError):
     """Work that its workers could not finish, or not in time."""
 

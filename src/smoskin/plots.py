@@ -151,6 +151,33 @@ def draw_touches(
                 axes.add_patch(_region((x, y), spread, colour))
 
 
+def draw_judgement(
+    design: SkinDesign, contacts: Sequence[Contact], off: Floats, missed: Floats
+) -> Figure:
+    """Touches of a calibration: arrows to where the others locate each, residuals of each chip.
+
+    `off` is how far each is located from its label, (N, 2), m, drawn ten times as long; `missed`
+    what its signals miss, (N, C), in standard deviations.
+    """
+    with styled():
+        figure = Figure(figsize=(7.5, 4.6), layout="constrained")
+        chips = missed.shape[1] // 3
+        panels = figure.subplot_mosaic([["skin", f"chip {s}"] for s in range(chips)])
+        skin, others = panels["skin"], [panels[f"chip {s}"] for s in range(chips)]
+        draw_skin(design, skin)
+        places = 1e3 * np.array([contact.position for contact in contacts])
+        arrows = 1e4 * off
+        skin.plot(*places.T, ".", color=BLUE, markersize=3)
+        skin.quiver(*places.T, *arrows.T, color=RED, angles="xy", scale_units="xy", scale=1)
+        skin.set_title("located by the other touches, 10 x")
+        for s, axes in enumerate(others):
+            axes.hist(missed[:, 3 * s : 3 * s + 3].ravel(), 30, color=BLUE)
+            axes.set(ylabel="signals", title=f"chip {s + 1} of the table")
+        others[-1].set_xlabel("missed (standard deviations)")
+        lay_out(figure)
+    return figure
+
+
 def draw_map(
     design: SkinDesign,
     values: ArrayLike,

@@ -56,6 +56,10 @@ RigForce = Annotated[
 RigDrag = Annotated[
     Number, Option("--drag-N", "--drag", help="Largest sideways force of a rig; 0.3 N by default.")
 ]
+BadFit = Annotated[
+    bool, Option("--accept-bad-fit", help="Write the table though the touches fit no skin.")
+]
+Plot = Annotated[File, Option(help="Draw what each touch misses to this file.")]
 OwnTable = Annotated[
     Path, Option(help="File of the skin's own response table to write.", dir_okay=False)
 ]
@@ -81,12 +85,15 @@ def calibrate(
     table: Table = None,
     out: OwnTable = Path("skin.table"),
     overwrite: Force = False,
+    plot: Plot = None,
+    accept_bad_fit: BadFit = False,
     as_json: Json = False,
 ) -> None:
     """Calibrate a skin from a few touches and write its own response table.
 
     A rig touches the skin where it tells most. Without one, `smoskin touches plan` writes a sheet
-    of touches to make by hand, and --sheet reads it once it is filled in.
+    of touches to make by hand, and --sheet reads it once it is filled in. Touches that fit no skin
+    of the design are refused, and a wrong unit, sign, order or origin is named.
     """
     from smoskin.commands import calibrate as work
 
@@ -102,6 +109,7 @@ def calibrate(
         )
     if sheet is None and recording is not None:
         raise ArgumentError("--recording must come with --sheet: a rig reads the chips itself")
+    options["accept_bad_fit"] = accept_bad_fit
     options["design"] = skin = load_design(design)
     options["place_spread"] = None if place_mm is None else 1e-3 * place_mm
     options["force_spread"] = None if force_mn is None else 1e-3 * force_mn
@@ -113,7 +121,11 @@ def calibrate(
             options["progress"] = lambda step: bar(step.sentence, step.number / step.asked)
             done = work.calibrate(start, presser, **options)
     done.save(out)
+    if plot is not None:
+        done.figure(skin).savefig(plot)
     tell(done, as_json, file=str(out))
+    for warning in done.judgement.warnings:
+        typer.echo(f"warning: {warning}", err=True)
     if not as_json:
         typer.echo(f"Now: smoskin run SOURCE --calibration {out}", err=True)
 

@@ -16,18 +16,26 @@ import numpy as np
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, RecordingError
 from smoskin.feasibility import load_design
+from smoskin.magnetics import mlx90393
 from smoskin.measurement import TouchTable, read_touches, write_touches
 from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, HeldTouch, Status
 from smoskin.roles import Rig
-from smoskin.sensing.response.calibrate import Target, TouchPlanner, calibrate_touches
+from smoskin.sensing.response.calibrate import (
+    Target,
+    TouchPlanner,
+    calibrate_touches,
+    expected_error,
+)
+from smoskin.sensing.response.judgement import Judgement, judge_touches
 from smoskin.sensing.response.labels import Label, Labeller, labelled_touches
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.service.recording import open_recording
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from rich.table import Table
 
 Touches = Rig | str | os.PathLike[str] | TouchTable | Sequence[HeldTouch]
@@ -71,7 +79,8 @@ class TouchStep(NamedTuple):
     @property
     def sentence(self) -> str:
         """What has been done and what comes next."""
-        state = f"touch {self.number} of {self.asked}: located to {1e3 * self.error:.2f} mm"
+        millimetres = f"{1e3 * self.error:.2f} mm (expected of straight touches)"
+        state = f"touch {self.number} of {self.asked}: located to {millimetres}"
         if self.status is not None:
             state = f"left out ({self.status.name.lower()}); {state}"
         if self.following is None:
@@ -90,7 +99,13 @@ class TouchCalibration:
     """All touches that were made, those left out included."""
     errors: tuple[float, ...]
     """Expected distance of a located touch from its true place, m, before the first touch and after
-    each that was used; root mean square over the skin, of straight touches of 0.5 N."""
+    each that was used; root mean square over the skin, of touches of 0.5 N that are known to be
+    straight."""
+    expected: tuple[float, float]
+    """The same by the skin's own table, whose misfit the touches have told: of touches known to be
+    straight, and of those that may drag, as the estimator takes them by default."""
+    judgement: Judgement
+    """What the touches tell of each other."""
 
     @property
     def used(self) -> int:
@@ -108,6 +123,11 @@ class TouchCalibration:
             "touches": self.used,
             "left_out": len(self.labels) - self.used,
             "expected_error_mm": [round(1e3 * error, 4) for error in self.errors],
+            "expected_now_mm": {
+                name: round(1e3 * error, 4)
+                for name, error in zip(("straight", "with_drag"), self.expected, strict=True)
+            },
+            **self.judgement.as_json(),
             "misfit_uT_per_N": (np.sqrt(np.diag(self.table.misfit)) * 1e6).round(3).tolist(),
             "made": [
                 {
@@ -120,18 +140,37 @@ class TouchCalibration:
             ],
         }
 
+    def figure(self, design: SkinDesign) -> "Figure":
+        """Where the other touches locate each one, and what each chip misses."""
+        from smoskin.plots import draw_judgement
+
+        contacts = [label.contact for label in self.labels if label.status is None]
+        return draw_judgement(
+            design, contacts, self.judgement.errors[:, :2], self.judgement.residual
+        )
+
     def tables(self) -> "list[Table]":
-        """How the expected error fell, for people."""
+        """How the expected error fell, and what is true of it, for people."""
         from rich.table import Table
 
         shown = Table(title="Calibration by touches")
-        for name in ("touches", "a located touch is off by"):
+        for name in ("touches", "a straight touch is expected to be off by"):
             shown.add_column(name, justify="right")
         for count in sorted({*(c for c in _MILESTONES if c < self.used), self.used}):
             shown.add_row(str(count), f"{1e3 * self.errors[count]:.2f} mm")
         if lost := len(self.labels) - self.used:
             shown.caption = f"{lost} touches were left out: a chip could not read them."
-        return [shown]
+        judged = Table(title="How good it is")
+        for name in ("root mean square error", "place", "normal force"):
+            judged.add_column(name, justify="left" if "error" in name else "right")
+        straight, dragged = (f"{1e3 * error:.2f} mm" for error in self.expected)
+        judged.add_row("expected, 0.5 N known to be straight", straight, "")
+        judged.add_row("expected, 0.5 N that may drag (as `smoskin run` takes it)", dragged, "")
+        place, force = 1e3 * self.judgement.place_error, 1e3 * self.judgement.force_error
+        judged.add_row(
+            "met: each touch located by the others", f"{place:.2f} mm", f"{force:.1f} mN"
+        )
+        return [shown, judged]
 
 
 def calibrate(
@@ -146,6 +185,7 @@ def calibrate(
     recording: str | os.PathLike[str] | None = None,
     place_spread: float | None = None,
     force_spread: float | None = None,
+    accept_bad_fit: bool = False,
     progress: Callable[[TouchStep], None] = lambda step: None,
 ) -> TouchCalibration:
     """The response table of one skin, from a few touches on it.
@@ -171,11 +211,17 @@ def calibrate(
     place_spread, force_spread : float, optional
         Standard deviations of reported places, m, and forces, N, along each axis; the rig's own
         by default, else 0.5 mm and 10 mN.
+    accept_bad_fit : bool, optional
+        Whether a table is made of touches that fit no skin of the design; the calibration's
+        judgement tells what is wrong with them.
     progress : callable, optional
         Function that is told of each touch of a rig.
 
     Raises
     ------
+    CalibrationError
+        If the touches fit no skin of the design, or a wrong unit, sign, order or origin explains
+        them far better; it is named.
     ModelError
         If the table belongs to another design.
     SourceError
@@ -197,15 +243,29 @@ def calibrate(
         raise ArgumentError("recording must come with the path of a CSV file of touches")
     settled = by_sheet and recording is None
     labeller = Labeller(skin, None if settled else elastomer_prony(skin.columns.material))
+    rows: list[int] | None = None
     if isinstance(touches, Rig):
         labels, errors = _by_rig(touches, planner, labeller, count, until, progress)
     else:
         if isinstance(touches, str | os.PathLike | TouchTable):
-            touches = _of_table(touches, skin, recording)
+            touches, rows = _of_table(touches, skin, recording)
         labels, errors = _by_hand(touches, planner, labeller)
     given = labelled_touches(labels, table.chips, place_spread=place, force_spread=press)
-    own = calibrate_touches(table, given, signal_noise(skin, table.chips))
-    return TouchCalibration(table=own, labels=tuple(labels), errors=tuple(errors))
+    if rows is not None:
+        rows = [row for row, label in zip(rows, labels, strict=True) if label.status is None]
+    noise = signal_noise(skin, table.chips)
+    turns = mlx90393.rotations(skin.halls)[list(table.chips)]
+    judgement = judge_touches(table, given, noise, turns=turns, rows=rows)
+    if not accept_bad_fit:
+        judgement.check()
+    own = calibrate_touches(table, given, noise)
+    return TouchCalibration(
+        table=own,
+        labels=tuple(labels),
+        errors=tuple(errors),
+        expected=(expected_error(own, noise, drag_spread=0.0), expected_error(own, noise)),
+        judgement=judgement,
+    )
 
 
 def plan_by_hand(
@@ -253,8 +313,8 @@ def _of_table(
     touches: str | os.PathLike[str] | TouchTable,
     design: SkinDesign,
     recording: str | os.PathLike[str] | None,
-) -> tuple[HeldTouch, ...]:
-    """The touches of a file or table, read there or in a recording."""
+) -> tuple[tuple[HeldTouch, ...], list[int]]:
+    """The touches of a file or table, read there or in a recording, and the rows they stand in."""
     if not isinstance(touches, TouchTable):
         try:
             return _of_table(read_touches(touches)[0], design, recording)
@@ -268,7 +328,8 @@ def _of_table(
     if recording is None and touches.field.shape[1] != chips:
         raise ArgumentError(f"touches must be read by {chips} chips; got {touches.field.shape[1]}")
     readings = None if recording is None else open_recording(recording).readings()
-    return touches.held_touches(readings)
+    rows = np.flatnonzero(touches.touched & touches.made) + 1
+    return touches.held_touches(readings), rows.tolist()
 
 
 def _by_rig(

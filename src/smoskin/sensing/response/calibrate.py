@@ -157,7 +157,7 @@ def _posterior_weights(
     modes = table.mode_signals(touches.position, touches.force)
     squared = (touches.force**2).sum(axis=1)
     spreads = touches.place_spread, touches.force_spread
-    noise = noise + _label_noise(table, touches.position, touches.force, spreads)
+    noise = noise + label_noise(table, touches.position, touches.force, spreads)
     stretch = np.ones(table.count)
     for _ in range(_ROUNDS):
         misfit = stretch[:, None] * table.misfit * stretch
@@ -318,7 +318,7 @@ class TouchPlanner:
         """W, modes' signals of touches in standard deviations of what spoils them, (B, K, C)."""
         table = self._table
         squared = (forces**2).sum(axis=1)[:, None, None]
-        labels = _label_noise(table, places, forces, self._spreads)
+        labels = label_noise(table, places, forces, self._spreads)
         white = np.linalg.inv(np.linalg.cholesky(self._noise + squared * table.misfit + labels))
         return np.asarray(table.mode_signals(places, forces) @ np.swapaxes(white, 1, 2))
 
@@ -342,7 +342,7 @@ def _candidates(extent: Floats, force: float, drag: float) -> tuple[Floats, Floa
     return np.tile(grid, (len(pushes), 1)), np.repeat(np.array(pushes), len(grid), axis=0)
 
 
-def _label_noise(
+def label_noise(
     table: ResponseTable, places: Floats, forces: Floats, spreads: tuple[float, float]
 ) -> Floats:
     """Covariance J L J^T of signals of labels whose places and forces spread so, (B, C, C)."""
@@ -351,14 +351,29 @@ def _label_noise(
     return np.asarray((slopes * variances) @ np.swapaxes(slopes, 1, 2))
 
 
-def _shifts(table: ResponseTable, noise: Floats) -> tuple[Floats, float]:
-    """Shifts H^T (E, K, 3), m, of x, y and weighed force at places, and the errors' floor, m^2."""
+def expected_error(table: ResponseTable, noise: Floats, *, drag_spread: float = 0.3) -> float:
+    """Expected distance of a located press of 0.5 N from its true place, m; root mean square.
+
+    Its drags are taken as normal with this spread, N, as the estimator does; 0: known to be none.
+    """
+    shifts, floor = _shifts(table, noise, drag_spread)
+    return float(np.sqrt(floor + (shifts[:, :, :2] ** 2).sum(axis=(1, 2)).mean()))
+
+
+def _shifts(table: ResponseTable, noise: Floats, drag_spread: float = 0.0) -> tuple[Floats, float]:
+    """Shifts H^T, m, of x, y and weighed force at E places, and the errors' floor, m^2.
+
+    They have shape (E, K, 3), or (E, K, 5) with those of drags that may be any of this spread, N.
+    """
     places = places_to_the_rim(table.basis.extent, _JUDGED)
     forces = np.tile([0.0, 0.0, -_TYPICAL], (len(places), 1))
-    slopes = table.slopes(places, forces)[..., [0, 1, 4]]
+    unknowns = [0, 1, 4, 2, 3] if drag_spread else [0, 1, 4]
+    slopes = table.slopes(places, forces)[..., unknowns]
     weighed = np.swapaxes(slopes, 1, 2) @ np.linalg.inv(noise + _TYPICAL**2 * table.misfit)
-    level = np.diag([*12 / table.basis.extent**2, 0.0])
-    covariance = np.linalg.inv(weighed @ slopes + level)
+    level = [*12 / table.basis.extent**2, 0.0]
+    if drag_spread:
+        level += [drag_spread**-2] * 2
+    covariance = np.linalg.inv(weighed @ slopes + np.diag(level))
     estimates = covariance @ weighed
     estimates[:, 2] *= _WEIGHT / _TYPICAL
     shifts = table.mode_signals(places, forces) @ np.swapaxes(estimates, 1, 2)

@@ -82,7 +82,11 @@ def labelled_touches(
     """
     good = [label for label in labels if label.status is None]
     if not good:
-        raise ArgumentError(f"labels must hold at least one that can be used; got {len(labels)}")
+        causes = ", ".join(sorted({label.status.name for label in labels if label.status}))
+        raise ArgumentError(
+            f"labels must hold at least one that can be used; got {len(labels)} ({causes}); are "
+            "the fields in the right unit?"
+        )
     return LabelledTouches(
         position=np.stack([label.contact.position for label in good]),
         force=np.stack([label.contact.force for label in good]),

@@ -1,0 +1,170 @@
+"""Sheets that are wrong are refused by name, and good ones are not."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from smoskin.errors import CalibrationError
+from smoskin.magnetics import mlx90393
+from smoskin.mechanics.viscoelasticity import elastomer_prony
+from smoskin.sensing.response.calibrate import LabelledTouches, TouchPlanner
+from smoskin.sensing.response.judgement import judge_touches
+from smoskin.sensing.response.labels import Labeller, labelled_touches
+from smoskin.sensing.response.table import load_response_table
+from smoskin.sensing.signals.signals import signal_noise
+
+NAMES = {
+    "millitesla": "in mT where uT must stand",
+    "millinewton": "in mN where N must stand",
+    "halved": "forces seem to be half as large",
+    "chips": "chips",
+    "axes": "Bx, By and Bz seem to stand in the columns",
+    "rows": "seem to have exchanged",
+    "origin": "origin of the places seems shifted",
+}
+
+
+@pytest.fixture(scope="module")
+def table():
+    pytest.importorskip("safetensors")
+    return load_response_table("planar")
+
+
+@pytest.fixture(scope="module")
+def drawn(planar, table):
+    """Fifteen touches of a skin as the table draws skins, away from the rim."""
+    rng = np.random.default_rng(2)
+    place = rng.uniform(0.15, 0.85, (15, 2)) * table.basis.extent
+    force = np.column_stack([rng.uniform(-0.3, 0.3, (15, 2)), rng.uniform(-0.8, -0.3, 15)])
+    signals = table.signals(place, force)
+    signals = signals + rng.normal(size=len(table.modes)) @ table.mode_signals(place, force)
+    signals = signals + rng.multivariate_normal(np.zeros(9), signal_noise(planar), 15)
+    return LabelledTouches(
+        position=place, force=force, signals=signals.reshape(15, 3, 3), place_spread=20e-6
+    )
+
+
+def spoilt(kind, touches, rng, extent):
+    """The touches as a sheet with this mistake has them; those off the skin are left out."""
+    place, force, signals = (
+        np.array(a) for a in (touches.position, touches.force, touches.signals)
+    )
+    kept = np.full(len(place), True)
+    if kind == "millitesla":
+        signals *= 1e-3
+    elif kind == "millinewton":
+        force *= 1e3
+    elif kind == "halved":
+        force *= 0.5
+    elif kind == "chips":
+        signals = signals[:, [[1, 0, 2], [2, 1, 0], [0, 2, 1], [1, 2, 0]][rng.integers(4)]]
+    elif kind == "axes":
+        order = [[1, 0, 2], [2, 1, 0], [0, 2, 1], [1, 2, 0], [2, 0, 1]][rng.integers(5)]
+        some = [slice(None), *([chip] for chip in range(3))][rng.integers(4)]
+        signals[:, some] = signals[:, some][..., order]
+    elif kind == "rows":
+        pair = rng.choice(len(place), 2, replace=False)
+        place[pair] = place[pair[::-1]]
+        if rng.integers(2):
+            force[pair] = force[pair[::-1]]
+    elif kind == "origin":
+        angle, far = rng.uniform(0, 2 * np.pi), rng.uniform(4e-3, 15e-3)
+        place += far * np.array([np.cos(angle), np.sin(angle)])
+        kept = ((place >= 0) & (place <= extent)).all(axis=1)
+    return replace(
+        touches,
+        position=place[kept],
+        force=force[kept],
+        signals=signals[kept],
+        temperature=touches.temperature[kept],
+    )
+
+
+@pytest.mark.parametrize("kind", NAMES)
+def test_wrong_sheets_are_refused_by_name(planar, table, drawn, kind):
+    wrong = spoilt(kind, drawn, np.random.default_rng(5), table.basis.extent)
+    turns = mlx90393.rotations(planar.halls)
+    judged = judge_touches(table, wrong, signal_noise(planar), turns=turns)
+    with pytest.raises(CalibrationError, match=NAMES[kind]) as caught:
+        judged.check()
+    assert len(str(caught.value)) <= 300
+
+
+def test_a_good_sheet_is_not_refused_and_tells_its_errors(planar, table, drawn):
+    judged = judge_touches(table, drawn, signal_noise(planar))
+    judged.check()
+    assert judged.warnings == ()
+    assert judged.stretch <= 2
+    assert 1e-5 < judged.place_error < 2e-3
+    assert judged.force_error < 20e-3
+
+
+def test_one_row_that_fits_nothing_is_named(planar, table, drawn):
+    place = np.array(drawn.position)
+    place[6] = place[6] @ [[-1, 0], [0, 1]] + [0.12, 0.0]
+    judged = judge_touches(
+        table, replace(drawn, position=place), signal_noise(planar), rows=range(2, 17)
+    )
+    assert judged.refusal == "row 8 does not fit the others"
+
+
+@cache
+def made_touches(table, design, seed, hand, degrees=25.0):
+    """Sixty touches of a made skin by a rig or by hand, 0.3 mm and 10 mN off."""
+    from smoskin.twin.rig import VirtualRig
+
+    place, force = (0.3e-3, 0.01) if hand else (20e-6, 2e-3)
+    plan = TouchPlanner(
+        table, signal_noise(design), drag=0.0 if hand else 0.3, place_spread=place,
+        force_spread=force
+    ).plan(60)  # fmt: skip
+    rig = VirtualRig(design, seed=seed, temperature=degrees, stage=place, gauge=force)
+    labeller = Labeller(design, elastomer_prony(design.columns.material))
+    labels = [labeller.label(rig.press(target)) for target in plan]
+    return labelled_touches(labels, table.chips, place_spread=place, force_spread=force)
+
+
+def some_of(touches, chosen):
+    return replace(
+        touches,
+        position=touches.position[chosen],
+        force=touches.force[chosen],
+        signals=touches.signals[chosen],
+        temperature=touches.temperature[chosen],
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("kind", NAMES)
+def test_wrong_sheets_of_made_skins_are_refused(planar, table, kind):
+    pytest.importorskip("jax")
+    turns = mlx90393.rotations(planar.halls)
+    refused = []
+    for seed in range(61, 66):
+        for variant in range(20):
+            rng = np.random.default_rng([seed, variant, list(NAMES).index(kind)])
+            touches = made_touches(table, planar, seed, variant % 2 == 1)
+            wrong = spoilt(kind, touches, rng, table.basis.extent)
+            if variant // 2 % 2:
+                wrong = some_of(wrong, rng.permutation(len(wrong))[:15])
+            judged = judge_touches(table, wrong, signal_noise(planar), turns=turns)
+            refused.append(judged.refusal is not None)
+    assert np.mean(refused) >= 0.99
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+def test_good_sheets_of_made_skins_are_not(planar, table):
+    pytest.importorskip("jax")
+    refused = []
+    for number in range(50):
+        touches = made_touches(
+            table, planar, 201 + number, number % 2 == 1, (25.0, 12.0, 38.0)[number % 3]
+        )
+        for count in (15, 60):
+            judged = judge_touches(table, some_of(touches, slice(count)), signal_noise(planar))
+            refused.append(judged.refusal is not None)
+    assert np.mean(refused) <= 0.01
