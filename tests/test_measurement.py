@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smoskin.errors import ArgumentError, RecordingError
+from smoskin.commands.fit_paper import fit_paper
+from smoskin.errors import ArgumentError, CalibrationError, RecordingError
 from smoskin.measurement import TouchTable, read_touches, write_touches
 from smoskin.records import Reading
 
@@ -232,3 +233,28 @@ def test_touches_may_follow_each_other_at_once():
     held = [(0, 2), (2, 3), (3, 5), (5, 7), (7, 9)]
     assert len(table(held=held).held_touches(readings())) == 3
     assert replace(table(), held=held).made.all()
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("10,10,0,0,-1_0,-1", "column force_z_N: must be a number; got '-1_0'"),
+        ("10,10,0,0,-\u0663,-1", "column force_z_N: must be a number"),
+        (",,,,,-1", "depth must be none where nothing touches; got 0.001 in row 1"),
+    ],
+)
+def test_numbers_that_no_instrument_writes_and_depths_of_nothing_are_refused(
+    tmp_path, row, message
+):
+    header = "x_mm,y_mm,force_x_N,force_y_N,force_z_N,displacement_z_mm"
+    (tmp_path / "sheet.csv").write_text(f"{header}\n{row}\n", encoding="utf-8")
+    with pytest.raises(RecordingError, match=message):
+        read_touches(tmp_path / "sheet.csv")
+
+
+def test_a_force_in_another_unit_is_refused_by_its_row(tmp_path, planar):
+    rows = ["10,10,0,0,-0.5,-1"] * 6 + ["10,10,0,0,-500,-1"]
+    header = "x_mm,y_mm,force_x_N,force_y_N,force_z_N,displacement_z_mm"
+    (tmp_path / "sheet.csv").write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+    with pytest.raises(CalibrationError, match="force of row 7 must be like the others; got 500 N"):
+        fit_paper(planar, tmp_path / "sheet.csv", tmp_path / "out.toml", date="2026-01-01")

@@ -103,6 +103,7 @@ class TouchTable:
             ("force", ~np.isfinite(self.force).all(axis=1), "be finite"),
             ("force", self.touched & ~(self.force[:, 2] < 0), "press: z must be below zero"),
             ("force", ~self.touched & self.force.any(axis=1), "be zero where nothing touches"),
+            ("depth", ~self.touched & (self.depth > 0), "be none where nothing touches"),
             ("depth", self.depth < 0, "press: a pushed skin has a displacement z below zero"),
             ("held", untimely, "end with a time that is not before its beginning"),
         )
@@ -327,7 +328,8 @@ def _read(where: str, name: str, text: str) -> float:
     if not text:
         return np.nan
     try:
-        number = Decimal(text)
+        # Decimal also reads 1_0 and the digits of other scripts, which no instrument writes.
+        number = Decimal(text if text.isascii() and "_" not in text else "no number")
     except InvalidOperation as error:
         raise RecordingError(f"{where}, column {name}: must be a number; got {text!r}") from error
     if not number.is_finite():

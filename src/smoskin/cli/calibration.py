@@ -98,6 +98,8 @@ def calibrate(
     from smoskin.commands import calibrate as work
 
     check_output(out, force=overwrite)
+    if plot is not None:
+        check_output(plot, force=overwrite)
     ResponseTable.check_writer()
     until = None if until_mm is None else 1e-3 * until_mm
     orders = {"count": touches, "until": until, "force": force, "drag": drag}

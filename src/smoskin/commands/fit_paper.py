@@ -12,8 +12,8 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import Coefficients, SkinDesign
-from smoskin.errors import MissingExtraError
-from smoskin.measurement import read_touches, write_touches
+from smoskin.errors import CalibrationError, MissingExtraError
+from smoskin.measurement import TouchTable, read_touches, write_touches
 from smoskin.outputs import sealed, write_output
 from smoskin.roles import VirtualSkin
 from smoskin.sensing.closed_form.calibration import Calibration, Uncertainty, format_calibration
@@ -31,6 +31,8 @@ Sheet = Literal["whole", "reduced"]
 
 _LEVEL: Final = 0.9
 """Confidence of the intervals shown."""
+_FAR: Final = 100.0
+"""Ratio of a press to the median one that no bench makes."""
 
 
 class Line(NamedTuple):
@@ -132,16 +134,31 @@ def fit_paper(
 
     Touches are a CSV, as `smoskin.measurement.read_touches` describes it; the output is a TOML
     file; a recording, an MCAP file, has the chips' readings where the CSV says only when each touch
-    was held. It raises a `RecordingError` if one cannot be read, else as `fit_calibration`.
+    was held. It raises a `RecordingError` if one cannot be read, a `CalibrationError` if one force
+    is far from all others, else as `fit_calibration`.
     """
     table, digest = read_touches(touches)
     if recording is not None:
         table = table.with_readings(open_recording(recording).readings())
         both = digest + hashlib.sha256(Path(recording).read_bytes()).hexdigest()
         digest = hashlib.sha256(both.encode()).hexdigest()
+    _check_forces(table)
     fit = fit_calibration(design, table, date=date, data_sha256=digest, attenuation=attenuation)
     write_output(output, sealed(format_calibration(fit.calibration)).encode())
     return CalibrationReport(design=design, fit=fit)
+
+
+def _check_forces(table: TouchTable) -> None:
+    """Raise on a force that no bench gives beside the others: one row in another unit."""
+    press = np.where(table.touched, -table.force[:, 2], np.nan)
+    ratio = press / np.nanmedian(press) if table.touched.any() else np.ones(len(press))
+    far = np.maximum(ratio, 1 / ratio) > _FAR
+    if far.any():
+        row = int(np.argmax(far))
+        raise CalibrationError(
+            f"force of row {row + 1} must be like the others; got {press[row]:g} N, "
+            f"{ratio[row]:.3g} times their median: another unit?"
+        )
 
 
 def write_virtual_bench(
