@@ -9,7 +9,7 @@ import pytest
 
 from smoskin.arrays import Floats
 from smoskin.documents import Form, format_toml
-from smoskin.errors import ArgumentError, DesignError, MissingExtraError, ModelError
+from smoskin.errors import ArgumentError, DesignError, MissingExtraError, ModelError, SmoskinError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,3 +181,20 @@ def test_writing_toml_without_its_writer_names_the_extra(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "tomli_w", None)
     with pytest.raises(MissingExtraError, match=r"writing a foot needs the extra 'cli'"):
         format_toml({}, "writing a foot")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 900 + "]" * 900,
+        "a = " + "[" * 20_000,
+        "\n".join(["a = ["] + ["["] * 20_000),
+        "a = " + "9" * 5_000,
+        "\n" * 2**18 + "a = 1",
+        "a = \x00",
+    ],
+)
+def test_what_would_hang_or_break_the_reader_is_refused(text):
+    with pytest.raises(SmoskinError) as caught:
+        Form(units={}, error=SmoskinError).parse_toml(text)
+    assert len(str(caught.value)) <= 300

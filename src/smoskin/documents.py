@@ -36,8 +36,10 @@ Origins = Mapping[str, Mapping[str, str]]
 """Origin and reason of values, by the dotted path of their field, such as ``cell.panel_a``."""
 
 _R = TypeVar("_R")
-_LONGEST: Final = 300
-"""Characters of a message; more are cut."""
+_TEXT: Final = 2**18
+"""Characters of a TOML document."""
+_LINE: Final = 1000
+"""Characters of a line of it."""
 _KINDS: Final = {int: "a whole number", float: "a number", str: "text"}
 
 
@@ -123,7 +125,7 @@ class Form:
                     self._check_keys(
                         where, value, ["value", "origin", "reason"], ["value", "origin"]
                     )
-                    why = self._value(str, value.get("reason", ""), None, where, None)
+                    why = self._value(str, value.get("reason", ""), None, f"{where}.reason", None)
                     origins[where] = {"origin": value["origin"], "reason": why}
                     value = value["value"]
                 suffix = self._suffix(part.name, table.get)
@@ -136,16 +138,20 @@ class Form:
 
     def parse_toml(self, text: str) -> dict[str, Any]:
         """The tables of a TOML document, its numbers as decimals."""
+        longest = max(map(len, text.splitlines()), default=0)
+        if longest > _LINE or len(text) > _TEXT:  # what nests deeply takes minutes
+            self._refuse(
+                f"a document must have at most {_TEXT:,} characters and {_LINE:,} a line; got "
+                f"{len(text):,} and {longest:,}"
+            )
         try:
             return tomllib.loads(text, parse_float=Decimal)
-        except tomllib.TOMLDecodeError as error:
+        except (ValueError, ArithmeticError, RecursionError) as error:
             self._refuse(f"not a TOML document: {error}", error)
 
     def _refuse(self, message: str, cause: Exception | None = None) -> NoReturn:
-        """Raise the form's error, cut to a length that can be read."""
-        raise self.error(
-            message if len(message) <= _LONGEST else message[: _LONGEST - 3] + "..."
-        ) from cause
+        """Raise the form's error."""
+        raise self.error(message) from cause
 
     def _suffix(self, name: str, value_of: Any) -> str | None:
         """Unit suffix of a field, which another field of its record may name."""
@@ -246,11 +252,13 @@ class Form:
             self._refuse(f"{path} must be {_KINDS[hint]}{unit}; got {value!r}")
         if hint is not float:
             return value
-        if not math.isfinite(value):
-            if not self.gaps:
-                self._refuse(f"{path} must be finite; got {value}")
-            return float(value)
-        return to_si(value, suffix) if suffix else float(value)
+        try:
+            number = to_si(value, suffix) if suffix and math.isfinite(value) else float(value)
+        except ArithmeticError:
+            number = math.inf
+        if not math.isfinite(number) and not (self.gaps and not math.isfinite(value)):
+            self._refuse(f"{path} must be finite; got {value}")
+        return number
 
 
 def format_toml(document: Mapping[str, Any], purpose: str) -> str:

@@ -63,8 +63,12 @@ def load_design(name_or_path: str | os.PathLike[str]) -> SkinDesign:
 
 def check_design(design: SkinDesign) -> None:
     """Raise `DesignError`, naming part, number and what would be valid, unless it can work."""
-    _check_room(design)
-    _check_fields(design)
+    try:
+        with np.errstate(divide="raise", over="raise", invalid="raise"):
+            _check_room(design)
+            _check_fields(design)
+    except ArithmeticError as error:
+        raise DesignError(f"the design's values must suit each other; got {error}") from error
 
 
 def field_extent(design: SkinDesign, site: HallSite) -> FieldExtent:

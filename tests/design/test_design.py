@@ -148,16 +148,16 @@ def test_a_magnet_off_the_grid_is_refused(planar):
     [
         ("cell", "sector_angle", (0.9, math.pi / 2 - 1e-9), (math.pi / 2, 0.0, math.nan)),
         ("cell", "fold_angle", (1e-9, 0.913), (0.0, 0.91313, math.nan)),
-        ("cell", "panel_a", (1e-9,), (0.0, math.inf)),
+        ("cell", "panel_a", (1e-6, 1.0), (0.0, 0.99e-6, 1.01, math.inf)),
         ("frame", "stiffness", (0.0,), (-1e-9, math.inf, math.nan)),
         ("hall_setting", "gain_selection", (0, 7), (-1, 8)),
         ("hall_setting", "resolution", (0, 3), (-1, 4)),
         ("hall_setting", "oversampling", (0, 3), (-1, 4)),
         ("hall_setting", "digital_filter", (0, 7), (-1, 8)),
         ("coefficients", "attenuation", ((1e-9, 1.0), (1.0, 1e-9)), ((0.0, 1.0), (0.5, 1.0001))),
-        ("coefficients", "stiffness_variation", (1e-9,), (0.0, math.inf)),
-        ("coefficients", "folding_correction_x", ((1e-9, 1, 1),), ((0.0, 1, 1), (1.0, 1), ())),
-        ("coefficients", "folding_correction_y", ((1e-9, 1, 1),), ((0.0, 1, 1), (1.0, 1), ())),
+        ("coefficients", "stiffness_variation", (1e-3, 1e3), (0.0, 0.99e-3, 1001.0, math.inf)),
+        ("coefficients", "folding_correction_x", ((1e-6, 1, 1e6),), ((0.0, 1, 1), (1.0, 1), ())),
+        ("coefficients", "folding_correction_y", ((1e-6, 1, 1e6),), ((0.0, 1, 1), (1.0, 1), ())),
     ],
 )
 def test_numbers_are_taken_up_to_their_ends(planar, part, name, ends, wrong):
@@ -182,6 +182,9 @@ def test_addresses_are_those_of_seven_bits(planar):
     ("changes", "message"),
     [
         ({"cells": (0, 6)}, r"cells must be at least \(1, 1\); got \(0, 6\)"),
+        ({"cells": (65, 6)}, r"cells must be at most 64 a side; got \(65, 6\)"),
+        ({"name": ""}, r"skin\.name must be 1 to 100 characters of text; got ''"),
+        ({"name": "x" * 101}, r"skin\.name must be 1 to 100 characters of text"),
         ({"cells": (6, 0)}, r"cells must be at least \(1, 1\); got \(6, 0\)"),
         ({"halls": ()}, "halls must name at least one chip"),
     ],

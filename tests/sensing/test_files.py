@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smoskin.errors import ModelError
-from smoskin.sensing.files import TensorFile, tensor_key
+from smoskin.sensing.files import TensorFile, check_sizes, tensor_key
 
 tensors = pytest.importorskip("safetensors.numpy")
 
@@ -63,6 +63,44 @@ def test_damage_is_said_in_a_sentence(tmp_path):
             KIND.read(tmp_path / "one", ("a", "b"), failing(error))
     with pytest.raises(ModelError, match=r"^said by its owner$"):
         KIND.read(tmp_path / "one", ("a", "b"), failing(ModelError("said by its owner")))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_one_flipped_bit_is_refused_or_changes_nothing(tmp_path, seed):
+    file, draw = tmp_path / "one", np.random.default_rng(seed)
+    KIND.write(file, ARRAYS, {"name": "x"})
+    whole = bytearray(file.read_bytes())
+    for _ in range(40):
+        place, bit = int(draw.integers(len(whole))), 1 << int(draw.integers(8))
+        whole[place] ^= bit
+        file.write_bytes(whole)
+        try:
+            arrays, header = KIND.read(file, ("a", "b"), both)
+        except ModelError:
+            pass
+        else:
+            assert header["name"] == "x"
+            assert all(np.array_equal(arrays[name], ARRAYS[name]) for name in ARRAYS)
+        whole[place] ^= bit
+
+
+def test_a_changed_number_does_not_fit_the_checksum_and_older_files_have_none(tmp_path):
+    KIND.write(tmp_path / "one", ARRAYS, {"name": "x"})
+    whole = (tmp_path / "one").read_bytes()
+    (tmp_path / "one").write_bytes(whole[:-2] + b"\1" + whole[-1:])
+    with pytest.raises(ModelError, match=r"one is damaged: its checksum does not fit; make it"):
+        KIND.read(tmp_path / "one", ("a", "b"), both)
+    text = json.dumps({"format": 2, "name": "x"})
+    plain = {name: np.ascontiguousarray(array) for name, array in ARRAYS.items()}
+    tensors.save_file(plain, tmp_path / "old", {"things": text})
+    assert KIND.read(tmp_path / "old", ("a", "b"), both)[1] == {"format": 2, "name": "x"}
+
+
+@pytest.mark.parametrize("size", [0.0, 1e30])
+def test_numbers_that_cannot_be_are_refused_by_name(size):
+    with pytest.raises(ModelError, match="thing: a must"):
+        check_sizes("thing", {"a": np.full(3, size)}, {"a": 10.0}, "a")
+    check_sizes("thing", {"a": np.ones(3), "b": np.zeros(0)}, {"a": 10.0}, "a", "b")
 
 
 def test_what_is_no_tensor_file_is_refused(tmp_path):

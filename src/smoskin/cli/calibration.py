@@ -49,7 +49,7 @@ Sheet = Annotated[File, Option(help="CSV of touches made by hand, instead of a r
 Recording = Annotated[
     File, Option(help="MCAP with the readings, where the CSV says when touches were held.")
 ]
-Touches = Annotated[Whole, Option(min=1, help="Touches that a rig makes; 15 by default.")]
+Touches = Annotated[Whole, Option(min=1, max=1000, help="Touches that a rig makes; 15 by default.")]
 RigForce = Annotated[
     Number, Option("--force-N", help="Largest normal force of a rig; 0.8 N by default.")
 ]
@@ -138,7 +138,7 @@ def plan_touches(
     out: Annotated[Path, Option(help="Sheet (CSV) to write.", dir_okay=False)] = Path(
         "touches.csv"
     ),
-    count: Annotated[int, Option(min=1, help="Touches to make.")] = 15,
+    count: Annotated[int, Option(min=1, max=1000, help="Touches to make.")] = 15,
     until_mm: UntilMm = None,
     force: Annotated[float, Option("--force-N", help="Largest normal force.")] = 0.8,
     drag: Annotated[float, Option("--drag-N", "--drag", help="Largest sideways force.")] = 0.0,

@@ -29,7 +29,9 @@ def demo(
     ] = 0,
     rate: Annotated[float, Option(help="Readings a second, Hz.")] = 100.0,
     seed: Annotated[int, Option(min=0, help="Seed of the skin, the noise and the hand.")] = 0,
-    touches: Annotated[int, Option(min=1, help="Touches of the rig that calibrates.")] = 15,
+    touches: Annotated[
+        int, Option(min=1, max=1000, help="Touches of the rig that calibrates.")
+    ] = 15,
     table: Annotated[
         File, Option(help="Response table of the design; by default the shipped one.")
     ] = None,

@@ -22,7 +22,7 @@ def score(
         Path | None, typer.Option(help="Folder for score.json and the figures.", file_okay=False)
     ] = None,
     design: Annotated[str, typer.Option(help="Design of the skins that are pressed.")] = "planar",
-    skins: Annotated[int, typer.Option(min=1, help="Number of made skins.")] = 2,
+    skins: Annotated[int, typer.Option(min=1, max=1000, help="Number of made skins.")] = 2,
     touches: Annotated[
         int, typer.Option(min=0, help="Labelled touches that calibrate a table to each skin.")
     ] = 60,

@@ -126,7 +126,7 @@ def sweep(
     radius: Annotated[Text, Option(help="Radius of touches, mm; or from:to.")] = None,
     margin: Annotated[Text, Option(help="Random presses' way to the rim, mm.")] = None,
     temperature: Annotated[str, Option(help="Temperatures, degC, written as forces.")] = "25",
-    skins: Annotated[int, Option(min=0, help="Number of manufactured skins.")] = 0,
+    skins: Annotated[int, Option(min=0, max=10_000, help="Number of manufactured skins.")] = 0,
     mechanics: Mechanics = "whole",
     grip: Grip = None,
     seed: Annotated[int, Option(min=0, help="Seed of noise and random presses.")] = 0,

@@ -37,12 +37,15 @@ def make_table(
         File, Option(help="The file to write; by default DESIGN.table, here.", dir_okay=False)
     ] = None,
     presses: Annotated[
-        Whole, Option(min=1, help="Presses of the skin as designed, one touch each.")
+        Whole, Option(min=1, max=1_000_000, help="Presses of the skin as designed, one touch each.")
     ] = None,
     pairs: Annotated[
-        Whole, Option(min=0, help="Presses of the skin as designed, two touches each.")
+        Whole,
+        Option(min=0, max=1_000_000, help="Presses of the skin as designed, two touches each."),
     ] = None,
-    skins: Annotated[Whole, Option(min=1, help="Made sheets, which show how skins differ.")] = None,
+    skins: Annotated[
+        Whole, Option(min=1, max=10_000, help="Made sheets, which show how skins differ.")
+    ] = None,
     seed: Annotated[int, Option(min=0, help="Seed of the presses and made skins.")] = 0,
     folder: Annotated[
         File, Option(help="Keep the presses here and go on where they stop.", file_okay=False)
@@ -104,7 +107,7 @@ def train(
     drag: Annotated[
         float, Option(min=0.0, help="Largest drag that it shall tell, N; 0: none.")
     ] = 0.0,
-    members: Annotated[Whole, Option(min=1, help="Networks of the ensemble.")] = None,
+    members: Annotated[Whole, Option(min=1, max=100, help="Networks of the ensemble.")] = None,
     minutes: Annotated[Number, Option(min=0.01, help="Longest time of the training.")] = None,
     start: Annotated[File, Option(help="A model to go on from.")] = None,
     resume: Annotated[bool, Option("--resume", help="Go on where training was stopped.")] = False,

@@ -8,6 +8,7 @@ import numpy as np
 
 from smoskin.design.document import design_values
 from smoskin.design.skin import SkinDesign
+from smoskin.errors import DesignError
 from smoskin.feasibility import MARGIN, RATED_PRESS, RATED_SHEAR, field_extent
 from smoskin.magnetics import mlx90393
 from smoskin.mechanics.reduced.stiffness import (
@@ -68,11 +69,13 @@ def describe(design: SkinDesign) -> DataSheet:
         source = design.provenance.get(path)
         why = "" if source is None else ": ".join(filter(None, (source.origin, source.reason)))
         given.append(Row(part=path.rpartition(".")[0] or "skin", name=name, value=value, why=why))
+    try:
+        with np.errstate(divide="raise", over="raise", invalid="raise"):
+            derived = (*_of_skin(design), *_of_chips(design))
+    except ArithmeticError as error:
+        raise DesignError(f"the design's values must suit each other; got {error}") from error
     return DataSheet(
-        name=design.name,
-        content_hash=design.content_hash,
-        given=tuple(given),
-        derived=(*_of_skin(design), *_of_chips(design)),
+        name=design.name, content_hash=design.content_hash, given=tuple(given), derived=derived
     )
 
 

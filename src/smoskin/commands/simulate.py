@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 _MM: Final = 1e-3
+_MOST_NUMBERS: Final = 100_000
+"""Numbers of a list that a text stands for."""
 _DIGITS: Final = {"at_mm": 1, "force_N": 3, "turn_deg": 3}
 """Digits that people read of each value; four of all others."""
 
@@ -160,10 +162,14 @@ def parse_numbers(name: str, text: str) -> tuple[float, ...]:
     try:
         if ":" in text:
             begin, end, count = text.split(":")
+            if int(count) > _MOST_NUMBERS:
+                raise ArgumentError(f"{name} must be at most {_MOST_NUMBERS:,}; got {count}")
             # Rounded, so that a tenth of a newton is the tenth that people write.
             evenly = np.linspace(float(begin), float(end), int(count))
             return tuple(round(number, 12) for number in evenly.tolist())
         return tuple(float(number) for number in text.split(","))
+    except ArgumentError:
+        raise
     except ValueError as error:
         raise ArgumentError(
             f"{name} must be numbers such as 0.1,0.5 or from:to:count; got {text!r}"

@@ -27,6 +27,8 @@ from smoskin.twin.manufacture import Tolerances
 LARGEST_FORCE: Final = 50.0
 """N: any more would tear a skin; the model is meant for presses of a few newtons."""
 _FORCE: Final = (0.0, LARGEST_FORCE, "N")
+_MOST_ROWS: Final = 100_000_000
+"""Rows of a sweep: a day's work of a cluster."""
 _RADIUS: Final = (1e-4, 0.05, "m")
 
 Mechanics = Literal["whole", "reduced"]
@@ -256,6 +258,8 @@ class Sweep:
         )
         if self.skins:
             _check_bounds(self, skins=(0, math.inf, ""))
+        if self.rows > _MOST_ROWS:
+            raise ArgumentError(f"a sweep must have at most {_MOST_ROWS:,} rows; got {self.rows:,}")
         if len(set(self.skins)) < len(self.skins):
             raise ArgumentError(f"skins must differ; got {self.skins}")
         if self.mechanics not in get_args(Mechanics):

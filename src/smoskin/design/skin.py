@@ -22,10 +22,42 @@ Origin = Literal["printed", "inferred", "assumed"]
 AXES: Final = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
-def _positive(owner: str, **values: float) -> None:
+_SIZE: Final = (1e-6, 1.0, "m")
+_LIMITS: Final[Mapping[str, tuple[float, float, str]]] = MappingProxyType(
+    {
+        **dict.fromkeys(("panel_a", "panel_b", "thickness", "gap", "radius", "height"), _SIZE),
+        "sensing_height": _SIZE,
+        "stiffness": (0.0, 1e9, "N/m"),
+        "pillars": (1, 10_000, ""),
+        "remanence": (1.0, 1e7, "A/m"),
+        "stiffness_variation": (1e-3, 1e3, ""),
+        "folding_correction": (1e-6, 1e6, "N"),
+    }
+)
+"""Least and most of each value that can be built, and its unit."""
+_MOST_CELLS: Final = 64
+"""Cells along x or y, and parts of one kind, that the models are laid out for."""
+_LONGEST_NAME: Final = 100
+"""Characters of a name."""
+
+
+def _within(owner: str, **values: float) -> None:
+    """Refuse values that nobody can build."""
     for name, value in values.items():
-        if not (math.isfinite(value) and value > 0.0):
+        least, most, unit = _LIMITS[name]
+        if not (math.isfinite(value) and value > 0.0) and least > 0.0:
             raise DesignError(f"{owner}.{name} must be positive and finite; got {value}")
+        if not least <= value <= most:
+            wanted = f"from {least:g} to {most:g} {unit}".rstrip()
+            raise DesignError(f"{owner}.{name} must be {wanted}; got {value:g}")
+
+
+def _named(owner: str, name: str) -> None:
+    """Refuse what people cannot call a part by."""
+    if not (0 < len(name) <= _LONGEST_NAME and name.isprintable() and name.strip()):
+        raise DesignError(
+            f"{owner}.name must be 1 to {_LONGEST_NAME} characters of text; got {name!r}"
+        )
 
 
 def _choice(owner: str, name: str, value: object, valid: tuple[object, ...]) -> None:
@@ -61,7 +93,7 @@ class MiuraCell:
     """rad, phi: half the in-plane angle of the zigzag; alpha is flat."""
 
     def __post_init__(self) -> None:
-        _positive("cell", panel_a=self.panel_a, panel_b=self.panel_b)
+        _within("cell", panel_a=self.panel_a, panel_b=self.panel_b)
         if not 0.0 < self.sector_angle < math.pi / 2:
             raise DesignError(
                 f"cell.sector_angle must lie in (0, pi/2) = (0, 1.571) rad; "
@@ -86,7 +118,7 @@ class Creases:
     """A name in `smoskin.design.materials.FILMS`."""
 
     def __post_init__(self) -> None:
-        _positive("creases", thickness=self.thickness, gap=self.gap)
+        _within("creases", thickness=self.thickness, gap=self.gap)
         _choice("creases", "material", self.material, tuple(FILMS))
 
 
@@ -100,7 +132,7 @@ class Panels:
     """A name in `smoskin.design.materials.FILMS`."""
 
     def __post_init__(self) -> None:
-        _positive("panels", thickness=self.thickness)
+        _within("panels", thickness=self.thickness)
         _choice("panels", "material", self.material, tuple(FILMS))
 
 
@@ -116,7 +148,7 @@ class Columns:
     """A name in `smoskin.design.materials.ELASTOMERS`."""
 
     def __post_init__(self) -> None:
-        _positive("columns", radius=self.radius, height=self.height)
+        _within("columns", radius=self.radius, height=self.height)
         _choice("columns", "material", self.material, tuple(ELASTOMERS))
 
 
@@ -128,8 +160,7 @@ class Frame:
     """N/m: stiffness in the plane at each rim column."""
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.stiffness) and self.stiffness >= 0.0):
-            raise DesignError(f"frame.stiffness must be >= 0 N/m; got {self.stiffness}")
+        _within("frame", stiffness=self.stiffness)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,7 +173,7 @@ class Board:
     """m: distance from the board's face to the point inside the chip that senses."""
 
     def __post_init__(self) -> None:
-        _positive("board", thickness=self.thickness, sensing_height=self.sensing_height)
+        _within("board", thickness=self.thickness, sensing_height=self.sensing_height)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,7 +190,7 @@ class ShearLayer:
     """A name in `smoskin.design.materials.ELASTOMERS`."""
 
     def __post_init__(self) -> None:
-        _positive("shear_layer", pillars=self.pillars, radius=self.radius, height=self.height)
+        _within("shear_layer", pillars=self.pillars, radius=self.radius, height=self.height)
         _choice("shear_layer", "material", self.material, tuple(ELASTOMERS))
 
 
@@ -183,8 +214,9 @@ class Magnet:
     """+1: magnetised towards the centre; -1: away from it."""
 
     def __post_init__(self) -> None:
+        _named("magnet", self.name)
         owner = f"magnet {self.name!r}"
-        _positive(owner, radius=self.radius, height=self.height, remanence=self.remanence)
+        _within(owner, radius=self.radius, height=self.height, remanence=self.remanence)
         _choice(owner, "mount", self.mount, ("sheet", "base"))
         _choice(owner, "polarity", self.polarity, (-1, 1))
 
@@ -205,8 +237,9 @@ class HallSite:
     """7-bit I2C address."""
 
     def __post_init__(self) -> None:
+        _named("hall site", self.name)
         owner = f"hall site {self.name!r}"
-        _positive(owner, gap=self.gap)
+        _within(owner, gap=self.gap)
         for axis in self.axes:
             _choice(owner, "axes", axis, AXES)
         minus = sum(axis[0] == "-" for axis in self.axes)
@@ -260,15 +293,15 @@ class Coefficients:
         for value in self.attenuation:
             if not 0.0 < value <= 1.0:
                 raise DesignError(f"coefficients.attenuation must lie in (0, 1]; got {value}")
-        _positive("coefficients", stiffness_variation=self.stiffness_variation)
+        _within("coefficients", stiffness_variation=self.stiffness_variation)
         layers = len(self.folding_correction_x), len(self.folding_correction_y)
-        if not layers[0] == layers[1] > 0:
+        if not layers[0] == layers[1] > 0 or layers[0] > _MOST_CELLS:
             raise DesignError(
-                "coefficients.folding_correction_x and _y must name the same layers, at least "
-                f"one; got {layers[0]} and {layers[1]}"
+                "coefficients.folding_correction_x and _y must name the same layers, from one to "
+                f"{_MOST_CELLS}; got {layers[0]} and {layers[1]}"
             )
         for value in self.folding_correction_x + self.folding_correction_y:
-            _positive("coefficients", folding_correction=value)
+            _within("coefficients", folding_correction=value)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -303,9 +336,15 @@ class SkinDesign:
 
     def __post_init__(self) -> None:
         assign(self, provenance=MappingProxyType(dict(self.provenance)))
+        _named("skin", self.name)
         columns, rows = self.cells
         if columns < 1 or rows < 1:
             raise DesignError(f"cells must be at least (1, 1); got {self.cells}")
+        if max(self.cells) > _MOST_CELLS:
+            raise DesignError(f"cells must be at most {_MOST_CELLS} a side; got {self.cells}")
+        for part, many in (("magnets", self.magnets), ("halls", self.halls)):
+            if len(many) > _MOST_CELLS:
+                raise DesignError(f"{part} must be at most {_MOST_CELLS}; got {len(many)}")
         _unique("magnets", [magnet.name for magnet in self.magnets])
         _unique("hall sites", [site.name for site in self.halls])
         _unique("hall addresses", [f"{site.address:#x}" for site in self.halls])

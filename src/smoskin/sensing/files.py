@@ -123,6 +123,18 @@ def freeze_model(record: object, kind: str, **shapes: tuple[int | None, ...]) ->
             raise ModelError(f"{kind}: {name} must be finite")
 
 
+def check_sizes(
+    kind: str, arrays: Mapping[str, NDArray[Any]], largest: Mapping[str, float], *filled: str
+) -> None:
+    """Refuse a file's arrays that hold more than can be, or nothing but zeros where they must."""
+    for name, most in largest.items():
+        if not (np.abs(arrays[name]) <= most).all():
+            raise ModelError(f"{kind}: {name} must lie within {most:g}")
+    for name in filled:
+        if arrays[name].size and not arrays[name].any():
+            raise ModelError(f"{kind}: {name} must not be zero everywhere")
+
+
 def tensor_key(path: Path | str) -> str:
     """Key of a tensor file's header, which tells its kind; "" if there is none.
 

@@ -76,9 +76,11 @@ class Exam:
                 "skins must be at least 1, touches and pairs at least 0; got "
                 f"{len(self.skins)}, {self.touches} and {self.pairs}"
             )
-        if min(self.places) < 2 or not (self.count is None or self.count >= 1):
+        if not 2 <= min(self.places) <= max(self.places) <= 1000 or not (
+            self.count is None or self.count >= 1
+        ):
             raise ArgumentError(
-                "places must be at least 2 along each axis and count at least 1; got "
+                "places must be 2 to 1000 along each axis and count at least 1; got "
                 f"{self.places} and {self.count}"
             )
         if not 0 <= self.drag < float("inf"):

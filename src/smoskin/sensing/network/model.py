@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from smoskin.arrays import Floats, assign, floats
 from smoskin.errors import ModelError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
-from smoskin.sensing.files import NETWORK, TensorFile, freeze_model
+from smoskin.sensing.files import NETWORK, TensorFile, check_sizes, freeze_model
 from smoskin.sensing.learned.gaussian_process import Metric, Prediction
 
 Singles: TypeAlias = NDArray[np.float32]
@@ -266,6 +266,9 @@ def load_network(path: Path | str) -> NetworkModel:
 
 def _network(arrays: dict[str, NDArray[Any]], header: dict[str, Any]) -> NetworkModel:
     """The model of a file's arrays and header."""
+    check_sizes(
+        "network", arrays, dict.fromkeys(arrays, 1e9), "scale", "size", "whitener", "centre"
+    )
     given = header["input"]
     low, high = (float(force) for force in header["forces_N"])
     layers = [

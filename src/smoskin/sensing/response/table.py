@@ -18,7 +18,7 @@ from smoskin.arrays import Floats, floats, freeze
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.nonlinearity import cross_signals
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
-from smoskin.sensing.files import RESPONSE_TABLE, TensorFile
+from smoskin.sensing.files import RESPONSE_TABLE, TensorFile, check_sizes
 from smoskin.sensing.response.basis import TouchBasis, touch_arrays
 from smoskin.sensing.response.pairs import mutual_drags
 from smoskin.sensing.response.point import PointTable
@@ -27,6 +27,8 @@ _FILE: Final = TensorFile("a response table", RESPONSE_TABLE, 3, older=(2,))
 _HALVES: Final = ("modes", "grip_modes")
 """Arrays that files hold in half precision, each in steps of its own: they fill the file."""
 _TENSORS: Final = ("mean", "warmth", *_HALVES, "grip", "curvature", "misfit", "pair_misfit")
+_SIZES: Final = dict.fromkeys(_TENSORS, 1e3) | {"curvature": 1e6}
+"""Largest number of each array of a file, SI: far above any that chips can read."""
 _LINES: Final = ("extent", "lines_x", "lines_y")
 _LARGEST_HALF: Final = 6e4
 """Steps of the largest number: half precision ends at 65504."""
@@ -233,6 +235,9 @@ def _table(arrays: dict[str, Any], header: dict[str, Any]) -> ResponseTable:
     low, high = (float(one) for one in header["forces_N"])
     for name, step in header.get("steps", {}).items():
         arrays[name] = arrays[name].astype(np.float64) * step
+    check_sizes("response table", arrays, _SIZES, "mean", "modes", "misfit")
+    if not abs(float(header["softening_per_K"])) <= 1.0:
+        raise ModelError("response table: softening must lie within 1 / K")
     return ResponseTable(
         design_hash=str(header["design"]),
         basis=TouchBasis(
