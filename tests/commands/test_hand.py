@@ -85,15 +85,15 @@ def test_a_touch_that_nobody_read_is_missed_and_one_unfinished_is_not_counted():
     assert Hand((PRESS,), repeat=False).judge() == ()
 
 
-def test_the_mouse_and_a_new_zero_push_the_hand_aside():
+def test_fingers_and_a_new_zero_push_the_hand_aside():
     hand = Hand((PRESS,) * 5, repeat=False)
     hand.begin(0.0)
-    hand.mouse = DRAG
+    hand.fingers = (DRAG,)
     assert hand.contacts(0.3) == (DRAG,)
     hand.lift(PERIOD + 0.4)
     assert hand.contacts(PERIOD + 0.39) == ()
     assert hand.contacts(PERIOD + 0.4) == (DRAG,)
-    hand.mouse = None
+    hand.fingers = ()
     assert hand.contacts(2 * PERIOD + 0.3) == (PRESS,)
     hand.spoil(3 * PERIOD + 0.1)
     for k in range(5):

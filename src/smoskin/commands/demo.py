@@ -1,4 +1,4 @@
-"""The demonstration: a scripted hand, and the mouse, on the twin, seen through an estimator.
+"""The demonstration: a scripted hand and people's fingers on the twin, seen through an estimator.
 
 The skin is a manufactured one of the whole sheet, unlike its design within a workshop's tolerances.
 So a virtual rig first touches it a few times, in sight of who watches the page, and the response
@@ -11,7 +11,7 @@ import os
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from smoskin.arrays import Floats
 from smoskin.commands.calibrate import TouchCalibration, TouchStep, calibrate
 from smoskin.commands.hand import Hand, JudgedTouch, Touch
+from smoskin.commands.readers import ZEROS, Readers
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.origami.geometry import geometry
@@ -29,7 +29,7 @@ from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator, Sink
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
-from smoskin.sensing.estimators import ZeroFirst, load_estimator
+from smoskin.sensing.estimators import load_estimator
 from smoskin.sensing.response.table import ResponseTable, load_response_table
 from smoskin.service.loop import Counters, Loop
 from smoskin.service.page.view import View
@@ -47,10 +47,10 @@ BAYES: Final = "Bayes"
 CLOSED_FORM: Final = "closed form"
 DEFAULT_TOUCHES: Final = 15
 """Touches of the calibration: five more or less change the errors by less than skins differ."""
-_ZEROS: Final = 20
-"""Readings of the untouched skin that are its zero."""
 _LIFT: Final = 0.5
 """s for which the hand lets go so that a new zero can be taken."""
+_TOLD: Final = 4.0
+"""s for which a refusal stands on the page."""
 _SHOWN: Final = 0.25
 """s for which the page shows each touch of the rig."""
 _FASTEST: Final = 10_000.0
@@ -135,7 +135,7 @@ def run_demo(
 ) -> DemoResult:
     """Run the demonstration and judge every touch that the hand finished.
 
-    Touches met by the mouse, by a new zero or read by another estimator are left out.
+    Touches met by people's fingers, by a new zero or read by another estimator are left out.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def run_demo(
     seconds : float, optional
         Duration; without it until interrupted, with the hand starting over every minute.
     page, port : bool and int
-        Whether to serve the live page, on which the mouse presses the skin too, and its TCP port;
+        Whether to serve the live page, on which people press the skin too, and its TCP port;
         0 takes a free one.
     rate, seed : float and int
         Readings a second, Hz; seed of the skin, of all noise and of the hand.
@@ -174,7 +174,7 @@ def run_demo(
         raise ArgumentError(f"rate must be positive and at most {_FASTEST:g}; got {rate} Hz")
     if seconds is not None and not seconds <= _LONGEST:
         raise ArgumentError(f"seconds must be at most {_LONGEST:g}; got {seconds}")
-    script = scripted_hand(design, seconds or 60.0, seed, start=_ZEROS / rate)
+    script = scripted_hand(design, seconds or 60.0, seed, start=ZEROS / rate)
     stage = _Stage(Hand(script, repeat=seconds is None), say)
     table = load_response_table(design.name) if table is None else table
     makers: dict[str, Callable[[], Estimator]] = {
@@ -184,11 +184,13 @@ def run_demo(
     }
     with ExitStack() as stack:
         stack.enter_context(stage)
-        on_start(stage.open(design, port, tuple(makers)) if page else None)
+        on_start(stage.open(design, port, tuple(makers), record is not None) if page else None)
         stage.make_skin(design, seed)
         done = stage.calibrated(table, seed, calibration_touches)
         source = TwinSource(stage.twin, rate=rate, creep=Creep(design))
-        sinks: list[Sink] = [stage] if record is None else [Recorder(record, design), stage]
+        sinks: list[Sink] = (
+            [stage] if record is None else [_Switched(Recorder(record, design), stage), stage]
+        )
         readers = Readers(makers)
         loop = stack.enter_context(Loop(source, readers, sinks=sinks))
         located: float | None = None
@@ -200,7 +202,7 @@ def run_demo(
                 stage.follow(estimate, loop, readers)
                 if (seconds is not None and estimate.time >= seconds) or (stop and stop.is_set()):
                     break
-                source.touch(stage.hand.contacts(estimate.time + 1 / rate))
+                source.touch(stage.press(estimate.time + 1 / rate))
         return _result(stage.hand.judge(), done.used, loop.counters, located)
 
 
@@ -224,55 +226,20 @@ def _result(
     )
 
 
+def _farewell(touches: Sequence[JudgedTouch]) -> str:
+    """The last sentence of the page."""
+    if not touches:
+        return "The demonstration is over."
+    error = _mean([touch.position_error_mm for touch in touches])
+    off = "" if error is None else f", {error:.1f} mm"
+    many = "1 touch" if len(touches) == 1 else f"{len(touches)} touches"
+    return f"The demonstration is over: {many}{off}."
+
+
 def _mean(errors: Sequence[float | None]) -> float | None:
     """Mean of the errors that there are."""
     known = [error for error in errors if error is not None]
     return round(float(np.mean(known)), 3) if known else None
-
-
-class Readers(Estimator):
-    """One of several estimators at a time, each made by its function when it is first chosen.
-
-    The first of the names is chosen at the start.
-    """
-
-    def __init__(self, makers: Mapping[str, Callable[[], Estimator]]) -> None:
-        self._makers = dict(makers)
-        self._made: dict[str, Estimator] = {}
-        self._untouched: tuple[Reading, ...] = ()
-        self.choose(next(iter(makers)))
-
-    def choose(self, name: str) -> None:
-        """Let the estimator of this name read the skin, with the zero of the one before it."""
-        if name not in self._made:
-            self._made[name] = self._makers[name]()
-        self.name = name
-        self._current = ZeroFirst(self._made[name], count=_ZEROS)
-        self._current.reset()
-        if self._untouched:
-            self._current.zero(self._untouched)
-
-    @property
-    def drift(self) -> Floats:
-        """How far the zero has followed since it was set, shape (S, 3), T."""
-        return self._current.drift
-
-    def zero(self, readings: Sequence[Reading]) -> None:
-        """Take these readings of the untouched skin as the zero, of whatever reads the skin."""
-        self._untouched = tuple(readings)
-        self._current.zero(readings)
-
-    def reset(self) -> None:
-        """Forget everything; the next good readings are the new zero."""
-        self._untouched = ()
-        self._current.reset()
-
-    def step(self, reading: Reading) -> Estimate:
-        """What the chosen estimator makes of a reading."""
-        estimate = self._current.step(reading)
-        if estimate.status is Status.NOT_CALIBRATED and len(self._untouched) < _ZEROS:
-            self._untouched += (reading,)
-        return estimate
 
 
 class _Stage(Sink):
@@ -290,17 +257,23 @@ class _Stage(Sink):
         self._latency = math.nan
         self._rounds = 0
         self._zero_at = math.inf
-        self._zero_asked = threading.Event()
+        self._asked: deque[str] = deque()
         self._choices: deque[str] = deque(maxlen=1)
+        self._pressed: deque[tuple[float, tuple[Contact, ...]]] = deque(maxlen=100)
+        self._told_until = math.inf
+        self.recording = True
         self._latest: deque[Reading] = deque(maxlen=1000)
 
-    def open(self, design: SkinDesign, port: int, names: Sequence[str]) -> str:
+    def open(self, design: SkinDesign, port: int, names: Sequence[str], recorded: bool) -> str:
         """Serve the page, with these estimators to choose from; its address."""
         self._view = View(
             design,
             port=port,
             on_press=self._press,
-            on_zero=self._zero_asked.set,
+            on_still=self._hold_still,
+            on_zero=partial(self._asked.append, "zero"),
+            on_undo=partial(self._asked.append, "undo"),
+            on_record=self._switch if recorded else None,
             estimators=names,
             on_choose=self._choices.append,
         )
@@ -347,11 +320,18 @@ class _Stage(Sink):
             self._view.write(reading, truth=contacts, vertices=vertices)
             time.sleep(_SHOWN / 4 + seconds)
 
+    def press(self, time: float) -> tuple[Contact, ...]:
+        """What touches the skin from this time on."""
+        contacts = self.hand.contacts(time)
+        self._pressed.appendleft((time, contacts))
+        return contacts
+
     def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
         """Show a reading, its estimate and the true touch."""
         if self._view is not None:
             self._latest.append(reading)
-            truth = self.hand.contacts(reading.time)
+            earlier = (touch for time, touch in self._pressed if time <= reading.time + 1e-6)
+            truth = next(earlier, ())
             vertices = self.twin.sheet_vertices(truth)
             self._view.write(
                 reading, estimate, truth=truth, vertices=vertices, latency=self._latency
@@ -374,19 +354,64 @@ class _Stage(Sink):
         if self._choices:
             readers.choose(self._choices.popleft())
             self.tell()
-        if self._zero_asked.is_set():
-            self._zero_asked.clear()
-            self._zero_at = now + _LIFT
-            self.hand.lift(self._zero_at)
+        if now >= self._told_until:
+            self._told_until = math.inf
+            self.tell()
+        while self._asked:
+            self._zero_or_undo(self._asked.popleft(), now, readers)
         if now >= self._zero_at:
             latest = [reading for reading in self._latest if reading.time >= now - _LIFT / 2]
-            readers.zero(latest)
             self._zero_at = math.inf
+            try:
+                readers.zero(latest)
+            except ArgumentError as error:
+                self._refuse("Let go first", str(error), now)
+
+    def _zero_or_undo(self, what: str, now: float, readers: Readers) -> None:
+        """Let the hand go for a new zero, which people must do too; or go back to the last one."""
+        if what == "undo":
+            if not readers.undo_zero():
+                self._refuse("Nothing to undo", "there is no zero before this one", now)
+        elif self.hand.fingers or self.hand.still:
+            self._refuse(
+                "Let go first", "the skin is touched; a zero is that of the untouched skin", now
+            )
+        else:
+            self._zero_at = now + _LIFT
+            self.hand.lift(self._zero_at)
+
+    def _refuse(self, word: str, reason: str, now: float) -> None:
+        """Say for a while why the zero stays as it is."""
+        self.tell(word, f"{reason[0].upper()}{reason[1:].rstrip('.')}.")
+        self._told_until = now + _TOLD
 
     def close(self) -> None:
-        """End the page."""
+        """End the page, with a last sentence."""
         if self._view is not None:
+            self._view.end(_farewell(self.hand.judge()))
             self._view.close()
 
-    def _press(self, contact: Contact | None) -> None:
-        self.hand.mouse = contact
+    def _press(self, contacts: tuple[Contact, ...]) -> None:
+        self.hand.fingers = contacts
+
+    def _hold_still(self, still: bool) -> None:
+        self.hand.still = still
+
+    def _switch(self, recording: bool) -> None:
+        self.recording = recording
+
+
+class _Switched(Sink):
+    """A recorder that people can stop and let go on."""
+
+    def __init__(self, recorder: Recorder, stage: _Stage) -> None:
+        self._recorder, self._stage = recorder, stage
+
+    def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
+        """Record, unless people have stopped it."""
+        if self._stage.recording:
+            self._recorder.write(reading, estimate)
+
+    def close(self) -> None:
+        """End the recording."""
+        self._recorder.close()

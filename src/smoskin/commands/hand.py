@@ -1,7 +1,7 @@
 """The scripted hand of the demonstration, and what is said of its touches.
 
-Decides when the mouse or a new zero pushes it aside, and how a
-touch is judged: by the median of the estimates made while it was held.
+Decides when fingers or a new zero push it aside, and how a touch is judged: by the median of the
+estimates made while it was held.
 """
 
 import math
@@ -58,13 +58,17 @@ class JudgedTouch:
 
 
 class Hand:
-    """The scripted hand, the mouse beside it, and what was estimated meanwhile.
+    """The scripted hand, people's fingers beside it, and what was estimated meanwhile.
 
     It makes the touches of its script one after the other, and starts over if it shall repeat.
     """
 
     def __init__(self, script: Sequence[Contact], *, repeat: bool) -> None:
-        self.mouse: Contact | None = None
+        self.fingers: tuple[Contact, ...] = ()
+        """What people press the skin with."""
+        self.still = False
+        """Whether the hand stays where it is, beside their fingers."""
+        self._kept: Contact | None = None
         self._script = script
         self._repeat = repeat
         self._start = math.inf
@@ -78,7 +82,7 @@ class Hand:
         self._start = min(self._start, time)
 
     def lift(self, until: float) -> None:
-        """Let go of the skin until this time, s; the mouse too."""
+        """Let go of the skin until this time, s; fingers too."""
         self._lifted_until = until
 
     def spoil(self, time: float) -> None:
@@ -87,16 +91,17 @@ class Hand:
             self._spoilt.add(self._phase(time)[0])
 
     def contacts(self, time: float) -> tuple[Contact, ...]:
-        """What touches the skin at a time; the mouse pushes the hand aside."""
+        """What touches the skin at a time; fingers push aside a hand that does not stay."""
         if time < self._start:
             return ()
         # Times that differ in their last bits alone are one, lest the twin be solved for each.
         number, since = self._phase(round(time, 6))
-        mouse, lifted = self.mouse, time < self._lifted_until
-        if mouse is not None or lifted:
+        touch, fingers, lifted = self._touch(number), self.fingers, time < self._lifted_until
+        self._kept = (self._kept or touch) if self.still else None
+        if fingers or lifted or self._kept is not None:
             self._spoilt.add(number)
-            return () if lifted or mouse is None else (mouse,)
-        touch = self._touch(number)
+            hand = () if self._kept is None else (self._kept,)
+            return () if lifted else (*hand, *fingers)
         strength = min(since / RAMP, 1.0, (HOLD + 2 * RAMP - since) / RAMP)
         if touch is None or strength <= 0:
             return ()

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -136,10 +137,11 @@ def test_a_port_in_use_is_refused() -> None:
 
 def test_the_page_is_on_this_machine_only() -> None:
     with View(PLANAR) as view:
-        host, port = view.url.removeprefix("http://").split(":")
-        assert host == "127.0.0.1"
+        address = urlsplit(view.url)
+        assert address.hostname == "127.0.0.1"
+        assert address.query.startswith("token=")
         with pytest.raises(OSError, match=r".*"):
-            socket.create_connection(("127.0.0.2", int(port)), timeout=1.0)
+            socket.create_connection(("127.0.0.2", address.port), timeout=1.0)
 
 
 def test_closing_twice_leaves_no_thread_and_no_output(capsys: pytest.CaptureFixture[str]) -> None:
@@ -246,10 +248,13 @@ def test_the_page_shows_what_it_is_told() -> None:
 
         with feeding(lambda k: view.write(reading(0.02 * k), NOTHING, latency=1.25e-3)):
             opened.wait_until(lambda: opened.text("status") == "Not touched")
-            opened.wait_until(lambda: float(opened.text("rate").removesuffix(" Hz")) > 10)
+            opened.wait_until(lambda: float(opened.text("rate").removesuffix(" readings/s")) > 10)
             assert opened.text("latency") == "1.2 ms"
             assert opened.page.get_by_text("smoskin: planar").count() > 0
-            assert opened.page.get_by_text("Press with the mouse").count() == 0
+            assert opened.page.get_by_text("Press the skin").count() == 0
+            assert opened.page.get_by_text("Three magnetic chips under a folded sheet").count() == 1
+            assert opened.page.get_by_role("button", name="Stop recording").count() == 0
+            empty = opened.page.locator('[data-name="touches"] tr').all_text_contents()
         opened.wait_until(lambda: opened.text("status") == "Silent")
         opened.dismiss_notices()
         untouched = picture(opened)
@@ -263,82 +268,199 @@ def test_the_page_shows_what_it_is_told() -> None:
         with feeding(lambda k: view.write(reading(100 + 0.02 * k), touched, truth=[TOUCH])):
             opened.wait_until(lambda: opened.text("status") == "Touched")
             assert opened.text("sentence") == Status.CONTACT.value
-        assert opened.text("touch") == "x 45.0 mm  y 80.0 mm  Fn 0.50 N"
+        assert opened.text("touch") == "x 45.0 mm  y 80.0 mm  F 0.51 N"
         assert opened.page.locator('[data-name="touches"] tr').all_text_contents() == [
             "estimatetrueerror",
             "x, mm45.0± 2.045.0+0.0",
             "y, mm80.0± 1.080.0+0.0",
-            "Fn, N0.500± 0.0400.500+0.000",
+            "F, N0.512± 0.0390.512+0.000",
+            "press, N0.500± 0.0400.500+0.000",
             "Fx, N0.100± 0.0200.100+0.000",
             "Fy, N-0.050± 0.030-0.050+0.000",
         ]
+        assert len(empty) == 7  # the rows stand where they are
         opened.wait_until(lambda: vermilion(picture(opened)) > 100)
 
         with feeding(lambda k: view.write(reading(200 + 0.02 * k, flags=flags), missing)):
             opened.wait_until(lambda: opened.text("status") == "Chip missing")
             opened.wait_until(lambda: opened.page.get_by_text("S2 · missing").count() == 1)
+        assert opened.text("tally") == "1 touch so far, off by 0.0 mm (median)"
+        opened.page.get_by_role("checkbox", name="Trail").uncheck()
         opened.wait_until(lambda: vermilion(picture(opened)) < 20)
+
+        view.end("The demonstration is over: 24 touches, 0.3 mm.")
+        view.close()
+        over = opened.page.get_by_text("The demonstration is over: 24 touches, 0.3 mm.").last
+        opened.wait_until(over.is_visible)
+
+
+Presses = list[tuple[Contact, ...]]
+
+
+def settle(opened: OpenPage) -> tuple[float, float, float, float]:
+    """Waits until the panels stand; the place of the picture."""
+    opened.page.get_by_text("Press the skin").wait_for()
+    opened.page.wait_for_timeout(1500)  # the panels slide in and the canvas shrinks
+    opened.dismiss_notices()
+    return opened.canvas()
 
 
 @pytest.mark.browser
-def test_a_mouse_presses_the_skin() -> None:
-    presses: list[Contact | None] = []
-    zeros: list[float] = []
-
-    def press(contact: Contact | None) -> None:
-        presses.append(contact)
-
-    def zero() -> None:
-        zeros.append(time.monotonic())
-
-    with View(PLANAR, on_press=press, on_zero=zero) as view, open_page(view.url) as opened:
+def test_the_skin_is_pressed_while_the_button_is_held() -> None:
+    presses: Presses = []
+    top = SHEET.vertices[:, 2].max()
+    with View(PLANAR, on_press=presses.append) as view, open_page(view.url) as opened:
         view.write(reading(), NOTHING)
-        opened.wait_until(lambda: opened.text("status") != "Waiting")
-        opened.page.get_by_text("Press with the mouse").wait_for()
-        opened.page.wait_for_timeout(1500)  # The panels slide in and the canvas shrinks.
-        opened.dismiss_notices()
-        canvas = opened.canvas()
-        top = geometry(PLANAR).sheet.vertices[:, 2].max()
+        canvas = settle(opened)
+        mouse = opened.page.mouse
 
-        for cell in ((0, 0), (3, 2), (5, 4)):
-            place = geometry(PLANAR).tops[cell]
+        def go(place: Floats, **options: int) -> None:
+            mouse.move(*pixels(np.array([*place, top]), canvas), **options)
+
+        # The left button presses from down to up, and slides between.
+        for cell in ((0, 0), (5, 4)):
+            place = SKIN.tops[cell]
             presses.clear()
-            opened.page.mouse.click(*pixels(np.array([*place, top]), canvas))
-            opened.wait_until(lambda: len(presses) == 2)
-            pressed, released = presses
-            assert pressed is not None
+            go(place)
+            mouse.down()
+            opened.wait_until(lambda: presses)
+            opened.page.wait_for_timeout(500)
+            assert len(presses) == 1
+            ((pressed,),) = presses
             np.testing.assert_allclose(pressed.position, place, atol=1e-3)
             np.testing.assert_allclose(pressed.force, (0.0, 0.0, -0.5))
-            assert released is None
+            mouse.up()
+            opened.wait_until(lambda: presses[-1] == ())
 
         presses.clear()
-        opened.page.get_by_label("Keep pressing until released").check()
-        opened.page.mouse.click(*pixels(np.array([*place, top]), canvas))
-        opened.wait_until(lambda: presses)
-        opened.page.wait_for_timeout(2500)
-        assert len(presses) == 1
-        opened.page.get_by_role("button", name="Release").click()
-        opened.wait_until(lambda: presses[-1] is None)
-
-        presses.clear()
-        along = geometry(PLANAR).tops[1:5, 1]
-        opened.page.keyboard.down("Shift")
-        for number, place in enumerate(along):
-            opened.page.mouse.move(*pixels(np.array([*place, top]), canvas), steps=8)
-            if number == 0:
-                opened.page.mouse.down()
+        along = SKIN.tops[1:5, 1]
+        go(along[0])
+        mouse.down()
+        for place in along:
+            go(place, steps=8)
             opened.page.wait_for_timeout(200)
-        opened.page.mouse.up()
-        opened.page.keyboard.up("Shift")
-        opened.wait_until(lambda: presses and presses[-1] is None)
-        slide = np.array([contact.position for contact in presses if contact is not None])
+        mouse.up()
+        opened.wait_until(lambda: presses and presses[-1] == ())
+        slide = np.array([contact.position for press in presses for contact in press])
         assert len(slide) > 4
-        assert np.all(np.diff(slide[:, 0]) > 0)
+        assert np.all(np.diff(slide[:, 0]) >= 0)
         np.testing.assert_allclose(slide[-1], along[-1], atol=2e-3)
 
-        opened.page.get_by_role("button", name="Zero").click()
-        opened.wait_until(lambda: zeros)
-    assert len(zeros) == 1
+        # The right button sets a finger that stays beside the left one, until it is pressed again.
+        presses.clear()
+        go(SKIN.tops[1, 1])
+        mouse.click(*pixels(np.array([*SKIN.tops[1, 1], top]), canvas), button="right", delay=300)
+        opened.wait_until(lambda: presses)
+        go(SKIN.tops[4, 4])
+        mouse.down()
+        opened.wait_until(lambda: len(presses[-1]) == 2)
+        assert {contact.position[0] > 0.06 for contact in presses[-1]} == {True, False}
+        mouse.up()
+        opened.wait_until(lambda: len(presses[-1]) == 1)
+        mouse.click(*pixels(np.array([*SKIN.tops[4, 4], top]), canvas), button="right", delay=300)
+        opened.wait_until(lambda: presses[-1] == ())
+
+        # Beside the sheet a drag turns the picture and presses nothing.
+        presses.clear()
+        before = picture(opened)
+        mouse.move(canvas[0] + 60, canvas[1] + 60)
+        mouse.down()
+        mouse.move(canvas[0] + 160, canvas[1] + 90, steps=5)
+        mouse.up()
+        opened.wait_until(lambda: np.abs(picture(opened) - before).mean() > 2)
+        assert presses == []
+
+
+@pytest.mark.browser
+def test_every_control_does_what_it_says() -> None:
+    done: list[object] = []
+    with (
+        View(
+            PLANAR,
+            on_press=lambda contacts: None,
+            on_still=lambda still: done.append(("still", still)),
+            on_zero=lambda: done.append("zero"),
+            on_undo=lambda: done.append("undo"),
+            on_record=lambda recording: done.append(("record", recording)),
+        ) as view,
+        open_page(view.url) as opened,
+    ):
+        settle(opened)
+
+        def press(name: str) -> None:
+            opened.page.get_by_role("button", name=name, exact=True).dispatch_event("click")
+
+        with feeding(lambda k: view.write(reading(0.02 * k), NOTHING)):
+            for name, what in (
+                ("Zero", "zero"),
+                ("Undo", "undo"),
+                ("Stop recording", ("record", False)),
+                ("Record", ("record", True)),
+            ):
+                press(name)
+                opened.wait_until(lambda what=what: done and done[-1] == what)  # type: ignore[misc]
+            opened.page.get_by_label("Hold the hand still").check()
+            opened.wait_until(lambda: done[-1] == ("still", True))
+            opened.wait_until(lambda: opened.text("status") == "Not touched")
+            press("Pause")
+            opened.page.get_by_role("button", name="Go on", exact=True).wait_for()
+        opened.page.wait_for_timeout(2000)
+        assert opened.text("status") == "Not touched"  # it would have fallen silent
+        press("Go on")
+        opened.wait_until(lambda: opened.text("status") == "Silent")
+
+        # A box beside a slider shows what the slider holds.
+        box = opened.page.locator(".mantine-NumberInput-input").first
+        for typed, shown in (("99", "1"), ("abc", "1"), ("0.3", "0.3"), ("", "0.3")):
+            box.fill("")
+            box.press_sequentially(typed)
+            box.blur()
+            opened.wait_until(lambda shown=shown: box.input_value() == shown)  # type: ignore[misc]
+        assert view._panel.force == (0.0, 0.0, -0.3)
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+def test_a_telephone_shows_the_skin_and_folds_the_panel() -> None:
+    touched = Estimate(
+        time=0.0,
+        status=Status.CONTACT,
+        contacts=(TOUCH,),
+        covariance=np.diag([2e-3, 1e-3, 0.02, 0.03, 0.04])[None] ** 2,
+    )
+    with View(PLANAR, on_press=lambda contacts: None) as view, open_page(view.url) as opened:
+        opened.page.set_viewport_size({"width": 390, "height": 844})
+        opened.page.reload()
+        with feeding(lambda k: view.write(reading(0.02 * k), touched, truth=[TOUCH])):
+            now = opened.page.locator("#skin-now")
+            opened.wait_until(lambda: now.text_content() == "x 45.0 mm  y 80.0 mm  F 0.51 N")
+            folder = opened.page.get_by_text("Press the skin")
+            opened.wait_until(lambda: not folder.is_visible())
+            opened.wait_until(lambda: vermilion(picture(opened)) > 50)
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+def test_the_system_says_whether_the_page_is_dark() -> None:
+    with View(PLANAR) as view, open_page(view.url) as opened:
+        page = opened.page
+        scheme = "document.documentElement.dataset.mantineColorScheme"
+        opened.wait_until(lambda: page.evaluate(scheme) == "light")
+        page.emulate_media(color_scheme="dark")
+        opened.wait_until(lambda: page.evaluate(scheme) == "dark")
+        assert "token=" in page.url
+        page.emulate_media(color_scheme="light")
+        opened.wait_until(lambda: page.evaluate(scheme) == "light")
+
+
+def test_a_cell_is_outlined_where_the_estimate_is_one() -> None:
+    with View(PLANAR) as view:
+        cells = view._scene._cells
+        shown = []
+        for place in (SKIN.tops[3, 3], SKIN.tops[3, 3] + 1e-5):
+            cells.show([Contact(position=place, force=(0.0, 0.0, -0.5))], lambda _: 5e-3)
+            shown.append([outline.visible for outline in cells._outlines])
+        assert shown == [[True, False], [False, False]]
 
 
 @pytest.mark.browser
@@ -378,18 +500,17 @@ def test_what_a_callback_raises_reaches_the_caller() -> None:
 
 @pytest.mark.browser
 def test_closing_lets_go_of_a_press_and_of_the_browser() -> None:
-    presses: list[Contact | None] = []
+    presses: Presses = []
     before = set(threading.enumerate())
     view = View(PLANAR, on_press=presses.append)
     with open_page(view.url) as opened:
         inside = set(threading.enumerate())
-        opened.page.get_by_label("Keep pressing until released").check()
-        opened.page.wait_for_timeout(1500)
-        middle = geometry(PLANAR).tops[2, 2]
-        opened.page.mouse.click(*pixels(np.array([*middle, 8e-3]), opened.canvas()))
+        canvas = settle(opened)
+        opened.page.mouse.move(*pixels(np.array([*SKIN.tops[2, 2], 8e-3]), canvas))
+        opened.page.mouse.down()
         opened.wait_until(lambda: presses)
         view.close()
-        assert presses[-1] is None
+        assert presses[-1] == ()
         assert len(presses) == 2
         assert_gone(inside)
     assert_gone(before)

@@ -45,10 +45,14 @@ class Marker:
         radius, faint = (_DISC_RADIUS, 0.8) if solid else (1.35 * _DISC_RADIUS, opacity)
         scene.add_cylinder(f"{name}/disc", radius=radius, height=0.02, color=color, opacity=faint)
         self._ellipse = scene.add_line_segments(
-            f"{name}/ellipse", np.zeros((48, 2, 3)), color, thickness=0.08, visible=False
+            f"{name}/ellipse",
+            np.zeros((48, 2, 3)),
+            line_color(color),
+            thickness=0.08,
+            visible=False,
         )
         self._label = scene.add_label(
-            f"{name}/label", "", font_screen_scale=1.0, anchor="bottom-center", visible=False
+            f"{name}/label", "", font_screen_scale=0.9, anchor="bottom-center", visible=False
         )
 
     def show(self, contact: Contact, height: float, covariance: Floats) -> None:
@@ -63,7 +67,7 @@ class Marker:
             self._ellipse.points = ellipse(covariance).astype(np.float32)
         self._ellipse.visible = known
         if self._solid:
-            self._label.text = f"{np.linalg.norm(force):.2f} N"
+            self._label.text = f"F {np.linalg.norm(force):.2f} N"
             self._label.position = tuple(_tail(force) + np.array((0.0, 0.0, 0.35)))
             self._label.visible = True
         self._root.visible = True
@@ -105,6 +109,12 @@ def arrow(force: Floats, girth: float) -> tuple[Floats, Ints]:
         )
     ]
     return np.concatenate(rings), np.concatenate(faces)
+
+
+def line_color(color: tuple[int, int, int]) -> tuple[int, int, int]:
+    """What the viewer must be told for a line of this colour: it takes lines' for linear light."""
+    red, green, blue = (round(255 * (part / 255) ** 2.2) for part in color)
+    return red, green, blue
 
 
 def ellipse(covariance: Floats) -> Floats:

@@ -8,23 +8,26 @@ people carry a `data-name` attribute, by which programs find them in the page.
 import math
 from collections import deque
 from collections.abc import Sequence
-from functools import cache
 from html import escape
-from importlib import resources
-from string import Template
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from smoskin.arrays import Floats
-from smoskin.records import ChipFlag, Contact, Reading, Status
-from smoskin.service.page.scene import ESTIMATED, TRUE, Moment
+from smoskin.design.skin import SkinDesign
+from smoskin.origami.geometry import geometry
+from smoskin.records import ChipFlag, Contact, Status
+from smoskin.service.page.parts import css, html
+from smoskin.service.page.scene import CREASE, ESTIMATED, SUNK, TRUE, Moment
+from smoskin.service.page.tally import Tally
 
 if TYPE_CHECKING:
     import viser
     from viser import uplot
 
 _HISTORY: Final = 10.0
+_QUIET: Final = 20.0
+"""Least that a plot shows to both sides of 0, uT, so that noise looks like noise."""
 _STALE_AFTER: Final = 1.0
 _GREY, _GREEN, _AMBER, _RED, _BLUE = "#8a919c", "#2b8a5f", "#d08700", "#c92a2a", "#1f6fb5"
 _STATUS: Final = {
@@ -38,63 +41,81 @@ _STATUS: Final = {
     Status.NOT_CALIBRATED: ("Not calibrated", _AMBER),
 }
 _AXES: Final = (("Bx", "#c2478f"), ("By", "#0f9d74"), ("Bz", "#1f6fb5"))
+_LEGEND: Final = (("estimated", ESTIMATED), ("true", TRUE), ("rest", CREASE), ("sunk", SUNK))
 _BAD: Final = ChipFlag.MISSING | ChipFlag.INVALID
-_QUANTITIES: Final = (("x, mm", 1), ("y, mm", 1), ("Fn, N", 3), ("Fx, N", 3), ("Fy, N", 3))
-"""Rows of a touch's table, and the digits that each shows."""
+_QUANTITIES: Final = (
+    ("x, mm", 1),
+    ("y, mm", 1),
+    ("F, N", 3),
+    ("press, N", 3),
+    ("Fx, N", 3),
+    ("Fy, N", 3),
+)
+"""Rows of a touch's table, and the digits that each shows; F is the whole force."""
 
 
 class Panel:
     """The page's panels, of chips in the order of every reading.
 
-    Where presses go nowhere their controls are left out; estimators are to choose from where there
-    are two.
+    Where presses or recordings go nowhere their controls are left out; estimators are to choose
+    from where there are two.
     """
 
     def __init__(
         self,
         server: "viser.ViserServer",
         title: str,
-        chips: Sequence[str],
-        pressable: bool,
+        design: SkinDesign,
         estimators: Sequence[str],
+        *,
+        pressable: bool,
+        recordable: bool,
     ) -> None:
         gui = server.gui
-        self._chips = tuple(chips)
+        self._chips = tuple(site.name for site in design.halls)
         self._zero: Floats = np.full((len(self._chips), 3), np.nan)
         self._field = self._zero
         self._start = 0.0
+        self._scale = _QUIET
         self._history: deque[tuple[float, Floats]] = deque()
+        self.tally = Tally(geometry(design).extent)
+        self.end = ""
+        """Last sentence of the page, empty while it goes on."""
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 111, 181))
         gui.set_panel_label(title)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(340)
-        self._card = gui.add_html(_card(None, math.nan, 0.0, None))
+        self._card = gui.add_html(self._card_html(None, math.nan, 0.0, None))
         self.chooser = (
             gui.add_dropdown("Estimator", tuple(estimators), hint="What reads the chips.")
             if len(estimators) > 1
             else None
         )
-        self.zero_button = gui.add_button(
-            "Zero", hint="Take the skin as untouched now; let go of it first.", color="gray"
+        with gui.add_folder("Press the skin", visible=pressable):
+            gui.add_html(html("note"))
+            self._push = gui.add_slider("Press, N", 0.05, 1.0, 0.05, 0.5)
+            self._shear_x = gui.add_slider("Shear x, N", -0.4, 0.4, 0.05, 0.0)
+            self._shear_y = gui.add_slider("Shear y, N", -0.4, 0.4, 0.05, 0.0)
+            self.still = gui.add_checkbox(
+                "Hold the hand still", False, hint="It touches on where it is, beside your finger."
+            )
+        actions = ("Pause", "Zero", "Undo", *(("Stop recording",) if recordable else ()))
+        self.actions = gui.add_button_group(
+            "Actions", actions, hint="Let go before Zero; Undo goes back to the zero before."
         )
-        with gui.add_folder("Press with the mouse", visible=pressable):
-            gui.add_html(_html("note"))
-            self._push = gui.add_slider("Press, N", 0.05, 2.0, 0.05, 0.5)
-            self._shear_x = gui.add_slider("Shear x, N", -1.0, 1.0, 0.05, 0.0)
-            self._shear_y = gui.add_slider("Shear y, N", -1.0, 1.0, 0.05, 0.0)
-            self._hold = gui.add_slider("Hold, s", 0.2, 5.0, 0.1, 1.5)
-            self._keep = gui.add_checkbox("Keep pressing until released", False)
-            self.release_button = gui.add_button("Release", color="gray")
+        with gui.add_folder("Touches so far"):
+            self._touches = gui.add_html(self.tally.html())
         with gui.add_folder("Picture"):
             self._exaggeration = gui.add_slider("Deformation ×", 1.0, 30.0, 1.0, 10.0)
-            self._opacity = gui.add_slider("Sheet opacity", 0.1, 1.0, 0.1, 1.0)
-            estimated, true = (",".join(map(str, color)) for color in (ESTIMATED, TRUE))
-            gui.add_html(_html("legend", estimated=estimated, true=true))
+            self._opacity = gui.add_slider("Sheet opacity", 0.1, 1.0, 0.1, 0.6)
+            self._trail = gui.add_checkbox("Trail", True, hint="Places that were estimated last.")
+            colors = {name: css(color) for name, color in _LEGEND}
+            gui.add_html(html("legend", **colors))
         fields = gui.add_panel()
         fields.dock_left()
         fields.set_width(320)
         with fields.add_tab("Field change, µT"):
-            gui.add_html(_html("curves", **dict(_AXES)))
+            gui.add_html(html("curves", **dict(_AXES)))
             self._plots = [_plot(server, name) for name in self._chips]
 
     @property
@@ -103,22 +124,26 @@ class Panel:
         return float(self._shear_x.value), float(self._shear_y.value), -float(self._push.value)
 
     @property
-    def hold(self) -> float:
-        """Time for which a click presses, s; infinite while presses are kept."""
-        return math.inf if self._keep.value else float(self._hold.value)
+    def picture(self) -> tuple[float, float, Floats]:
+        """How much larger than life deformation is drawn, the sheet's opacity, and the trail."""
+        trail = self.tally.trail if self._trail.value else np.zeros((0, 2))
+        return float(self._exaggeration.value), float(self._opacity.value), trail
 
-    @property
-    def picture(self) -> tuple[float, float]:
-        """How much larger than life deformation is drawn, and the sheet's opacity, 0 to 1."""
-        return float(self._exaggeration.value), float(self._opacity.value)
+    def relabel(self, action: str, label: str) -> None:
+        """Let a button that did one thing do its opposite."""
+        self.actions.options = tuple(
+            label if name == action else name for name in self.actions.options
+        )
 
     def zero(self) -> None:
         """Draw the curves from the next reading's field onwards."""
         self._zero = np.full_like(self._zero, np.nan)
         self._history.clear()
 
-    def record(self, reading: Reading) -> None:
-        """Add a reading to the curves."""
+    def record(self, moment: Moment) -> None:
+        """Add a moment to the curves and to the touches so far."""
+        self.tally.add(moment)
+        reading = moment.reading
         # A chip that gives no numbers keeps its last good ones; its heading says so.
         bad = (reading.flags & _BAD) != 0
         self._field = np.where(bad[:, None], self._field, reading.field)
@@ -141,7 +166,8 @@ class Panel:
         `rate` is that of the readings, Hz, `now` the time on the view's clock, s; a word and a
         sentence that are `announced` stand in place of the estimate's status.
         """
-        self._card.content = _card(moment, rate, now, announced)
+        self._card.content = self._card_html(moment, rate, now, announced)
+        self._touches.content = self.tally.html()
         if moment is None or not self._history:
             return
         # Running seconds, because the plots lay out their axes anew only when a scale moves.
@@ -151,30 +177,82 @@ class Panel:
             # Zeros before the zero, so that short curves have the scale of long ones.
             times = np.concatenate([[times[-1] - _HISTORY, 0.0], times])
             changes = np.concatenate([np.zeros_like(changes[[0, 0]]), changes])
+        self._fit(float(np.abs(changes).max()))
         for chip, plot in enumerate(self._plots):
             plot.data = (times, *changes[:, chip].T)
             plot.title = _heading(self._chips[chip], ChipFlag(int(moment.reading.flags[chip])))
+
+    def _fit(self, change: float) -> None:
+        """Give all curves one scale that holds this change, uT; it shrinks when half is idle."""
+        if 0.45 * self._scale < change <= self._scale or change <= self._scale == _QUIET:
+            return
+        power = 10.0 ** math.floor(math.log10(max(change, _QUIET)))
+        steps = (power * step for step in (1, 1.5, 2, 3, 4, 5, 6, 8, 10))
+        self._scale = next(step for step in steps if step >= max(change, _QUIET))
+        for plot in self._plots:
+            plot.scales = _scales(self._scale)
+
+    def _card_html(
+        self,
+        moment: Moment | None,
+        rate: float,
+        now: float,
+        announced: tuple[str, str] | None,
+    ) -> str:
+        """The status, the touches and the pace, as HTML; rows stay where they are."""
+        estimate = None if moment is None else moment.estimate
+        word, color, sentence = _status(moment, now, announced)
+        contacts = () if estimate is None else estimate.contacts
+        covariance = np.full((1, 5, 5), np.nan) if estimate is None else estimate.covariance
+        truth = () if moment is None else moment.truth
+        return html(
+            "card",
+            color=color,
+            word=escape(word),
+            sentence=escape(sentence),
+            line=_line(contacts[0]) if contacts else "–",
+            rows=_rows(contacts, covariance, truth),
+            second=f"second touch {_line(contacts[1])}" if len(contacts) > 1 else " ",
+            rate=_number(rate, 0),
+            latency=_number(math.nan if moment is None else moment.latency * 1e3, 1),
+            end=escape(self.end),
+        )
+
+
+def _status(
+    moment: Moment | None, now: float, announced: tuple[str, str] | None
+) -> tuple[str, str, str]:
+    """Word, colour and sentence for how the skin is."""
+    if announced is not None:
+        return announced[0], _BLUE, announced[1]
+    if moment is None:
+        return "Waiting", _GREY, "No reading has come yet."
+    if (age := now - moment.arrival) > _STALE_AFTER:
+        return "Silent", _RED, f"No reading for {age:.0f} s."
+    if moment.estimate is None:
+        return "Reading", _GREY, "No estimator reads the skin."
+    return *_STATUS[moment.estimate.status], moment.estimate.status.value
 
 
 def _plot(server: "viser.ViserServer", name: str) -> "viser.GuiUplotHandle":
     """Curves of one chip over the seconds since the zero."""
     span, nothing = np.array((-_HISTORY, 0.0)), np.zeros(2)
-    seconds: uplot.Axis = {"size": 24, "ticks": {"show": False}}
-    microtesla: uplot.Axis = {"size": 44, "ticks": {"show": False}}
+    seconds: uplot.Axis = {"size": 24, "ticks": {"show": False}, "label": "s", "labelSize": 14}
+    microtesla: uplot.Axis = {
+        "size": 62,
+        "ticks": {"show": False},
+        "label": "µT",
+        "labelSize": 16,
+        "labelGap": 0,
+    }
     curves: list[uplot.Series] = [
         {"stroke": color, "width": 1.6, "points": {"show": False}} for _, color in _AXES
     ]
-    # At least +-20 uT, so that noise looks like noise.
-    margin = {"pad": 0.1, "mode": 1}
     return server.gui.add_uplot(
         data=(span, nothing, nothing, nothing),
         series=({}, *curves),
         title=name,
-        scales={
-            # Without `time` the seconds would be read as dates of 1970.
-            "x": {"time": False},
-            "y": {"range": {"min": {**margin, "soft": -20.0}, "max": {**margin, "soft": 20.0}}},
-        },
+        scales=_scales(_QUIET),
         axes=(seconds, microtesla),
         legend={"show": False},
         cursor={"show": False},
@@ -183,75 +261,54 @@ def _plot(server: "viser.ViserServer", name: str) -> "viser.GuiUplotHandle":
     )
 
 
+def _scales(widest: float) -> "dict[str, uplot.Scale]":
+    """Seconds, and the field to both sides of 0, uT."""
+    # Without `time` the seconds would be read as dates of 1970.
+    return {"x": {"time": False}, "y": {"range": (-widest, widest)}}
+
+
 def _heading(name: str, flags: ChipFlag) -> str:
     """Name of a chip, and what is wrong with its reading."""
     wrong = [flag.name.lower() for flag in ChipFlag if flag in flags and flag.name]
     return f"{name} · {', '.join(wrong)}" if wrong else name
 
 
-@cache
-def _template(name: str) -> Template:
-    """The HTML of a part of the page."""
-    file = resources.files("smoskin.service.page") / f"{name}.html"
-    return Template(file.read_text(encoding="utf-8"))
+def _line(contact: Contact) -> str:
+    """A touch in a line; F is the whole force, as on its arrow."""
+    x, y, force, *_ = _quantities(contact)
+    return f"x {x:.1f} mm  y {y:.1f} mm  F {force:.2f} N"
 
 
-def _html(name: str, **values: str) -> str:
-    """A part of the page with its values."""
-    return _template(name).substitute(values)
-
-
-def _card(moment: Moment | None, rate: float, now: float, announced: tuple[str, str] | None) -> str:
-    """The status, the touches and the pace, as HTML."""
-    estimate = None if moment is None else moment.estimate
-    if announced is not None:
-        (word, sentence), color = announced, _BLUE
-    elif moment is None:
-        word, color, sentence = "Waiting", _GREY, "No reading has come yet."
-    elif (age := now - moment.arrival) > _STALE_AFTER:
-        word, color, sentence = "Silent", _RED, f"No reading for {age:.0f} s."
-    elif estimate is None:
-        word, color, sentence = "Reading", _GREY, "No estimator reads the skin."
-    else:
-        word, color = _STATUS[estimate.status]
-        sentence = estimate.status.value
-    touches = ""
-    if moment is not None and estimate is not None:
-        marks = zip(estimate.contacts, estimate.covariance, strict=True)
-        touches = "".join(_touch(*mark, moment.truth) for mark in marks)
-    return _html(
-        "card",
-        color=color,
-        word=word,
-        sentence=escape(sentence),
-        touches=touches,
-        rate=_number(rate, 0),
-        latency=_number(math.nan if moment is None else moment.latency * 1e3, 1),
-    )
-
-
-def _touch(contact: Contact, covariance: Floats, truth: Sequence[Contact]) -> str:
-    """A line with a touch's place and force, and a table against the nearest true touch."""
+def _rows(contacts: Sequence[Contact], covariance: Floats, truth: Sequence[Contact]) -> str:
+    """A table's rows: the first touch against the nearest true one; empty without a touch."""
+    rows = [_row("th", ["", "estimate", "", "true", "error"])]
+    if not contacts:
+        return "".join(rows + [_row("td", [name, "–", "", "–", "–"]) for name, _ in _QUANTITIES])
+    contact = contacts[0]
     near = min(truth, key=lambda true: math.dist(true.position, contact.position), default=None)
-    variances = np.diag(covariance)[[0, 1, 4, 2, 3]]
-    deviations = np.sqrt(variances) * (1e3, 1e3, 1.0, 1.0, 1.0)
+    whole = contact.force / max(float(np.linalg.norm(contact.force)), 1e-9)
+    spread = np.diag(covariance[0])
+    variances = [spread[0], spread[1], whole @ covariance[0, 2:, 2:] @ whole, *spread[[4, 2, 3]]]
+    deviations = np.sqrt(variances) * (1e3, 1e3, 1.0, 1.0, 1.0, 1.0)
     estimated, true = _quantities(contact), None if near is None else _quantities(near)
-    rows = [_row("th", ["", "estimate", "", *(() if true is None else ("true", "error"))])]
     for index, (name, digits) in enumerate(_QUANTITIES):
         value, deviation = estimated[index], deviations[index]
-        spread = f"± {deviation:.{digits}f}" if math.isfinite(deviation) else ""
-        cells = [name, _number(value, digits), spread]
-        if true is not None:
+        cells = [name, _number(value, digits)]
+        cells.append(f"± {deviation:.{digits}f}" if math.isfinite(deviation) else "")
+        if true is None:
+            cells += ["–", "–"]
+        else:
             error = round(value - true[index], digits) + 0.0
             cells += [_number(true[index], digits), f"{error:+.{digits}f}"]
         rows.append(_row("td", cells))
-    line = f"x {estimated[0]:.1f} mm  y {estimated[1]:.1f} mm  Fn {estimated[2]:.2f} N"
-    return _html("touch", line=line, rows="".join(rows))
+    return "".join(rows)
 
 
 def _quantities(contact: Contact) -> list[float]:
-    """The numbers of a contact in the units of people: x, y, Fn, Fx, Fy."""
-    return [*(contact.position * 1e3).tolist(), contact.normal_force, *contact.force[:2].tolist()]
+    """The numbers of a contact in the units of people: x, y, F, press, Fx, Fy."""
+    x, y = (contact.position * 1e3).tolist()
+    force = contact.force
+    return [x, y, float(np.linalg.norm(force)), contact.normal_force, *force[:2].tolist()]
 
 
 def _row(tag: str, cells: Sequence[str]) -> str:

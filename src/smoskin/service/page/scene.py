@@ -14,7 +14,8 @@ from smoskin.arrays import Floats, Ints
 from smoskin.design.skin import SkinDesign
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate, Reading
-from smoskin.service.page.markers import LIFT, UNITS, Marker
+from smoskin.service.page.board import Cells, draw_rulers
+from smoskin.service.page.markers import LIFT, UNITS, Marker, line_color
 
 if TYPE_CHECKING:
     import viser
@@ -24,14 +25,20 @@ ESTIMATED: Final = (213, 94, 0)
 TRUE: Final = (40, 92, 168)
 """Colour of what is true."""
 
+CREASE: Final = (150, 138, 116)
+"""Colour of a crease at rest."""
+SUNK: Final = (46, 34, 22)
+"""Colour of a crease that has sunk."""
+
 _FIELD_OF_VIEW: Final = float(np.deg2rad(34.0))
 _PAPER: Final = (247, 226, 186)
-_CREASE: Final = np.array((150, 138, 116), dtype=float)
 _BOARD: Final = (108, 138, 130)
-_MAGNET: Final = (96, 100, 108)
-_CHIP: Final = (38, 40, 44)
+_MAGNET: Final = (58, 62, 70)
+_CHIP: Final = (24, 26, 30)
+_CREASE_LIFT: Final = np.array((0.0, 0.0, 0.015), dtype=np.float32)
+"""Place of the creases over the sheet, in units of the scene: they lie on it, not in it."""
 _VIVID_DEPTH: Final = 0.2e-3
-"""m: a crease takes the full colour of a touch where it has sunk this deep."""
+"""m: a crease is darkest where it has sunk this deep."""
 
 
 class Moment(NamedTuple):
@@ -61,15 +68,19 @@ def creases(facets: Ints) -> Ints:
     return np.unique(np.sort(edges.reshape(-1, 2), axis=1), axis=0)
 
 
-def camera(design: SkinDesign) -> tuple[Floats, Floats, float]:
-    """The eye's place and what it looks at first, (3,), m, and the picture's height, rad."""
+def camera(design: SkinDesign, *, narrow: bool = False) -> tuple[Floats, Floats, float]:
+    """The eye's place and what it looks at first, (3,), m, and the picture's height, rad.
+
+    A picture that is narrow for its height, as a telephone's, shows the skin from above.
+    """
     vertices = geometry(design).sheet.vertices
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     size = float(np.linalg.norm((high - low)[:2]))
     # The near edge looks larger than the far one: aim a little in front of the middle.
-    target = (low + high) / 2 - size * np.array((0.0, 0.04, 0.0))
-    towards = np.array((-0.26, -0.95, 1.05))
-    return target + towards / np.linalg.norm(towards) * size * 1.74, target, _FIELD_OF_VIEW
+    target = (low + high) / 2 - size * np.array((0.02, 0.06, 0.0))
+    towards = np.array((-0.08, -0.6, 1.6) if narrow else (-0.26, -0.95, 1.05))
+    distance = size * (2.3 if narrow else 1.8)
+    return target + towards / np.linalg.norm(towards) * distance, target, _FIELD_OF_VIEW
 
 
 def pick(
@@ -126,6 +137,11 @@ class SkinScene:
         self._rest = self._drawn = sheet.vertices
         self._stage()
         self._stage_parts()
+        draw_rulers(server, design)
+        self._cells = Cells(server, design, ESTIMATED)
+        self._dots = server.scene.add_point_cloud(
+            "/trail", np.zeros((0, 3)), ESTIMATED, point_size=0.14, point_shape="circle"
+        )
         self.sheet = server.scene.add_mesh_simple(
             "/sheet",
             self._drawn * UNITS,
@@ -138,7 +154,8 @@ class SkinScene:
         self._lines = server.scene.add_line_segments(
             "/creases",
             self._drawn[self._creases] * UNITS,
-            _CREASE.astype(np.uint8),
+            # One colour for all would stay white when each gets its own.
+            np.broadcast_to(line_color(CREASE), (len(self._creases), 2, 3)),
             thickness=0.05,
         )
 
@@ -146,10 +163,11 @@ class SkinScene:
         """The place on the skin that a ray of the viewer's scene meets first, (2,), m."""
         return pick(self._design, self._drawn, np.asarray(origin) / UNITS, direction)
 
-    def draw(self, moment: Moment, exaggeration: float, opacity: float) -> None:
+    def draw(self, moment: Moment, exaggeration: float, opacity: float, trail: Floats) -> None:
         """Show estimates solid, with their 95 % ellipses, and the truth translucent.
 
-        The deformation is drawn so many times larger than life, the sheet with this opacity.
+        The deformation is drawn so many times larger than life, the sheet with this opacity, and
+        a dot on each place of the trail (N, 2), m.
         """
         rest, vertices = self._rest, moment.vertices
         moved = np.zeros_like(rest) if vertices is None else np.nan_to_num(vertices - rest)
@@ -162,15 +180,26 @@ class SkinScene:
         self.sheet.opacity = opacity if opacity < 1.0 else None
         for node, vertex, offset in self._hung:
             node.position = tuple(points[vertex] + offset)
-        self._lines.points = points[self._creases]
-        self._lines.colors = (_CREASE + share * (np.array(ESTIMATED) - _CREASE)).astype(np.uint8)
+        self._lines.points = points[self._creases] + _CREASE_LIFT
+        crease, dark = (np.array(line_color(color), dtype=float) for color in (CREASE, SUNK))
+        self._lines.colors = (crease + share * (dark - crease)).astype(np.uint8)
+        self._draw_trail(trail)
         unknown = np.full((len(moment.truth), 2, 2), np.nan)
         self._mark("/true", moment.truth, unknown)
         if moment.estimate is None:
             self._mark("/estimated", (), unknown[:0])
+            self._cells.show((), self._height)
         else:
             spread = moment.estimate.covariance[:, :2, :2]
             self._mark("/estimated", moment.estimate.contacts, spread)
+            self._cells.show(moment.estimate.contacts, self._height)
+
+    def _draw_trail(self, places: Floats) -> None:
+        """Put a dot on each place, the older the paler."""
+        points = [(*place * UNITS, self._height(place) * UNITS + LIFT) for place in places]
+        age = np.linspace(0.8, 0.0, len(points))[:, None]
+        self._dots.points = np.array(points, dtype=np.float32).reshape(-1, 3)
+        self._dots.colors = (ESTIMATED + age * (np.array(_PAPER) - ESTIMATED)).astype(np.uint8)
 
     def _mark(self, name: str, contacts: Sequence[Contact], covariance: Floats) -> None:
         """Move one marker to each contact and hide the rest."""
@@ -208,17 +237,6 @@ class SkinScene:
         top = -self._design.columns.height * UNITS
         scene.add_box(
             "/board", color=_BOARD, dimensions=(width, depth, 0.16), position=(x, y, top - 0.08)
-        )
-        scene.add_grid(
-            "/table",
-            width=80.0,
-            height=80.0,
-            cell_size=1.0,
-            section_size=5.0,
-            cell_color=(226, 229, 233),
-            section_color=(206, 211, 217),
-            fade_distance=60.0,
-            position=(x, y, top - 1.2),
         )
 
     def _stage_parts(self) -> None:

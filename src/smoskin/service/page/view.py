@@ -1,7 +1,7 @@
 """A live page for a skin, served to browsers on this machine.
 
-Decides the pace of the page (the newest reading wins, drawn by a thread of its own), how a mouse
-press becomes a `Contact`, and how failures reach the caller. Hides the web server and the thread.
+Decides the pace of the page (the newest reading wins, drawn by a thread of its own), how a pointer
+on the sheet becomes a `Contact`, and how failures reach the caller. Hides server and thread.
 """
 
 import io
@@ -16,25 +16,29 @@ from queue import SimpleQueue
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from smoskin.arrays import Floats, floats
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import ArgumentError, MissingExtraError, SmoskinError
+from smoskin.errors import ArgumentError, SmoskinError
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate, Reading
 from smoskin.roles import Sink
+from smoskin.service.page.markers import UNITS
 from smoskin.service.page.panel import Panel
-from smoskin.service.page.scene import Moment, SkinScene
+from smoskin.service.page.parts import css, first_paint
+from smoskin.service.page.scene import ESTIMATED, TRUE, Moment, SkinScene, camera
+from smoskin.service.page.server import serve
 
 if TYPE_CHECKING:
     import viser
 
-_HOST: Final = "127.0.0.1"
 _DRAW_PERIOD: Final = 1.0 / 25.0
 _WRITE_EVERY: Final = 3
 _CLOSE_DEADLINE: Final = 5.0
+_LAST_WORDS: Final = 0.3
+"""s in which the last sentence reaches the browsers."""
 _RATE_WINDOW: Final = 1.0
+_NUMBERS: Final = {2: "Two", 3: "Three", 4: "Four", 5: "Five", 6: "Six"}
 
 
 class View(Sink):
@@ -48,10 +52,15 @@ class View(Sink):
     port : int
         TCP port on 127.0.0.1; 0 takes a free one.
     on_press : callable, optional
-        Called with a `Contact` when somebody presses the sheet in the page, whenever that
-        press moves or changes, and with None when it ends.
-    on_zero : callable
-        Called when somebody asks for a new zero.
+        Called with the contacts, none to two, with which people press the sheet in the page,
+        whenever one begins, moves, changes or ends.
+    on_still : callable
+        Called with whether somebody wants the hand to stay where it is.
+    on_zero, on_undo : callable
+        Called when somebody asks for a new zero, and for the one before.
+    on_record : callable, optional
+        Called with whether somebody wants the recording to go on; it does at the start. Without
+        it the page has no button for it.
     estimators, on_choose : sequence of str and callable
         Names of the estimators to choose from, the one that reads the skin first; called with the
         one that somebody chooses.
@@ -69,27 +78,39 @@ class View(Sink):
         design: SkinDesign,
         *,
         port: int = 0,
-        on_press: Callable[[Contact | None], None] | None = None,
+        on_press: Callable[[tuple[Contact, ...]], None] | None = None,
+        on_still: Callable[[bool], None] = lambda still: None,
         on_zero: Callable[[], None] = lambda: None,
+        on_undo: Callable[[], None] = lambda: None,
+        on_record: Callable[[bool], None] | None = None,
         estimators: Sequence[str] = (),
         on_choose: Callable[[str], None] = lambda name: None,
     ) -> None:
         self._design = design
-        self._on_press, self._on_zero, self._on_choose = on_press, on_zero, on_choose
+        self._on_press, self._on_still, self._on_choose = on_press, on_still, on_choose
+        self._on_zero, self._on_undo, self._on_record = on_zero, on_undo, on_record
         self._lock = threading.Lock()
         self._newest: Moment | None = None
         self._waiting = False
         self._dropped = 0
         self._announced: tuple[str, str] | None = None
         self._arrivals: deque[float] = deque()
-        self._finger: tuple[Floats, float] | None = None
-        self._pressed: Contact | None = None
+        self._fingers: dict[str, Floats] = {}
+        self._pressed: tuple[Contact, ...] = ()
+        self._paused = False
         self._asked: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._failure: Exception | None = None
         self._closing = threading.Event()
-        title, chips = f"smoskin: {design.name}", [site.name for site in design.halls]
-        self._server = _serve(port, title)
-        self._panel = Panel(self._server, title, chips, on_press is not None, estimators)
+        title = f"smoskin: {design.name}"
+        self._server, self._url = serve(port, title, *_first_paint(design, title))
+        self._panel = Panel(
+            self._server,
+            title,
+            design,
+            estimators,
+            pressable=on_press is not None,
+            recordable=on_record is not None,
+        )
         self._scene = SkinScene(self._server, design)
         self._listen()
         self._thread = threading.Thread(target=self._run, name="smoskin-view", daemon=True)
@@ -97,8 +118,8 @@ class View(Sink):
 
     @property
     def url(self) -> str:
-        """Address of the page."""
-        return f"http://{_HOST}:{self._server.get_port()}"
+        """Address of the page, with the token that lets a browser in."""
+        return self._url
 
     @property
     def watched(self) -> bool:
@@ -114,6 +135,11 @@ class View(Sink):
         """Say this in place of the estimates' status, or the status again."""
         with self._lock:
             self._announced = (word, sentence) if word else None
+
+    def end(self, sentence: str) -> None:
+        """Say a last sentence over the whole page; it stays there after the view is closed."""
+        with self._lock:
+            self._panel.end = sentence
 
     def write(
         self,
@@ -168,47 +194,65 @@ class View(Sink):
     def _listen(self) -> None:
         """Take note of what people do in the page; the view's thread acts on it."""
         # The callbacks are coroutines so that the server runs them in order on its own loop.
+        panel, asked = self._panel, self._asked
 
-        @self._panel.zero_button.on_click
+        @panel.actions.on_click
+        async def _(event: "viser.GuiEvent[viser.GuiButtonGroupHandle]") -> None:
+            self._do(event.target.value)
+
+        @panel.still.on_update
         async def _(event: object) -> None:
-            self._asked.put(self._panel.zero)
-            self._asked.put(self._on_zero)
+            asked.put(partial(self._on_still, bool(panel.still.value)))
 
-        chooser = self._panel.chooser
+        chooser = panel.chooser
         if chooser is not None:
 
             @chooser.on_update
             async def _(event: object) -> None:
-                self._asked.put(partial(self._on_choose, str(chooser.value)))
+                asked.put(partial(self._on_choose, str(chooser.value)))
 
-        if self._on_press is None:
-            return
+        if self._on_press is not None:
+            self._scene.sheet.on_drag("left")(self._move_finger)
+            self._scene.sheet.on_drag("right")(self._set_finger)
 
-        @self._panel.release_button.on_click
-        async def _(event: object) -> None:
-            self._lay_finger(None, 0.0)
+    def _do(self, action: str) -> None:
+        """Act on one of the panel's buttons."""
+        other = {"Pause": "Go on", "Stop recording": "Record"}
+        other |= {label: action for action, label in other.items()}
+        if action in other:
+            self._panel.relabel(action, other[action])
+        if action in ("Pause", "Go on"):
+            self._paused = action == "Pause"
+        elif action == "Zero":
+            self._asked.put(self._panel.zero)
+            self._asked.put(self._on_zero)
+        elif action == "Undo":
+            self._asked.put(self._on_undo)
+        elif self._on_record is not None:
+            self._asked.put(partial(self._on_record, action == "Record"))
 
-        @self._scene.sheet.on_click
-        async def _(event: "viser.SceneNodePointerEvent[viser.MeshHandle]") -> None:
-            self._press(event.ray_origin, event.ray_direction, self._panel.hold)
-
-        @self._scene.sheet.on_drag("left", modifier="shift")
-        async def _(event: "viser.SceneNodeDragEvent[viser.MeshHandle]") -> None:
-            if event.phase == "end":
-                self._lay_finger(None, 0.0)
-                return
-            eye = event.client.camera.position
-            self._press(eye, np.asarray(event.end_position) - eye, math.inf)
-
-    def _press(self, origin: ArrayLike, direction: ArrayLike, hold: float) -> None:
-        place = self._scene.place_under(origin, direction)
-        if place is not None:
-            self._lay_finger(place, hold)
-
-    def _lay_finger(self, place: Floats | None, hold: float) -> None:
-        """Press at a place for so many seconds from now; None lets go."""
+    async def _move_finger(self, event: "viser.SceneNodeDragEvent[viser.MeshHandle]") -> None:
+        """Press where the left button is held."""
+        place = None if event.phase == "end" else self._place(event)
         with self._lock:
-            self._finger = None if place is None else (place, time.monotonic() + hold)
+            if place is not None:
+                self._fingers["left"] = place
+            elif event.phase == "end":
+                self._fingers.pop("left", None)
+
+    async def _set_finger(self, event: "viser.SceneNodeDragEvent[viser.MeshHandle]") -> None:
+        """Set a finger that stays, or take it away."""
+        place = self._place(event) if event.phase == "start" else None
+        with self._lock:
+            if event.phase == "start" and self._fingers.pop("right", None) is not None:
+                return
+            if place is not None:
+                self._fingers["right"] = place
+
+    def _place(self, event: "viser.SceneNodeDragEvent[viser.MeshHandle]") -> Floats | None:
+        """The place on the skin under a pointer."""
+        eye = event.client.camera.position
+        return self._scene.place_under(eye, np.asarray(event.end_position) - eye)
 
     def _run(self) -> None:
         """Act on what people did, then draw the newest moment, until closed."""
@@ -218,20 +262,22 @@ class View(Sink):
                 self._act()
                 self._draw(write=frame % _WRITE_EVERY == 0)
                 frame += 1
-            self._lay_finger(None, 0.0)
+            self._fingers = {}
             self._act()
+            if self._panel.end and self.watched:
+                self._draw(write=True)
+                self._server.flush()
+                time.sleep(_LAST_WORDS)
         except Exception as error:  # carried over to whoever calls write or close
             self._failure = error
 
     def _act(self) -> None:
-        """Call back for a change of the press, for a zero and for another estimator."""
+        """Call back for a change of the presses and for all that was asked for."""
         with self._lock:
-            if self._finger is not None and time.monotonic() >= self._finger[1]:
-                self._finger = None
-            finger = self._finger
+            fingers = list(self._fingers.values())
         while not self._asked.empty():
             self._asked.get()()
-        wanted = None if finger is None else Contact(position=finger[0], force=self._panel.force)
+        wanted = tuple(Contact(position=place, force=self._panel.force) for place in fingers)
         if wanted != self._pressed and self._on_press is not None:
             self._pressed = wanted
             self._on_press(wanted)
@@ -243,11 +289,13 @@ class View(Sink):
             newest, rate = self._newest, self._rate(now)
             new, self._waiting = self._waiting, False
             announced = self._announced
+        if self._paused and not self._panel.end:
+            return
         with self._server.atomic():
             if newest is not None:
                 self._scene.draw(newest, *self._panel.picture)
                 if new:
-                    self._panel.record(newest.reading)
+                    self._panel.record(newest)
             if write:
                 self._panel.write(newest, rate, now, announced)
 
@@ -259,17 +307,17 @@ class View(Sink):
         return (len(recent) - 1) / (recent[-1] - recent[0]) if recent[-1] > recent[0] else math.inf
 
 
-def _serve(port: int, title: str) -> "viser.ViserServer":
-    """A server on exactly this port of this machine only."""
-    try:
-        import viser
-    except ImportError as error:
-        raise MissingExtraError("the live page", "view") from error
-    with redirect_stdout(io.StringIO()):  # the standard output is the caller's
-        server = viser.ViserServer(host=_HOST, port=port, label=title, verbose=False)
-    # The server takes the next port where one is in use; an address given must hold.
-    if port and server.get_port() != port:
-        with redirect_stdout(io.StringIO()):
-            server.stop()
-        raise ArgumentError(f"port must be free; got {port}, which is in use")
-    return server
+def _first_paint(design: SkinDesign, title: str) -> tuple[str, str]:
+    """What the page says before the viewer works, for people who have never seen a skin."""
+    count = len(design.halls)
+    chips = "One magnetic chip" if count == 1 else f"{_NUMBERS.get(count, count)} magnetic chips"
+    feel = "feels" if count == 1 else "feel"
+    eye, aim, _ = (np.asarray(part) * UNITS for part in camera(design, narrow=True))
+    return first_paint(
+        title,
+        f"{chips} under a folded sheet {feel} where, how hard and which way you touch",
+        estimated=css(ESTIMATED),
+        true=css(TRUE),
+        eye=",".join(f"{value:.3f}" for value in eye),
+        aim=",".join(f"{value:.3f}" for value in aim),
+    )

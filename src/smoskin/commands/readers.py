@@ -1,0 +1,73 @@
+"""The demonstration's estimators: several to choose from, one at a time, all with one zero.
+
+Decides when each is made and which readings of the untouched skin count. Hides the zero before.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+from smoskin.arrays import Floats
+from smoskin.records import Estimate, Reading, Status
+from smoskin.roles import Estimator
+from smoskin.sensing.estimators import ZeroFirst
+
+ZEROS: Final = 20
+"""Readings of the untouched skin that are its zero."""
+
+
+class Readers(Estimator):
+    """One of several estimators at a time, each made by its function when it is first chosen.
+
+    The first of the names is chosen at the start.
+    """
+
+    def __init__(self, makers: Mapping[str, Callable[[], Estimator]]) -> None:
+        self._makers = dict(makers)
+        self._made: dict[str, Estimator] = {}
+        self._untouched: tuple[Reading, ...] = ()
+        self._before: tuple[Reading, ...] = ()
+        self.choose(next(iter(makers)))
+
+    def choose(self, name: str) -> None:
+        """Let the estimator of this name read the skin, with the zero of the one before it."""
+        if name not in self._made:
+            self._made[name] = self._makers[name]()
+        self.name = name
+        self._current = ZeroFirst(self._made[name], count=ZEROS)
+        self._begin()
+
+    @property
+    def drift(self) -> Floats:
+        """How far the zero has followed since it was set, shape (S, 3), T."""
+        return self._current.drift
+
+    def zero(self, readings: Sequence[Reading]) -> None:
+        """Take these readings of the untouched skin as the zero, of whatever reads the skin."""
+        self._current.zero(readings)
+        self._untouched, self._before = tuple(readings), self._untouched
+
+    def undo_zero(self) -> bool:
+        """Go back to the zero before the last one; whether there was one."""
+        if not self._before:
+            return False
+        self._untouched, self._before = self._before, ()
+        self._begin()
+        return True
+
+    def _begin(self) -> None:
+        """Start anew with the zero that holds, if there is one."""
+        self._current.reset()
+        if self._untouched:
+            self._current.zero(self._untouched)
+
+    def reset(self) -> None:
+        """Forget everything; the next good readings are the new zero."""
+        self._untouched = self._before = ()
+        self._begin()
+
+    def step(self, reading: Reading) -> Estimate:
+        """What the chosen estimator makes of a reading."""
+        estimate = self._current.step(reading)
+        if estimate.status is Status.NOT_CALIBRATED and len(self._untouched) < ZEROS:
+            self._untouched += (reading,)
+        return estimate

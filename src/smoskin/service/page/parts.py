@@ -1,0 +1,30 @@
+"""The HTML, CSS and JavaScript that stand beside these modules, with their values filled in."""
+
+from functools import cache
+from html import escape
+from importlib import resources
+from string import Template
+
+
+def html(name: str, **values: str) -> str:
+    """A part of the page with its values."""
+    return Template(text(f"{name}.html")).substitute(values)
+
+
+@cache
+def text(name: str) -> str:
+    """Contents of a file of the page."""
+    file = resources.files("smoskin.service.page") / name
+    return file.read_text(encoding="utf-8")
+
+
+def css(color: tuple[int, int, int]) -> str:
+    """A colour for a style sheet."""
+    return f"rgb{color}"
+
+
+def first_paint(title: str, sentence: str, **values: str) -> tuple[str, str]:
+    """What stands in the page's head and what before its body; `values` are the template's."""
+    head = f"<title>{escape(title)}</title>\n<style>\n{text('page.css')}</style>"
+    script = f"<script>\n{text('page.js')}</script>"
+    return head, html("page", sentence=escape(sentence), script=script, **values)

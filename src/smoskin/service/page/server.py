@@ -1,0 +1,201 @@
+"""The web server of the page: on this machine only, and for those alone who know its address.
+
+Decides who may come in (a token in the address, this machine's own names as Host and Origin), what
+a browser gets first, and that what nobody understands is one line of the log. Hides how the
+viewer's server is made to ask.
+"""
+
+import asyncio
+import gzip
+import hmac
+import io
+import logging
+import secrets
+import threading
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
+from http import HTTPStatus
+from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from urllib.parse import parse_qs, urlsplit
+
+from smoskin.errors import ArgumentError, MissingExtraError, SmoskinError
+
+if TYPE_CHECKING:
+    import viser
+    from websockets.asyncio.server import ServerConnection
+    from websockets.http11 import Request, Response
+
+    Handler: TypeAlias = Callable[[ServerConnection], Awaitable[None]]
+    Answerer: TypeAlias = Callable[[ServerConnection, Request], Response | None]
+
+HOST: Final = "127.0.0.1"
+_NAMES: Final = (HOST, "localhost")
+_HEADERS: Final = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "frame-ancestors 'none'",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+_LOG: Final = logging.getLogger(__name__)
+_MAKING: Final = threading.Lock()
+
+
+def serve(port: int, title: str, head: str, body: str) -> tuple["viser.ViserServer", str]:
+    """A viewer's server on exactly this port of this machine, and the address of its page.
+
+    `head` and `body` are HTML that the page has before the viewer's own. `ArgumentError` if the
+    port is taken; 0 takes a free one.
+    """
+    try:
+        import viser
+    except ImportError as error:
+        raise MissingExtraError("the live page", "view") from error
+    index = Path(viser.__file__).parent / "client" / "build" / "index.html"
+    page = index.read_text(encoding="utf-8")
+    page = page.replace("<title>Viser</title>", head, 1).replace("<body>", f"<body>{body}", 1)
+    door = _Door(page)
+    with redirect_stdout(io.StringIO()), _asked(door):  # the standard output is the caller's
+        server = viser.ViserServer(host=HOST, port=port, label=title, verbose=False)
+    door.port = server.get_port()
+    # The server takes the next port where one is in use; an address given must hold.
+    if (port and door.port != port) or not door.stands:
+        with redirect_stdout(io.StringIO()):
+            server.stop()
+        if not door.stands:
+            raise SmoskinError(
+                "the page must be guarded; this version of viser passes the guard by"
+            )
+        raise ArgumentError(f"port must be free; got {port}, which is in use")
+    return server, f"http://{HOST}:{door.port}/?token={door.token}"
+
+
+class _Door:
+    """Who may come in, and what they get first."""
+
+    def __init__(self, page: str) -> None:
+        self.token = secrets.token_urlsafe(16)
+        self.port = 0
+        self.stands = False
+        self._page = gzip.compress(page.encode())
+
+    def refusal(self, request: "Request") -> str:
+        """Why a request is refused; empty for one that may come in."""
+        places = [f"{name}:{self.port}" for name in _NAMES]
+        hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
+        if len(hosts) != 1 or hosts[0] not in places:
+            return "the page is asked for by another machine's name"
+        if any(origin not in [f"http://{place}" for place in places] for origin in origins):
+            return "another page asks"
+        if not any(
+            hmac.compare_digest(known.encode(), self.token.encode())
+            for known in (*self._in_address(request), *self._in_cookies(request))
+        ):
+            return "the address lacks its token: open the one that was printed"
+        return ""
+
+    def answer(
+        self, connection: "ServerConnection", request: "Request", otherwise: "Answerer"
+    ) -> "Response | None":
+        """A refusal, the page, or what the viewer answers."""
+        from websockets.datastructures import Headers
+        from websockets.http11 import Response
+
+        reason = self.refusal(request)
+        if reason:
+            _LOG.warning("refused a request: %s", reason)
+            return connection.respond(HTTPStatus.FORBIDDEN, f"Refused: {reason}.\n")
+        is_page = urlsplit(request.path).path in ("/", "/index.html")
+        if request.headers.get("Upgrade", "").lower() == "websocket" or not is_page:
+            return otherwise(connection, request)
+        cookie = f"{self._cookie}={self.token}; Path=/; HttpOnly; SameSite=Strict"
+        headers = Headers(
+            _HEADERS,
+            **{
+                "Content-Type": "text/html; charset=utf-8",
+                "Content-Encoding": "gzip",
+                "Content-Length": str(len(self._page)),
+                "Set-Cookie": cookie,
+            },
+        )
+        return Response(HTTPStatus.OK.value, HTTPStatus.OK.phrase, headers, self._page)
+
+    @property
+    def _cookie(self) -> str:
+        # Pages of one machine share their cookies whatever the port.
+        return f"smoskin-{self.port}"
+
+    def _in_address(self, request: "Request") -> list[str]:
+        """Tokens in the address."""
+        return parse_qs(urlsplit(request.path).query).get("token", [])
+
+    def _in_cookies(self, request: "Request") -> list[str]:
+        """Tokens in the cookies; the viewer's own connection has no other place for one."""
+        try:
+            cookies = [SimpleCookie(text) for text in request.headers.get_all("Cookie")]
+        except CookieError:
+            return []
+        return [cookie[self._cookie].value for cookie in cookies if self._cookie in cookie]
+
+
+@contextmanager
+def _asked(door: _Door) -> Iterator[None]:
+    """While servers are made, they ask at this door: the viewer's has no option for it."""
+    from websockets.asyncio import server as sockets
+
+    plain = sockets.serve
+
+    def guarded(
+        handler: "Handler", host: str, port: int, *, process_request: "Answerer", **options: Any
+    ) -> Any:
+        door.stands = True
+        return plain(
+            _in_one_line(handler),
+            host,
+            port,
+            process_request=lambda connection, request: door.answer(
+                connection, request, process_request
+            ),
+            logger=_quiet_log(),
+            **options,
+        )
+
+    with _MAKING:
+        sockets.serve = guarded  # type: ignore[misc, assignment]
+        try:
+            yield
+        finally:
+            sockets.serve = plain  # type: ignore[misc]
+
+
+def _in_one_line(handler: "Handler") -> "Handler":
+    """A handler of connections that ends one with a line where the frames make no sense."""
+
+    def complain(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        _LOG.warning("a frame was not understood: %r", context.get("exception", context["message"]))
+
+    async def handle(connection: "ServerConnection") -> None:
+        asyncio.get_running_loop().set_exception_handler(complain)
+        try:
+            await handler(connection)
+        except Exception as error:  # whatever a stranger's bytes bring about in the viewer
+            _LOG.warning("a frame was not understood: %s", type(error).__name__)
+            await connection.close(1003)
+
+    return handle
+
+
+def _quiet_log() -> logging.Logger:
+    """A log of the sockets in which no record carries a traceback."""
+    log = logging.getLogger(f"{__name__}.sockets")
+
+    def shorten(record: logging.LogRecord) -> bool:
+        if record.exc_info and record.exc_info[1] is not None:
+            record.msg, record.args = f"{record.getMessage()}: {record.exc_info[1]!r:.200}", None
+            record.exc_info = None
+        return True
+
+    if not log.filters:
+        log.addFilter(shorten)
+    return log
