@@ -188,11 +188,8 @@ def run_demo(
         stage.make_skin(design, seed)
         done = stage.calibrated(table, seed, calibration_touches)
         source = TwinSource(stage.twin, rate=rate, creep=Creep(design))
-        sinks: list[Sink] = (
-            [stage] if record is None else [_Switched(Recorder(record, design), stage), stage]
-        )
         readers = Readers(makers)
-        loop = stack.enter_context(Loop(source, readers, sinks=sinks))
+        loop = stack.enter_context(Loop(source, readers, sinks=stage.sinks(record, design)))
         located: float | None = None
         # Whoever stops the demonstration, by a signal too, gets what it has shown so far.
         with suppress(KeyboardInterrupt):
@@ -319,6 +316,10 @@ class _Stage(Sink):
             vertices = self.twin.sheet_vertices(contacts)
             self._view.write(reading, truth=contacts, vertices=vertices)
             time.sleep(_SHOWN / 4 + seconds)
+
+    def sinks(self, record: str | os.PathLike[str] | None, design: SkinDesign) -> list[Sink]:
+        """The page, and before it the recorder where there is a file for it."""
+        return [self] if record is None else [_Switched(Recorder(record, design), self), self]
 
     def press(self, time: float) -> tuple[Contact, ...]:
         """What touches the skin from this time on."""

@@ -12,7 +12,7 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact
-from smoskin.service.page.markers import LIFT, UNITS, line_color
+from smoskin.service.page.markers import LIFT, UNITS
 
 if TYPE_CHECKING:
     import viser
@@ -43,9 +43,7 @@ def draw_rulers(server: "viser.ViserServer", design: SkinDesign) -> None:
                 _write(server, f"/rulers/{name}{number}", f"{tick:.0f}", place + 0.75 * out)
         middle = start + along * extent[axis] / 2e3 * UNITS
         _write(server, f"/rulers/{name}", f"{name}, mm", middle + 1.6 * out)
-    server.scene.add_line_segments(
-        "/rulers/lines", np.array(lines), line_color(_INK), thickness=0.05
-    )
+    server.scene.add_line_segments("/rulers/lines", np.array(lines), _INK, thickness=0.05)
 
 
 def _write(server: "viser.ViserServer", name: str, text: str, place: Floats) -> None:
@@ -67,7 +65,7 @@ class Cells:
         square[:, 0, :2], square[:, 1, :2] = corners, np.roll(corners, -1, axis=0)
         self._outlines = [
             server.scene.add_line_segments(
-                f"/cells/{number}", square, line_color(color), thickness=0.12, visible=False
+                f"/cells/{number}", square, color, thickness=0.12, visible=False
             )
             for number in range(2)
         ]

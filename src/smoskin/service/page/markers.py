@@ -47,7 +47,7 @@ class Marker:
         self._ellipse = scene.add_line_segments(
             f"{name}/ellipse",
             np.zeros((48, 2, 3)),
-            line_color(color),
+            color,
             thickness=0.08,
             visible=False,
         )
@@ -109,12 +109,6 @@ def arrow(force: Floats, girth: float) -> tuple[Floats, Ints]:
         )
     ]
     return np.concatenate(rings), np.concatenate(faces)
-
-
-def line_color(color: tuple[int, int, int]) -> tuple[int, int, int]:
-    """What the viewer must be told for a line of this colour: it takes lines' for linear light."""
-    red, green, blue = (round(255 * (part / 255) ** 2.2) for part in color)
-    return red, green, blue
 
 
 def ellipse(covariance: Floats) -> Floats:

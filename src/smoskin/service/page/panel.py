@@ -91,6 +91,23 @@ class Panel:
             if len(estimators) > 1
             else None
         )
+        self._add_press(gui, pressable)
+        actions = ("Pause", "Zero", "Undo", *(("Stop recording",) if recordable else ()))
+        self.actions = gui.add_button_group(
+            "Actions", actions, hint="Let go before Zero; Undo goes back to the zero before."
+        )
+        with gui.add_folder("Touches so far"):
+            self._touches = gui.add_html(self.tally.html())
+        self._add_picture(gui)
+        fields = gui.add_panel()
+        fields.dock_left()
+        fields.set_width(320)
+        with fields.add_tab("Field change, µT"):
+            gui.add_html(html("curves", **dict(_AXES)))
+            self._plots = [_plot(server, name) for name in self._chips]
+
+    def _add_press(self, gui: "viser.GuiApi", pressable: bool) -> None:
+        """Add how hard a finger presses, and what the hand does meanwhile."""
         with gui.add_folder("Press the skin", visible=pressable):
             gui.add_html(html("note"))
             self._push = gui.add_slider("Press, N", 0.05, 1.0, 0.05, 0.5)
@@ -99,24 +116,15 @@ class Panel:
             self.still = gui.add_checkbox(
                 "Hold the hand still", False, hint="It touches on where it is, beside your finger."
             )
-        actions = ("Pause", "Zero", "Undo", *(("Stop recording",) if recordable else ()))
-        self.actions = gui.add_button_group(
-            "Actions", actions, hint="Let go before Zero; Undo goes back to the zero before."
-        )
-        with gui.add_folder("Touches so far"):
-            self._touches = gui.add_html(self.tally.html())
+
+    def _add_picture(self, gui: "viser.GuiApi") -> None:
+        """Add how the skin is drawn, and what the colours mean."""
         with gui.add_folder("Picture"):
             self._exaggeration = gui.add_slider("Deformation ×", 1.0, 30.0, 1.0, 10.0)
             self._opacity = gui.add_slider("Sheet opacity", 0.1, 1.0, 0.1, 0.6)
             self._trail = gui.add_checkbox("Trail", True, hint="Places that were estimated last.")
             colors = {name: css(color) for name, color in _LEGEND}
             gui.add_html(html("legend", **colors))
-        fields = gui.add_panel()
-        fields.dock_left()
-        fields.set_width(320)
-        with fields.add_tab("Field change, µT"):
-            gui.add_html(html("curves", **dict(_AXES)))
-            self._plots = [_plot(server, name) for name in self._chips]
 
     @property
     def force(self) -> tuple[float, float, float]:

@@ -15,7 +15,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate, Reading
 from smoskin.service.page.board import Cells, draw_rulers
-from smoskin.service.page.markers import LIFT, UNITS, Marker, line_color
+from smoskin.service.page.markers import LIFT, UNITS, Marker
 
 if TYPE_CHECKING:
     import viser
@@ -79,7 +79,7 @@ def camera(design: SkinDesign, *, narrow: bool = False) -> tuple[Floats, Floats,
     # The near edge looks larger than the far one: aim a little in front of the middle.
     target = (low + high) / 2 - size * np.array((0.02, 0.06, 0.0))
     towards = np.array((-0.08, -0.6, 1.6) if narrow else (-0.26, -0.95, 1.05))
-    distance = size * (2.3 if narrow else 1.8)
+    distance = size * (2.45 if narrow else 1.8)
     return target + towards / np.linalg.norm(towards) * distance, target, _FIELD_OF_VIEW
 
 
@@ -124,6 +124,11 @@ def pick(
     return np.clip(weights @ skin.sheet.vertices[faces[hit], :2], 0.0, skin.extent)
 
 
+def _linear(color: tuple[int, int, int]) -> Floats:
+    """A colour as the viewer takes those of single lines: in linear light, 0 to 255."""
+    return np.asarray(255 * (np.array(color) / 255) ** 2.2)
+
+
 class SkinScene:
     """The skin and its touches in a viewer's scene."""
 
@@ -155,7 +160,7 @@ class SkinScene:
             "/creases",
             self._drawn[self._creases] * UNITS,
             # One colour for all would stay white when each gets its own.
-            np.broadcast_to(line_color(CREASE), (len(self._creases), 2, 3)),
+            np.broadcast_to(_linear(CREASE).astype(np.uint8), (len(self._creases), 2, 3)),
             thickness=0.05,
         )
 
@@ -181,7 +186,7 @@ class SkinScene:
         for node, vertex, offset in self._hung:
             node.position = tuple(points[vertex] + offset)
         self._lines.points = points[self._creases] + _CREASE_LIFT
-        crease, dark = (np.array(line_color(color), dtype=float) for color in (CREASE, SUNK))
+        crease, dark = _linear(CREASE), _linear(SUNK)
         self._lines.colors = (crease + share * (dark - crease)).astype(np.uint8)
         self._draw_trail(trail)
         unknown = np.full((len(moment.truth), 2, 2), np.nan)
