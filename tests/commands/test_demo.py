@@ -111,7 +111,7 @@ def test_the_page_shows_rig_and_press_and_changes_the_estimator(planar, monkeypa
     press = Contact(position=(0.073, 0.0905), force=(0.25, -0.1, -0.8))
     monkeypatch.setattr(demo, "scripted_hand", lambda *_, **__: (press,))
     monkeypatch.setattr(demo, "_PATIENCE", 60.0)
-    monkeypatch.setattr(hand, "_HOLD", 600.0)
+    monkeypatch.setattr(hand, "HOLD", 600.0)
     monkeypatch.setattr(hand, "PERIOD", 700.0)
     started, stop, urls, results = threading.Event(), threading.Event(), [], []
 

@@ -206,11 +206,11 @@ def test_the_page_shows_and_presses_a_virtual_skin(planar, monkeypatch):
         for number, estimate in enumerate(watch):
             statuses.append(estimate.status)
             if number == 24:
-                page.options["on_press"](touch)
+                page.options["on_press"]((touch,))
             if number == 40:
                 page.options["on_zero"]()  # waits until the finger lifts
             if number == 50:
-                page.options["on_press"](None)
+                page.options["on_press"](())
     assert all(truth == (touch,) for _, truth, _ in page.shown[26:50])
     assert page.shown[-1][1] == ()
     assert page.shown[30][2].shape[1] == 3

@@ -215,9 +215,9 @@ class _Page(Sink):
         )
         self.url = self._view.url
 
-    def _press(self, contact: Contact | None) -> None:
+    def _press(self, contacts: tuple[Contact, ...]) -> None:
         if self._twin is not None:
-            self._twin.touch(() if contact is None else (contact,))
+            self._twin.touch(contacts)
 
     def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
         """Show a reading, its estimate and, of a virtual skin, the true touch."""

@@ -69,6 +69,8 @@ class Panel:
         estimators: Sequence[str],
         *,
         pressable: bool,
+        holdable: bool,
+        undoable: bool,
         recordable: bool,
     ) -> None:
         gui = server.gui
@@ -91,8 +93,8 @@ class Panel:
             if len(estimators) > 1
             else None
         )
-        self._add_press(gui, pressable)
-        actions = ("Pause", "Zero", "Undo", *(("Stop recording",) if recordable else ()))
+        self._add_press(gui, pressable, holdable)
+        actions = ("Pause", "Zero", *(("Undo",) * undoable), *(("Stop recording",) * recordable))
         self.actions = gui.add_button_group(
             "Actions", actions, hint="Let go before Zero; Undo goes back to the zero before."
         )
@@ -106,7 +108,7 @@ class Panel:
             gui.add_html(html("curves", **dict(_AXES)))
             self._plots = [_plot(server, name) for name in self._chips]
 
-    def _add_press(self, gui: "viser.GuiApi", pressable: bool) -> None:
+    def _add_press(self, gui: "viser.GuiApi", pressable: bool, holdable: bool) -> None:
         """Add how hard a finger presses, and what the hand does meanwhile."""
         with gui.add_folder("Press the skin", visible=pressable):
             gui.add_html(html("note"))
@@ -114,7 +116,10 @@ class Panel:
             self._shear_x = gui.add_slider("Shear x, N", -0.4, 0.4, 0.05, 0.0)
             self._shear_y = gui.add_slider("Shear y, N", -0.4, 0.4, 0.05, 0.0)
             self.still = gui.add_checkbox(
-                "Hold the hand still", False, hint="It touches on where it is, beside your finger."
+                "Hold the hand still",
+                False,
+                visible=holdable,
+                hint="It touches on where it is, beside your finger.",
             )
 
     def _add_picture(self, gui: "viser.GuiApi") -> None:

@@ -54,13 +54,13 @@ class View(Sink):
     on_press : callable, optional
         Called with the contacts, none to two, with which people press the sheet in the page,
         whenever one begins, moves, changes or ends.
-    on_still : callable
+    on_still : callable, optional
         Called with whether somebody wants the hand to stay where it is.
     on_zero, on_undo : callable
-        Called when somebody asks for a new zero, and for the one before.
+        Called when somebody asks for a new zero, and, where it is given, for the one before.
     on_record : callable, optional
-        Called with whether somebody wants the recording to go on; it does at the start. Without
-        it the page has no button for it.
+        Called with whether somebody wants the recording to go on; it does at the start. What has
+        no callable has no control on the page.
     estimators, on_choose : sequence of str and callable
         Names of the estimators to choose from, the one that reads the skin first; called with the
         one that somebody chooses.
@@ -79,9 +79,9 @@ class View(Sink):
         *,
         port: int = 0,
         on_press: Callable[[tuple[Contact, ...]], None] | None = None,
-        on_still: Callable[[bool], None] = lambda still: None,
+        on_still: Callable[[bool], None] | None = None,
         on_zero: Callable[[], None] = lambda: None,
-        on_undo: Callable[[], None] = lambda: None,
+        on_undo: Callable[[], None] | None = None,
         on_record: Callable[[bool], None] | None = None,
         estimators: Sequence[str] = (),
         on_choose: Callable[[str], None] = lambda name: None,
@@ -109,6 +109,8 @@ class View(Sink):
             design,
             estimators,
             pressable=on_press is not None,
+            holdable=on_still is not None,
+            undoable=on_undo is not None,
             recordable=on_record is not None,
         )
         self._scene = SkinScene(self._server, design)
@@ -202,7 +204,8 @@ class View(Sink):
 
         @panel.still.on_update
         async def _(event: object) -> None:
-            asked.put(partial(self._on_still, bool(panel.still.value)))
+            if self._on_still is not None:
+                asked.put(partial(self._on_still, bool(panel.still.value)))
 
         chooser = panel.chooser
         if chooser is not None:
@@ -226,7 +229,7 @@ class View(Sink):
         elif action == "Zero":
             self._asked.put(self._panel.zero)
             self._asked.put(self._on_zero)
-        elif action == "Undo":
+        elif action == "Undo" and self._on_undo is not None:
             self._asked.put(self._on_undo)
         elif self._on_record is not None:
             self._asked.put(partial(self._on_record, action == "Record"))
