@@ -77,7 +77,7 @@ def test_a_bench_calibrates_a_skin_and_the_skin_runs_with_it(tmp_path):
     ran = smoskin("run", source, "--calibration", str(file), "--seconds", "0.2", "--json")
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout
-    again = refused("fit-paper", str(table), "--out", str(file))
+    again = refused("fit-paper", str(table), "--out", str(file), "--force")
     assert "skin.toml exists; choose another name or --force" in again
     text = file.read_text().replace("stiffness_variation", "stifness_variation", 1)
     file.write_text(text)
@@ -88,7 +88,7 @@ def test_a_bench_calibrates_a_skin_and_the_skin_runs_with_it(tmp_path):
     message = refused("run", source, "--calibration", str(file))
     assert "stifness_variation" in message
     table.write_text(table.read_text().splitlines()[0] + "\n")
-    assert "touches.csv" in refused("fit-paper", str(table), "--out", str(file))
+    assert "touches.csv" in refused("fit-paper", str(table), "--out", str(file), "--force")
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from smoskin.design.document import parse_design
 from smoskin.errors import ArgumentError, DesignError
 from smoskin.sensing.response.table import load_response_table
 from smoskin.service.recorder import Recorder
+from smoskin.service.recording import open_recording
 from smoskin.twin.reduced import ReducedTwin
 
 
@@ -37,7 +38,8 @@ def test_a_recording_is_whole_or_told_what_it_lost(recording, tmp_path):
     cut, flipped = tmp_path / "cut", tmp_path / "flipped"
     cut.write_bytes(content[: len(content) * 2 // 3])
     assert "it ends too early" in check_file(cut).problem
-    middle = len(content) // 3
+    span = open_recording(recording).spans[4]
+    middle = span.offset + span.length // 2
     flipped.write_bytes(content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :])
     assert check_file(flipped).problem
     assert check_file(flipped).read_by == ()

@@ -11,6 +11,9 @@ from smoskin.cli.frame import Design, Force, Json, app, examples, progress_bar, 
 from smoskin.errors import require
 from smoskin.outputs import check_output
 
+_COMPARISON = 25.0
+"""s kept of the asked time for rounding, made skins and the comparison, which come last."""
+
 
 @app.command(epilog=examples("optimise planar --out better.toml --minutes 10"))
 def optimise(
@@ -42,7 +45,7 @@ def optimise(
     for file in (out, out.with_suffix(".json")):
         check_output(file, force=overwrite)
     require("writing a design", "cli", "tomli_w")
-    seconds = math.inf if minutes is None else 60 * minutes
+    seconds = math.inf if minutes is None else max(60 * minutes - _COMPARISON, 30 * minutes)
     with progress_bar() as progress:
         found = vary(
             load_design(design),
