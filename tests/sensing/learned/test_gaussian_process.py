@@ -61,6 +61,20 @@ def readings(count=8, seed=0):
 ZERO = np.zeros((CHIPS, 3))
 
 
+def test_outputs_have_the_units_of_places_forces_and_squares():
+    units = {output.name: output.unit for output in Output}
+    assert units == {
+        "X": "m",
+        "Y": "m",
+        "FX": "N",
+        "FY": "N",
+        "FZ": "N",
+        "XX": "m^2",
+        "XY": "m^2",
+        "YY": "m^2",
+    }
+
+
 def test_the_mean_is_that_of_its_kernel():
     this = model()
     inputs = this.encoding.encode(np.zeros(1), readings(1)[0].field[None])
