@@ -77,7 +77,7 @@ def test_a_bench_calibrates_a_skin_and_the_skin_runs_with_it(tmp_path):
     ran = smoskin("run", source, "--calibration", str(file), "--seconds", "0.2", "--json")
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout
-    again = refused("fit-paper", str(table), "--out", str(file), "--force")
+    again = refused("fit-paper", str(table), "--out", str(file))
     assert "skin.toml exists; choose another name or --force" in again
     text = file.read_text().replace("stiffness_variation", "stifness_variation", 1)
     file.write_text(text)
