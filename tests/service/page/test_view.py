@@ -290,8 +290,9 @@ def test_the_page_shows_what_it_is_told() -> None:
 
         view.end("The demonstration is over: 24 touches, 0.3 mm.")
         view.close()
-        over = opened.page.get_by_text("The demonstration is over: 24 touches, 0.3 mm.").last
+        over = opened.page.locator("#skin-end")
         opened.wait_until(over.is_visible)
+        assert over.inner_text().strip() == "The demonstration is over: 24 touches, 0.3 mm."
 
 
 Presses = list[tuple[Contact, ...]]
