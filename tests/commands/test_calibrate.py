@@ -12,7 +12,7 @@ import pytest
 
 from smoskin.commands import run as watching
 from smoskin.commands.calibrate import calibrate, plan_by_hand, write_plan
-from smoskin.commands.run import watch
+from smoskin.commands.run import Watch
 from smoskin.errors import ArgumentError, CalibrationError, ModelError, RecordingError
 from smoskin.measurement import read_touches, write_touches
 from smoskin.origami.geometry import geometry
@@ -382,7 +382,7 @@ def test_a_virtual_rig_calibrates_the_twin_that_then_runs(planar, tmp_path, monk
     monkeypatch.setattr(watching, "open_source", lambda url: source)
     touch = Contact(position=(0.07, 0.11), force=(0.0, 0.0, -0.6))
     found = []
-    for estimate in watch(url, planar, calibration=own, seconds=0.8):
+    for estimate in Watch(url, planar, calibration=own, seconds=0.8):
         if estimate.status is Status.NO_CONTACT:
             source.touch([touch])
         found += estimate.contacts
