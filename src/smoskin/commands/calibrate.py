@@ -141,7 +141,7 @@ class TouchCalibration:
         }
 
     def figure(self, design: SkinDesign) -> "Figure":
-        """Where the other touches locate each one, and what each chip misses."""
+        """Draw where the other touches locate each one, and what each chip misses."""
         from smoskin.plots import draw_judgement
 
         contacts = [label.contact for label in self.labels if label.status is None]

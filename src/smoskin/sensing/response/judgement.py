@@ -326,7 +326,7 @@ def _exchanged(order: tuple[int, ...]) -> str:
 
 
 def _located(table: ResponseTable, touches: LabelledTouches, left: LeftOut) -> Floats:
-    """Where one step from its label puts each touch by what the others foretell, (N, 5)."""
+    """Errors (N, 5) of each touch, located from what the others foretell by one step."""
     slopes = table.slopes(touches.position, touches.force)
     spreads = touches.place_spread, touches.force_spread
     own = label_noise(table, touches.position, touches.force, spreads)
