@@ -9,7 +9,7 @@ import pytest
 
 from fuzzing import cases, check_answer, check_error, command, hold, mutated, working_folder
 from smoskin.errors import RecordingError
-from smoskin.service.recorder import open_recording
+from smoskin import open_recording
 from touch_recordings import moments, record, recorder
 
 COUNT = 40
