@@ -30,6 +30,8 @@ OUTPUTS = (*OUTPUTS, "a\x00b")
 """Outputs that must not be written."""
 COMMANDS = {
     "info": ("DESIGN", "--json"),
+    "check": ("FILE", "FILE", "DESIGN", "--json"),
+    "new-design": ("mine", "mine", "--out=d.toml", "--out=", "--cells=", "--from=", "--force="),
     "simulate": (
         *("DESIGN", "--at=", "--force=", "--temperature=", "--manufactured", "--mechanics=reduced"),
         *("--mechanics=", "--grip=", "--seed=", "--json"),
@@ -86,6 +88,7 @@ OUTPUT_OF = {
     "fit-paper": ("full.csv", "--out="),
     "fit-paper plot": ("full.csv", "--out=c.toml", "--plot="),
     "virtual-bench": ("",),
+    "new-design": ("mine", "--out="),
     "demo": ("--headless", "--record="),
     "run": ("twin://planar?mechanics=reduced&speed=max", "--seconds=0", "--record="),
 }

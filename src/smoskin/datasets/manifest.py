@@ -104,14 +104,16 @@ def read_manifest(folder: Path) -> Manifest:
             version=document["smoskin_version"],
             runs=tuple(Run(**run) for run in document["runs"]),
         )
+        if document["identity"] != manifest.identity:
+            raise RecordingError("has been changed: its identity is not that of its values")
     except OSError as error:
         raise RecordingError(f"{folder} holds no data set: {error}") from error
     except SmoskinError as error:
         raise RecordingError(f"{file}: {error}") from error
-    except (KeyError, TypeError, ValueError) as error:
+    except (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError) as error:
         raise RecordingError(f"{file} is damaged: {error!r}") from error
-    if document.get("identity") != manifest.identity:
-        raise RecordingError(f"{file} has been changed: its identity is not that of its values")
+    except ValueError as error:
+        raise RecordingError(f"{file} is damaged: {error}") from error
     return manifest
 
 
