@@ -57,7 +57,10 @@ def load_design(name_or_path: str | os.PathLike[str]) -> SkinDesign:
     (6, 6)
     """
     design = read_design(name_or_path)
-    check_design(design)
+    try:
+        check_design(design)
+    except DesignError as error:
+        raise DesignError(f"{os.fspath(name_or_path)}: {error}") from error
     return design
 
 

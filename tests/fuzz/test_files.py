@@ -9,8 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fuzzing import cases, changed_toml, check_answer, check_error, command, hold, mutated
-from fuzzing import strict_json, working_folder
+from fuzzing import (
+    cases,
+    changed_toml,
+    check_answer,
+    check_error,
+    command,
+    hold,
+    mutated,
+    strict_json,
+    working_folder,
+)
 from networks import random_network
 from smoskin.commands.check import check_file
 from smoskin.datasets.patterns import Random, Sweep

@@ -1,4 +1,4 @@
-"""Recordings as disks and cables spoil them: what is read was recorded, and what is lost is told."""
+"""Recordings as disks and cables spoil them: what is lost is told, the rest as recorded."""
 
 import json
 from functools import partial
@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from fuzzing import cases, check_answer, check_error, command, hold, mutated, working_folder
-from smoskin.errors import RecordingError
 from smoskin import open_recording
+from smoskin.errors import RecordingError
 from touch_recordings import moments, record, recorder
 
 COUNT = 40

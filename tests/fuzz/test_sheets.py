@@ -8,7 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fuzzing import NUMBERS, cases, check_answer, check_error, command, hold, mutated, working_folder
+from fuzzing import (
+    NUMBERS,
+    cases,
+    check_answer,
+    check_error,
+    command,
+    hold,
+    mutated,
+    working_folder,
+)
 from smoskin.errors import ArgumentError, RecordingError
 from smoskin.measurement import read_touches
 
@@ -98,7 +107,7 @@ def test_a_spoilt_sheet_holds_touches_or_is_refused(count, sheets, tmp_path):
         hold((label, partial(read, content)) for label, content in drawn(sheets, count, 6))
 
 
-@cases(4, 120)
+@cases(1, 40)
 def test_programs_take_a_spoilt_sheet_or_refuse_it(count, sheets, tmp_path):
     """What has been touched already is read before more is planned."""
 

@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from smoskin import open_recording
 from smoskin.datasets.store import open_dataset
 from smoskin.sensing.network.model import load_network
 from smoskin.sensing.response.table import load_response_table
-from smoskin import open_recording
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1500)]
 
@@ -78,7 +78,10 @@ def started(words: tuple[str, ...], folder: Path, *, compiled: bool = True) -> s
     with (folder / "out").open("wb") as out, (folder / "err").open("wb") as err:
         return subprocess.Popen(
             [sys.executable, "-m", "smoskin", *words],
-            **{"cwd": folder, "env": environment, "stdout": out, "stderr": err},
+            cwd=folder,
+            env=environment,
+            stdout=out,
+            stderr=err,
         )
 
 
@@ -183,4 +186,3 @@ def test_a_kill_loses_at_most_a_second_of_a_recording(tmp_path):
         found = list(pool.map(lambda k: lost(tmp_path / str(k), delays[k]), range(KILLS)))
     print("lost, s:", [round(seconds, 2) for seconds, _ in found])
     assert [(s, gap) for s, gap in found if s > 1.0 + gap + 0.05] == []
-

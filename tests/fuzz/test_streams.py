@@ -58,7 +58,9 @@ def streams(draw: Any) -> list[Reading]:
         chip = draw(st.integers(0, 2))
         match draw(st.sampled_from(FAULTS)):
             case "field":
-                field[...] = draw(st.lists(NUMBER, min_size=9, max_size=9).map(np.array)).reshape(3, 3)
+                field[...] = draw(st.lists(NUMBER, min_size=9, max_size=9).map(np.array)).reshape(
+                    3, 3
+                )
             case "one":
                 field[chip, draw(st.integers(0, 2))] = draw(NUMBER)
             case "temperature":
