@@ -97,9 +97,8 @@ def calibrate(
     """
     from smoskin.commands import calibrate as work
 
-    check_output(out, force=overwrite)
-    if plot is not None:
-        check_output(plot, force=overwrite)
+    for output in (out, *([] if plot is None else [plot])):
+        check_output(output, force=overwrite)
     ResponseTable.check_writer()
     until = None if until_mm is None else 1e-3 * until_mm
     orders = {"count": touches, "until": until, "force": force, "drag": drag}
@@ -111,10 +110,10 @@ def calibrate(
         )
     if sheet is None and recording is not None:
         raise ArgumentError("--recording must come with --sheet: a rig reads the chips itself")
-    options["accept_bad_fit"] = accept_bad_fit
-    options["design"] = skin = load_design(design)
-    options["place_spread"] = None if place_mm is None else 1e-3 * place_mm
-    options["force_spread"] = None if force_mn is None else 1e-3 * force_mn
+    skin = load_design(design)
+    options |= {"design": skin, "accept_bad_fit": accept_bad_fit}
+    for name, milli in (("place_spread", place_mm), ("force_spread", force_mn)):
+        options[name] = None if milli is None else 1e-3 * milli
     start = load_response_table(table or design)
     if sheet is not None:
         done = work.calibrate(start, sheet, recording=recording, **options)

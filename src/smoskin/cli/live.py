@@ -14,6 +14,14 @@ from smoskin.sensing.response.table import load_response_table
 
 Seconds = Annotated[Number, Option(min=0.0, help="Stop after so many seconds.")]
 Record = Annotated[File, Option(help="Write everything to this new MCAP file.", dir_okay=False)]
+Port = Annotated[int, Option(min=0, max=65535, help="TCP port of the page; 0 takes a free one.")]
+Zeroed = Annotated[
+    bool,
+    Option("--zero/--no-zero", help="Take the first 20 readings as those of the untouched skin."),
+]
+Changes = Annotated[
+    bool, Option("--changes", help="Print where the status or number of touches changes.")
+]
 
 
 @app.command(
@@ -24,9 +32,7 @@ def demo(
     seconds: Seconds = None,
     headless: Annotated[bool, Option("--headless", help="Without the live page.")] = False,
     as_json: Json = False,
-    port: Annotated[
-        int, Option(min=0, max=65535, help="TCP port of the page; 0 takes a free one.")
-    ] = 0,
+    port: Port = 0,
     rate: Annotated[float, Option(help="Readings a second, Hz.")] = 100.0,
     seed: Annotated[int, Option(min=0, help="Seed of the skin, the noise and the hand.")] = 0,
     touches: Annotated[
@@ -93,18 +99,14 @@ def run(
     calibration: Annotated[
         File, Option(help="File of this skin: a calibration, a response table or a network.")
     ] = None,
-    zero: Annotated[
-        bool, Option(help="Take the first 20 readings as those of the untouched skin.")
-    ] = True,
+    zero: Zeroed = True,
     seconds: Seconds = None,
     view: Annotated[bool, Option("--view", help="Serve the live page.")] = False,
-    port: Annotated[int, Option(min=0, max=65535, help="TCP port of the page; 0: a free one.")] = 0,
+    port: Port = 0,
     record: Record = None,
     force: Force = False,
     every: Annotated[Number, Option(min=0.0, help="Print one estimate in so many seconds.")] = None,
-    changes: Annotated[
-        bool, Option("--changes", help="Print where the status or number of touches changes.")
-    ] = False,
+    changes: Changes = False,
     quiet: Annotated[bool, Option("--quiet", help="Print no estimates.")] = False,
     strict: Annotated[bool, Option("--strict", help="Fail if a recording is not whole.")] = False,
     as_json: Annotated[
