@@ -9,8 +9,10 @@ held has not been made yet, so that the same file is a plan to print and the sam
 import csv
 import hashlib
 import io
+import math
 import os
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from decimal import Decimal, InvalidOperation
 from typing import Final
@@ -332,6 +334,10 @@ def _read(where: str, name: str, text: str) -> float:
         number = Decimal(text if text.isascii() and "_" not in text else "no number")
     except InvalidOperation as error:
         raise RecordingError(f"{where}, column {name}: must be a number; got {text!r}") from error
-    if not number.is_finite():
+    value = math.inf
+    if number.is_finite():
+        with suppress(ArithmeticError):
+            value = to_si(number, _suffix(name))
+    if not math.isfinite(value):
         raise RecordingError(f"{where}, column {name}: must be a finite number; got {text!r}")
-    return to_si(number, _suffix(name))
+    return value

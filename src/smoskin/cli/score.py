@@ -58,7 +58,8 @@ def score(
     from smoskin.feasibility import load_design
 
     if out is not None:
-        check_output(check_output(out, folder=True) / DATA, force=overwrite)
+        if out.is_dir():
+            check_output(out / DATA, force=overwrite)
         require("drawing", "plots", "matplotlib")
     skin = load_design(design)
     grid = None if places is None else parse_places(places)

@@ -94,13 +94,13 @@ class TensorFile(NamedTuple):
             raise ModelError(f"{path}: {self.kind} of this package must be given; got another")
         try:
             header = json.loads(text)
+            if header["format"] not in (self.format, *self.older):
+                raise ModelError(f"{path}: format must be {self.format}; got {header['format']!r}")
             checksum = header.pop(_SUM, None)
             if checksum not in (None, _checksum(arrays, header)):
                 raise ModelError(
                     f"{path} is damaged: its checksum does not fit; make it again or copy it anew"
                 )
-            if header["format"] not in (self.format, *self.older):
-                raise ModelError(f"{path}: format must be {self.format}; got {header['format']!r}")
             _LOG.info("read %s from %s", self.kind, path)
             return build(arrays, header)
         except ModelError:
@@ -149,11 +149,11 @@ def _load(path: Path | str, kind: str) -> tuple[dict[str, str], dict[str, NDArra
     from safetensors import SafetensorError
     from safetensors.numpy import load
 
-    whole = read_input(path, _LARGEST, ModelError)
     try:
+        whole = read_input(path, _LARGEST)
         arrays = load(whole)
         header = json.loads(whole[8 : 8 + int.from_bytes(whole[:8], "little")])
-    except (SafetensorError, *_DAMAGE) as error:
+    except (SafetensorError, OSError, *_DAMAGE) as error:
         raise ModelError(f"{path}: cannot be read as {kind}: {error}") from error
     return header.get("__metadata__", {}), arrays
 

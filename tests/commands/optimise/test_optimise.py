@@ -132,7 +132,7 @@ def test_the_command_writes_both_files_and_exits_with_1_where_a_limit_is_broken(
     assert asked["name"] == "found"
     assert load_design(out) == load_design("optimised")
     assert json.loads(out.with_suffix(".json").read_text(encoding="utf-8")) == told
-    shown = CliRunner().invoke(app, ["optimise", "--out", str(out)])
+    shown = CliRunner().invoke(app, ["optimise", "--out", str(out), "--force"])
     assert shown.exit_code == (0 if kept else 1)
     assert "times better" in shown.stdout
     assert ("broken" in shown.stdout) is not kept

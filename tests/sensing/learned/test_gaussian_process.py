@@ -312,6 +312,7 @@ def rewritten(path, change):
     size = int.from_bytes(path.read_bytes()[:8], "little")
     spec = json.loads(json.loads(path.read_bytes()[8 : 8 + size])["__metadata__"]["smoskin_model"])
     change(spec, arrays)
+    spec.pop("sha256")  # as files of earlier versions
     save_file(arrays, path, metadata={"smoskin_model": json.dumps(spec)})
 
 

@@ -80,8 +80,8 @@ class Exam:
             self.count is None or self.count >= 1
         ):
             raise ArgumentError(
-                "places must be 2 to 1000 along each axis and count at least 1; got "
-                f"{self.places} and {self.count}"
+                "places must be at least 2 along each axis, at most 1000, and count at least 1; "
+                f"got {self.places} and {self.count}"
             )
         if not 0 <= self.drag < float("inf"):
             raise ArgumentError(f"drag must be finite and >= 0 N; got {self.drag}")

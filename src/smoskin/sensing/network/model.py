@@ -266,9 +266,7 @@ def load_network(path: Path | str) -> NetworkModel:
 
 def _network(arrays: dict[str, NDArray[Any]], header: dict[str, Any]) -> NetworkModel:
     """The model of a file's arrays and header."""
-    check_sizes(
-        "network", arrays, dict.fromkeys(arrays, 1e9), "scale", "size", "whitener", "centre"
-    )
+    check_sizes("network", arrays, dict.fromkeys(arrays, 1e9), "scale", "size", "whitener")
     given = header["input"]
     low, high = (float(force) for force in header["forces_N"])
     layers = [
