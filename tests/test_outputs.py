@@ -75,7 +75,7 @@ def test_what_cannot_be_written_is_refused_before_work(tmp_path):
         "": "must be a file to write; got a folder",
         "pipe": "must be a file to write; got a pipe",
         "/dev/full": "must be a file to write; got a device",
-        "x" * 300: "must have a name of at most 250 bytes",
+        "x" * 300: "must be a name of at most 250 bytes",
         "/proc/new": "cannot be written|must be a folder that can be written",
     }.items():
         with pytest.raises(FileError, match=sentence):

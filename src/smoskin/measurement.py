@@ -32,6 +32,8 @@ _DEPTH: Final = "displacement_z_mm"
 _HELD: Final = ("from_s", "until_s")
 _DEGREES: Final = "temperature_degC"
 _CELL: Final = ("cell_n", "cell_m")
+_LARGEST: Final = 1e12
+"""Largest number of a cell, SI; seconds since 1970 are some 2e9."""
 _APART: Final = 60.0
 """s put between rows that do not say when they were made."""
 
@@ -338,6 +340,6 @@ def _read(where: str, name: str, text: str) -> float:
     if number.is_finite():
         with suppress(ArithmeticError):
             value = to_si(number, _suffix(name))
-    if not math.isfinite(value):
+    if not abs(value) <= _LARGEST:
         raise RecordingError(f"{where}, column {name}: must be a finite number; got {text!r}")
     return value

@@ -39,7 +39,8 @@ def check_output(path: Given, *, force: bool = False, folder: bool = False) -> P
     target = Path(path)
     try:
         if len(os.fsencode(target.name)) > _NAME_LIMIT:
-            raise FileError(f"{target} must have a name of at most {_NAME_LIMIT} bytes")
+            start = target.name[:40]
+            raise FileError(f"{start}... must be a name of at most {_NAME_LIMIT} bytes")
         if folder:
             target.mkdir(parents=True, exist_ok=True)
         elif _exists(target):

@@ -115,13 +115,13 @@ def _code_of(work: Callable[[], object]) -> object:
             return 1
         return end.code
     except SmoskinError as error:
-        _say(f"error: {error}")
+        _say(f"error: {cut(str(error))}")
         return 1
     except BrokenPipeError:
         return 1
     except OSError as error:  # an output that cannot be written: readers refuse their inputs
         where = f"{error.filename}: " if error.filename else ""
-        _say(f"error: {where}{error.strerror or error}")
+        _say(f"error: {cut(f'{where}{error.strerror or error}')}")
         return 1
     except KeyboardInterrupt:
         return 128 + signal.SIGINT
@@ -153,9 +153,13 @@ def _bug(error: Exception) -> str:
             lies = f"lies at {file}"
             break
     what = f"{type(error).__name__}: {error}"
-    room = _LONGEST - len(lies) - 48
-    what = what if len(what) <= room else f"{what[: room - 3]}..."
+    what = cut(what, _LONGEST - len(lies) - 48)
     return f"error: this is a bug in smoskin: {what}; the report {lies}"
+
+
+def cut(sentence: str, room: int = _LONGEST) -> str:
+    """A sentence of at most so many characters."""
+    return sentence if len(sentence) <= room else f"{sentence[: room - 3]}..."
 
 
 def _say(sentence: str) -> None:

@@ -13,6 +13,7 @@ from typer import Argument, Option
 from typer.core import TyperGroup
 
 from smoskin import __version__
+from smoskin.cli.ending import cut
 from smoskin.roles import Progress
 
 if TYPE_CHECKING:
@@ -39,6 +40,15 @@ class GroupedCommands(TyperGroup):
         """Let the log be asked for behind a command too."""
         asked = [arg for arg in args if arg in ("-v", "--verbose")]
         return super().parse_args(ctx, [*asked[:1], *(arg for arg in args if arg not in asked)])
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command; what a refused argument repeats of itself is cut."""
+        try:
+            return super().invoke(ctx)
+        except Exception as error:
+            if isinstance(message := getattr(error, "message", None), str):
+                error.message = cut(message, 200)  # type: ignore[attr-defined]
+            raise
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Names in the order of the help; a command that is in no group comes last."""

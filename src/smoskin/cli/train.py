@@ -125,10 +125,9 @@ def train(
     """
     from smoskin.commands import train as training
 
-    checkpoint = training.checkpoint_of(out, resume=resume)
-    curve = out.with_name(out.name + ".curve.jsonl")
     check_output(out, force=overwrite)
-    check_output(curve, force=overwrite or resume)
+    curve = check_output(out.with_name(out.name + ".curve.jsonl"), force=overwrite or resume)
+    checkpoint = training.checkpoint_of(out, resume=resume)
     if onnx is not None:
         check_output(onnx, force=overwrite)
         require("writing ONNX files", "onnx", "onnx")

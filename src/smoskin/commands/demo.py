@@ -25,6 +25,7 @@ from smoskin.commands.readers import ZEROS, Readers
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.origami.geometry import geometry
+from smoskin.outputs import check_output
 from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator, Sink
 from smoskin.sensing.bayes.estimator import BayesEstimator
@@ -53,6 +54,8 @@ _TOLD: Final = 4.0
 """s for which a refusal stands on the page."""
 _SHOWN: Final = 0.25
 """s for which the page shows each touch of the rig."""
+_SLOWEST: Final = 0.01
+"""Fewest readings a second, Hz."""
 _FASTEST: Final = 10_000.0
 """Most readings a second, Hz; chips give some hundreds."""
 _LONGEST: Final = 86_400.0
@@ -170,8 +173,10 @@ def run_demo(
         If the extra ``demo`` is not installed.
     """
     begun = time.monotonic()
-    if not 0.0 < rate <= _FASTEST:
-        raise ArgumentError(f"rate must be positive and at most {_FASTEST:g}; got {rate} Hz")
+    if not _SLOWEST <= rate <= _FASTEST:
+        raise ArgumentError(f"rate must be {_SLOWEST:g} to {_FASTEST:g} Hz; got {rate}")
+    if record is not None:
+        check_output(record)
     if seconds is not None and not seconds <= _LONGEST:
         raise ArgumentError(f"seconds must be at most {_LONGEST:g}; got {seconds}")
     script = scripted_hand(design, seconds or 60.0, seed, start=ZEROS / rate)
