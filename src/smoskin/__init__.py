@@ -4,10 +4,10 @@ A few touches calibrate a skin, of which every reading then becomes an estimate:
 
 >>> import smoskin as smo
 >>> design = smo.load_design("planar")
->>> rig = smo.VirtualRig(smo.ReducedTwin(design, seed=0))
+>>> twin = smo.Twin(design, seed=0, manufactured=True)
+>>> rig = smo.VirtualRig(twin)
 >>> skin = smo.calibrate(smo.load_response_table("planar"), rig, count=5)
 >>> estimator = smo.BayesEstimator(design, skin.table)
->>> twin = smo.ReducedTwin(design, seed=1)
 >>> estimator.zero([twin.read() for _ in range(20)])
 >>> estimator.step(twin.read(time=1.0)).status.name
 'NO_CONTACT'
