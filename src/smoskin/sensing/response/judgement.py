@@ -19,7 +19,10 @@ from smoskin.sensing.response.evidence import STRETCHES, Evidence, LeftOut
 from smoskin.sensing.response.table import ResponseTable
 
 _NAMED: Final = 30.0
-"""Logarithm of how much likelier a mistake must make the touches; good ones reach 20."""
+"""Logarithm of how much likelier a mistake must make the touches."""
+_ODD: Final = 100.0
+"""The same of one touch whose label is wrong, above which it is refused; below, people are warned:
+one place of a made skin may fit badly, by up to 62."""
 _POOR: Final = 2.0
 """Factor from which other labels are tried; with less the touches fit."""
 _UNFIT: Final = 16.0
@@ -178,8 +181,16 @@ def judge_touches(
     found = [*mistakes.of_signals(evidence, axes)]
     if STRETCHES[stretch] >= _POOR:
         found += mistakes.of_labels()
-    best = max(found, key=lambda one: one.gain, default=Suspicion("", -np.inf))
-    best = best._replace(gain=best.gain - float(given.max()))
+    likeliest = float(given.max())
+    best = max(found, key=lambda one: one.gain)
+    warnings = []
+    if len(touches) >= _FEW:
+        odd = mistakes.of_one(evidence)
+        if odd.gain > max(best.gain, likeliest + _ODD):
+            best = odd
+        elif odd.gain > likeliest + _NAMED:
+            warnings = [odd.sentence]
+    best = best._replace(gain=best.gain - likeliest)
     spread = np.sqrt(np.einsum("ncc->nc", left.covariance))
     factor = float(STRETCHES[stretch])
     residual = left.residual / spread
@@ -189,7 +200,7 @@ def judge_touches(
         residual=residual,
         errors=_located(table, touches, left),
         suspicion=best if best.gain > _NAMED else None,
-        warnings=tuple(_warnings(table, touches, residual, factor)),
+        warnings=(*warnings, *_warnings(table, touches, residual, factor)),
     )
 
 
@@ -228,10 +239,13 @@ class _Mistakes(NamedTuple):
         sets = np.array([one[1] for one in tried]).reshape(len(tried), n, -1)
         gains = evidence.of(sets).max(axis=1) + [one[2] for one in tried]
         yield from (Suspicion(one[0], gain) for one, gain in zip(tried, gains, strict=True))
-        if n >= _FEW:
-            odd = evidence.without_label(signals.reshape(n, -1)).max(axis=1)
-            for row in np.argsort(-odd)[:1]:
-                yield Suspicion(f"{self.names[row]} does not fit the others", odd[row])
+
+    def of_one(self, evidence: Evidence) -> Suspicion:
+        """The touch whose label is likeliest to be wrong."""
+        signals = self.touches.signals.reshape(len(self.touches), -1)
+        odd = evidence.without_label(signals).max(axis=1)
+        row = int(odd.argmax())
+        return Suspicion(f"{self.names[row]} does not fit the others", float(odd[row]))
 
     def of_labels(self) -> Iterator[Suspicion]:
         """Mistakes in places and forces."""
