@@ -103,7 +103,10 @@ def test_what_jax_compiles_is_kept_in_the_users_folder(monkeypatch, tmp_path, gi
 def stopped(program, number, again=0.0, before=""):
     """A program that hears signals, stopped once it says that it works; and what it left."""
     start = (
-        f"import signal, sys, time\nfrom smoskin.cli.ending import *\n{before}\nheed_signals()\n"
+        # Whoever runs the tests in the background may have had signals ignored.
+        "import signal, sys, time\nfrom smoskin.cli.ending import *\n"
+        "for number in (signal.SIGINT, signal.SIGHUP): signal.signal(number, signal.SIG_DFL)\n"
+        f"{before}\nheed_signals()\n"
     )
     code = start + textwrap.dedent(program)
     running = subprocess.Popen(

@@ -112,7 +112,7 @@ def test_the_command_trains_and_says_what_it_reached(skin, tmp_path, monkeypatch
     names = {"net.safetensors", "net.safetensors.curve.jsonl"}
     assert {path.name for path in tmp_path.iterdir()} == names | {"plain.toml", "plain.table"}
     assert {Path(file).name for file in told["files"]} == names
-    resumed = run("train", table, "--out", out, "--resume", "--design", design)
+    resumed = run("train", table, "--out", out, "--resume", "--force", "--design", design)
     assert isinstance(resumed.exception, ArgumentError)
     shown = run("train", table, "--out", tmp_path / "b", "--design", design, "--seed", "3")
     assert shown.exit_code == 0, shown.output
