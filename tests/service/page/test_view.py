@@ -445,13 +445,10 @@ def test_a_telephone_shows_the_skin_and_folds_the_panel() -> None:
 def test_the_system_says_whether_the_page_is_dark() -> None:
     with View(PLANAR) as view, open_page(view.url) as opened:
         page = opened.page
-        scheme = "document.documentElement.dataset.mantineColorScheme"
-        opened.wait_until(lambda: page.evaluate(scheme) == "light")
-        page.emulate_media(color_scheme="dark")
-        opened.wait_until(lambda: page.evaluate(scheme) == "dark")
-        assert "token=" in page.url
-        page.emulate_media(color_scheme="light")
-        opened.wait_until(lambda: page.evaluate(scheme) == "light")
+        for scheme in ("light", "dark", "light"):  # the page opens anew in each
+            page.emulate_media(color_scheme=scheme)
+            page.locator(f'html[data-mantine-color-scheme="{scheme}"]').wait_for(state="attached")
+            assert "token=" in page.url
 
 
 def test_a_cell_is_outlined_where_the_estimate_is_one() -> None:
