@@ -67,13 +67,17 @@ def test_a_magnet_has_room_up_to_the_nearest_column(planar):
 
 
 def test_magnets_of_one_mount_stay_apart(planar):
-    extent = size(planar.cell)
-    apart = float(math.hypot(2 * extent.length, 2 * extent.width))
-    other = planar.magnets[2].radius
-    touching = replace(planar.magnets[1], radius=apart - other, remanence=1.0)
-    design = replace(planar, magnets=(planar.magnets[0], touching, planar.magnets[2]))
-    slim = replace(design, columns=replace(planar.columns, radius=1e-6))
-    refused(slim, "overlaps a column|overlap: they must be more than")
+    """On the base, where no column stands between two of them; neighbours along y."""
+    base, upper, last = (replace(magnet, remanence=1.0) for magnet in planar.magnets)
+    near = replace(upper, mount="base", corner=(base.corner[0], base.corner[1] - 1))
+    apart = size(planar.cell).width
+    for less, fits in ((1e-6, True), (-1e-6, False)):
+        wide = replace(near, radius=apart - base.radius - less)
+        design = replace(planar, magnets=(base, wide, last))
+        if fits:
+            check_design(design)
+        else:
+            refused(design, r"'M1' and 'M2' overlap: they must be more than 26\.7 mm apart")
 
 
 def test_a_magnet_fits_between_chip_and_sheet(planar):

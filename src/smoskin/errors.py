@@ -7,10 +7,20 @@ Wrong use raises one of these at once. A bad *measurement* never raises: it beco
 from importlib.util import find_spec
 from typing import Final
 
-_LONGEST: Final = 300
-"""Characters of a message; more are left out of its middle."""
-_LAST: Final = 95
-"""Characters at a message's end that are kept."""
+LONGEST: Final = 300
+"""Characters of a message."""
+
+
+def one_line(text: str, room: int = LONGEST) -> str:
+    """A text as a line of so many characters at most.
+
+    What would not print is escaped; of what is too long the middle is left out.
+    """
+    plain = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+    if len(plain) <= room:
+        return plain
+    end = room // 3
+    return f"{plain[: room - end - 5]} ... {plain[-end:]}"
 
 
 class SmoskinError(Exception):
@@ -20,13 +30,7 @@ class SmoskinError(Exception):
     """
 
     def __str__(self) -> str:
-        text = super().__str__()
-        if len(text) > _LONGEST:
-            text = f"{text[: _LONGEST - _LAST - 5]} ... {text[-_LAST:]}"
-        if text.isprintable():
-            return text
-        escaped = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
-        return escaped if len(escaped) <= _LONGEST else f"{escaped[: _LONGEST - 4]} ..."
+        return one_line(super().__str__())
 
 
 class DesignError(SmoskinError, ValueError):

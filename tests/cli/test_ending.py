@@ -62,7 +62,7 @@ def test_what_is_unforeseen_is_a_bug_with_a_report(monkeypatch, tmp_path, capsys
     said = capsys.readouterr().err
     (report,) = (tmp_path / "smoskin").iterdir()
     assert said.startswith("error: this is a bug in smoskin: TypeError: xxx")
-    assert said.endswith(f"...; the report lies at {report}\n")
+    assert said.endswith(f"xxx; the report lies at {report}\n")
     assert len(said) <= 301
     assert "Traceback" not in said
     text = report.read_text()

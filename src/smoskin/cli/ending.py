@@ -15,7 +15,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Final
 
-from smoskin.errors import SmoskinError
+from smoskin.errors import LONGEST, SmoskinError, one_line
 
 _SIGNALS: Final = {
     signal.SIGINT: "Ctrl-C",
@@ -31,8 +31,6 @@ _AGAIN: Final = 0.02
 """s after which a waiting signal tries again."""
 _BUG: Final = 70
 """Exit code of a bug; EX_SOFTWARE of sysexits.h."""
-_LONGEST: Final = 300
-"""Characters of a message; more are cut."""
 
 _heard: list[int] = []
 _kept: list[str] = []
@@ -115,13 +113,13 @@ def _code_of(work: Callable[[], object]) -> object:
             return 1
         return end.code
     except SmoskinError as error:
-        _say(f"error: {cut(str(error))}")
+        _say(f"error: {error}")
         return 1
     except BrokenPipeError:
         return 1
     except OSError as error:  # an output that cannot be written: readers refuse their inputs
         where = f"{error.filename}: " if error.filename else ""
-        _say(f"error: {cut(f'{where}{error.strerror or error}')}")
+        _say(f"error: {one_line(f'{where}{error.strerror or error}')}")
         return 1
     except KeyboardInterrupt:
         return 128 + signal.SIGINT
@@ -152,21 +150,14 @@ def _bug(error: Exception) -> str:
             file.write_text(report, encoding="utf-8", errors="backslashreplace")
             lies = f"lies at {file}"
             break
-    what = f"{type(error).__name__}: {error}"
-    what = cut(what, _LONGEST - len(lies) - 48)
+    what = one_line(f"{type(error).__name__}: {error}", LONGEST - len(lies) - 48)
     return f"error: this is a bug in smoskin: {what}; the report {lies}"
 
 
-def cut(sentence: str, room: int = _LONGEST) -> str:
-    """A sentence of at most so many characters."""
-    return sentence if len(sentence) <= room else f"{sentence[: room - 3]}..."
-
-
 def _say(sentence: str) -> None:
-    """Write a line to standard error, control characters escaped, where anybody listens."""
-    plain = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in sentence)
+    """Write a line to standard error, where anybody listens."""
     with suppress(OSError, ValueError, AttributeError):
-        sys.stderr.write(f"{plain}\n")
+        sys.stderr.write(f"{one_line(sentence, 2 * LONGEST)}\n")
         sys.stderr.flush()
 
 

@@ -13,12 +13,14 @@ from typer import Argument, Option
 from typer.core import TyperGroup
 
 from smoskin import __version__
-from smoskin.cli.ending import cut
+from smoskin.errors import one_line
 from smoskin.roles import Progress
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+_UsageError: Final[type[typer.BadParameter]] = typer.BadParameter.__base__  # type: ignore[assignment]
+"""click's, which typer does not name: it may carry a click of its own."""
 _EVERY: Final = 5.0
 """s between lines of progress where there is no terminal."""
 _GROUPS: Final = {
@@ -45,9 +47,8 @@ class GroupedCommands(TyperGroup):
         """Run a command; what a refused argument repeats of itself is cut."""
         try:
             return super().invoke(ctx)
-        except Exception as error:
-            if isinstance(message := getattr(error, "message", None), str):
-                error.message = cut(message, 200)  # type: ignore[attr-defined]
+        except _UsageError as error:
+            error.message = one_line(error.message, 200)
             raise
 
     def list_commands(self, ctx: Any) -> list[str]:

@@ -18,16 +18,11 @@ from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.response.fit import table_curvature
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.reduced import ReducedTwin
-from tables_of_response import plain, reduced_table
+from tables_of_response import reduced_table
 
 STRAIGHT = TouchPriors(drag_spread=0.0)
 WHERE = np.array([[0.033, 0.05], [0.085, 0.11]])
 FORCE = np.array([[0.0, 0.0, -0.5], [0.0, 0.0, -0.7]])
-
-
-@pytest.fixture(scope="module")
-def skin(planar):
-    return plain(planar)
 
 
 @pytest.fixture(scope="module")

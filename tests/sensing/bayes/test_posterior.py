@@ -7,12 +7,9 @@ import numpy as np
 import pytest
 
 from smoskin.errors import ArgumentError
-from smoskin.mechanics.sheet.compliance import grip_compliance
 from smoskin.sensing.bayes.priors import Standing, TouchPriors
 from smoskin.sensing.bayes.solver import TouchSolver
-from smoskin.sensing.response.fit import table_curvature
 from smoskin.sensing.signals.signals import signal_noise
-from tables_of_response import plain, reduced_table
 
 WHERE = np.array([[0.033, 0.05], [0.085, 0.11]])
 FORCE = np.array([[0.0, 0.0, -0.3], [0.0, 0.0, -1.0]])
@@ -20,18 +17,11 @@ SLANTED = np.array([0.21, -0.13, -0.4])
 
 
 @pytest.fixture(scope="module")
-def skin(planar):
-    return plain(planar)
-
-
-@pytest.fixture(scope="module")
-def table(skin):
+def table(table):
     """A table that misses something, more in some signals than in others."""
-    known = replace(reduced_table(skin), grip=grip_compliance(skin))
     factor = np.random.default_rng(5).normal(size=(9, 9)) * 2e-6
     return replace(
-        known,
-        curvature=table_curvature(known),
+        table,
         misfit=factor @ factor.T,
         pair_misfit=np.diag(np.arange(1.0, 10.0)) * 1e-12,
     )

@@ -6,28 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from smoskin.mechanics.sheet.compliance import grip_compliance
 from smoskin.sensing.bayes.posterior import Descent
 from smoskin.sensing.bayes.priors import Standing, TouchPriors
 from smoskin.sensing.bayes.solver import TouchSolver
-from smoskin.sensing.response.fit import table_curvature
 from smoskin.sensing.signals.signals import signal_noise
-from tables_of_response import plain, reduced_table, table_with_modes
+from tables_of_response import reduced_table, table_with_modes
 
 WHERE = np.array([[0.033, 0.05], [0.085, 0.11]])
 FORCE = np.array([[0.0, 0.0, -0.5], [0.0, 0.0, -0.7]])
 STRAIGHT = TouchPriors(drag_spread=0.0)
-
-
-@pytest.fixture(scope="module")
-def skin(planar):
-    return plain(planar)
-
-
-@pytest.fixture(scope="module")
-def table(skin):
-    known = replace(reduced_table(skin), grip=grip_compliance(skin))
-    return replace(known, curvature=table_curvature(known))
 
 
 @pytest.fixture(scope="module")

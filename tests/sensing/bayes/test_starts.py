@@ -1,28 +1,12 @@
 """Coarse places from which a search begins: at the touch's own, it begins with nearly its force."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from smoskin.mechanics.sheet.compliance import grip_compliance
 from smoskin.origami.geometry import middles_of_fields, places_to_the_rim
 from smoskin.sensing.bayes.priors import TouchPriors
 from smoskin.sensing.bayes.solver import TouchSolver
-from smoskin.sensing.response.fit import table_curvature
 from smoskin.sensing.signals.signals import signal_noise
-from tables_of_response import plain, reduced_table
-
-
-@pytest.fixture(scope="module")
-def skin(planar):
-    return plain(planar)
-
-
-@pytest.fixture(scope="module")
-def table(skin):
-    coupled = replace(reduced_table(skin), grip=grip_compliance(skin))
-    return replace(coupled, curvature=table_curvature(coupled))
 
 
 @pytest.mark.parametrize("drag_spread", [0.0, 0.3])
