@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from smoskin.errors import SmoskinError
     from smoskin.feasibility import load_design
     from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
-    from smoskin.roles import Estimator, Sink, Source
+    from smoskin.roles import ContactLaw, Estimator, Sink, Source
     from smoskin.sensing.bayes.estimator import BayesEstimator
     from smoskin.sensing.closed_form.calibration import Calibration
     from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
@@ -52,6 +52,7 @@ __all__ = [
     "ChipFlag",
     "ClosedFormEstimator",
     "Contact",
+    "ContactLaw",
     "Estimate",
     "Estimator",
     "Examples",
@@ -95,7 +96,7 @@ _HOMES = {
     "errors": "SmoskinError",
     "feasibility": "load_design",
     "records": "ChipFlag Contact Estimate Reading Status",
-    "roles": "Estimator Sink Source",
+    "roles": "ContactLaw Estimator Sink Source",
     "sensing.bayes.estimator": "BayesEstimator",
     "sensing.closed_form.calibration": "Calibration",
     "sensing.closed_form.estimator": "ClosedFormEstimator",

@@ -61,6 +61,10 @@ class CalibrationError(SmoskinError, ValueError):
     """Measurements that fit no skin of the design; the message names what seems to be wrong."""
 
 
+class ContractError(SmoskinError, ValueError):
+    """An object handed in that does not keep what its role promises; the message names it."""
+
+
 class EngineError(SmoskinError, RuntimeError):
     """Work that its workers could not finish, or not in time."""
 

@@ -1,8 +1,8 @@
 """Who passes the records on: sources give readings, estimators make estimates, sinks take both.
 
-A rig touches a skin where it is told and gives what is known of the touch. Every concrete source
-and estimator of the package is one of these, and the contract suites in `tests/contracts` hold
-each of them to the sentences written here.
+A rig touches a skin where it is told and gives what is known of the touch; a contact law says which
+vertices of a simulated sheet take it. Every concrete source and estimator of the package is one of
+these, and the contract suites in `tests/contracts` hold each of them to the sentences written here.
 """
 
 from abc import ABC, abstractmethod
@@ -17,6 +17,7 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.mlx90393 import HallSample
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
+from smoskin.mechanics.sheet.contact import ContactLaw as ContactLaw
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.records import Contact, Estimate, HeldTouch, Motion, Reading
 

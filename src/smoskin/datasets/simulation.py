@@ -16,7 +16,7 @@ from smoskin.arrays import Bools, Floats, Ints
 from smoskin.datasets.patterns import Sweep
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics import mlx90393
-from smoskin.mechanics.sheet.touches import patch_shares
+from smoskin.mechanics.sheet.touches import check_on_skin
 from smoskin.records import Motion
 from smoskin.roles import VirtualSkin
 from smoskin.twin.reduced import ReducedTwin
@@ -88,7 +88,7 @@ class Simulation:
     """
 
     def __init__(self, design: SkinDesign, sweep: Sweep) -> None:
-        patch_shares(design, sweep.touches(design, 0))
+        check_on_skin(design, sweep.touches(design, 0))
         self._design, self._sweep = design, sweep
         # Chunks of one skin follow each other: the last one made is kept.
         self._skin = lru_cache(maxsize=1)(self._make_skin)

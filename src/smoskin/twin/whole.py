@@ -17,8 +17,9 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, check_temperature
+from smoskin.mechanics.sheet.contact import ContactLaw, contact_of, shares_by
 from smoskin.mechanics.sheet.holders import holder_matrix
-from smoskin.mechanics.sheet.touches import Grip, Sticking, Touches, patch_shares, touches_of
+from smoskin.mechanics.sheet.touches import Grip, Sticking, Touches, check_on_skin, touches_of
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Motion
 from smoskin.twin.manufacture import Tolerances, as_designed, draw, made_mechanics
@@ -63,11 +64,15 @@ class Twin(MagneticSkin):
         Whether to draw one skin from the tolerances, `Tolerances()` by default.
     grip : Grip, optional
         How touches hold on to the skin; by default they stick.
+    contact : ContactLaw, optional
+        Which vertices take a touch; by default as `smoskin.mechanics.sheet.model.BarHinge` has it.
 
     Raises
     ------
     ArgumentError
         If a skin is to be drawn without a seed.
+    ContractError
+        If the contact law breaks its role, here or at a later touch.
     MissingExtraError
         If the extra ``twin`` is not installed.
 
@@ -88,6 +93,7 @@ class Twin(MagneticSkin):
         manufactured: bool = False,
         tolerances: Tolerances | None = None,
         grip: Grip | None = None,
+        contact: ContactLaw | None = None,
         surroundings: Surroundings | None = None,
     ) -> None:
         if manufactured and seed is None:
@@ -106,13 +112,15 @@ class Twin(MagneticSkin):
         self._holders = holders.reshape(-1, holders.shape[2] * 3).T.copy()
         self._sheet = geometry(design).sheet
         self._grip: Grip = grip or Sticking()
+        self.contact = contact_of(self._grip) if contact is None else contact
+        """Which vertices take a touch."""
         self._solver = functools.lru_cache(maxsize=_SOLVERS)(self._build_solver)
         self._solver(REFERENCE_TEMPERATURE)
         self._states: deque[tuple[object, _State]] = deque(maxlen=_REMEMBERED)
 
     def check(self, contacts: Sequence[Contact]) -> None:
         """As `VirtualSkin.check`."""
-        patch_shares(self.design, touches_of([contacts]))
+        check_on_skin(self.design, touches_of([contacts]))
 
     def prepare(self) -> None:
         """Compile what one or two live touches need: some seconds, once in a process.
@@ -147,7 +155,7 @@ class Twin(MagneticSkin):
     ) -> Floats:
         """As `VirtualSkin.depths`: the mean over each contact's patch."""
         sunk = -self._state(contacts, temperature).displacements[self._sheet.loaded, 2]
-        shares = patch_shares(self.design, touches_of([contacts]))[0]
+        shares = shares_by(self.contact, self.design, touches_of([contacts]))[0]
         return np.asarray(np.einsum("knm,nm->k", shares, sunk))
 
     def _state(self, contacts: Sequence[Contact], temperature: float) -> _State:
@@ -165,7 +173,6 @@ class Twin(MagneticSkin):
             pressed = solver.press(live, tolerance=_LIVE_TOLERANCE, start=start)
             state = _State(pressed.displacements[0], self._motion_of(pressed)[0])
         else:
-            patch_shares(self.design, live)
             still = Motion.rest(len(self.design.magnets))
             state = _State(np.zeros_like(self._sheet.vertices), still)
         self._states.append((key, state))
@@ -183,4 +190,4 @@ class Twin(MagneticSkin):
 
         degrees = float(check_temperature(temperature))
         made, lattice = made_mechanics(self.design, self.deviations, degrees)
-        return BarHinge(made, lattice=lattice, grip=self._grip)
+        return BarHinge(made, lattice=lattice, grip=self._grip, contact=self.contact)

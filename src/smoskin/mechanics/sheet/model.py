@@ -21,6 +21,13 @@ except ModuleNotFoundError as error:
     raise MissingExtraError("the nonlinear model of the whole sheet", "twin") from error
 
 from smoskin.mechanics.reduced.stiffness import board_stiffness, yaw_stiffness
+from smoskin.mechanics.sheet.contact import (
+    ContactLaw,
+    contact_of,
+    probe_law,
+    shares_by,
+    slopes_by,
+)
 from smoskin.mechanics.sheet.continuation import constrained_solve
 from smoskin.mechanics.sheet.lattice import Lattice, Springs, build_lattice
 from smoskin.mechanics.sheet.tangent import Place
@@ -31,9 +38,7 @@ from smoskin.mechanics.sheet.touches import (
     Sliding,
     Sticking,
     Touches,
-    cover_shares,
-    patch_shares,
-    patch_slopes,
+    check_on_skin,
 )
 from smoskin.origami.geometry import geometry
 
@@ -111,8 +116,10 @@ class BarHinge:
     the ground is zero, and what that takes is its reaction, counting what the board gives way.
     Its drag then comes on top of that reaction, as a load that follows no motion. With friction,
     the sum of both is cut to friction times normal force. Touches stick by default, and the lattice
-    is `build_lattice(design)` unless one with its own springs is given. It raises a `DesignError`
-    if the sheet can move without resistance; its module a `MissingExtraError` without JAX.
+    is `build_lattice(design)` unless one with its own springs is given. The contact law says which
+    vertices take a touch: `CoverPanels` under cover panels, else `Bilinear`, unless one is given.
+    It raises a `DesignError` if the sheet can move without resistance, a `ContractError` if the law
+    breaks its role; its module a `MissingExtraError` without JAX.
 
     Notes
     -----
@@ -124,10 +131,17 @@ class BarHinge:
     """
 
     def __init__(
-        self, design: SkinDesign, *, grip: Grip | None = None, lattice: Lattice | None = None
+        self,
+        design: SkinDesign,
+        *,
+        grip: Grip | None = None,
+        lattice: Lattice | None = None,
+        contact: ContactLaw | None = None,
     ) -> None:
         self.design = design
         self.grip: Grip = grip or Sticking()
+        self.contact = contact_of(self.grip) if contact is None else contact
+        probe_law(self.contact, design)
         self.lattice = lattice or build_lattice(design)
         self._equilibrium = Equilibrium(self.lattice)
         places = geometry(design)
@@ -177,9 +191,8 @@ class BarHinge:
         loads = self._loads(touches)
         answer = self._solve(loads, tolerance, None)
         rows, places, tops = loads.shares.shape
-        slopes = np.zeros((rows, places, 2, tops))
-        if not isinstance(self.grip, Covered):
-            slopes = patch_slopes(self.design, touches).reshape(slopes.shape)
+        by_place, by_force = slopes_by(self.contact, self.design, touches)
+        slopes = np.concatenate([by_place, by_force], axis=2).reshape(rows, places, 5, tops)
         count, nodes = 5 * places + len(STIFFNESSES), len(self.lattice.nodes)
         motion, board = np.full((rows, count, nodes, 3), np.nan), np.full((rows, count, 3), np.nan)
         for row in map(int, np.flatnonzero(self._counts(answer.final, tolerance))):
@@ -216,13 +229,13 @@ class BarHinge:
         return moved, np.concatenate([slide, turn[None] / self._yaw])
 
     def _own_change(self, slopes: Floats) -> _Change:
-        """Change of the touches themselves with each parameter, from `patch_slopes`, (K, 2, T)."""
+        """Change of the touches themselves with each parameter, from `slopes_by`, (K, 5, T)."""
         places, _, tops = slopes.shape
         count = 5 * places + len(STIFFNESSES)
         share = np.zeros((places, tops, count))
         drag, normal = np.zeros((places, 2, count)), np.zeros((places, count))
         for k in range(places):
-            share[k, :, 5 * k : 5 * k + 2] = slopes[k].T
+            share[k, :, 5 * k : 5 * k + 5] = slopes[k].T
             drag[k, :, 5 * k + 2 : 5 * k + 4] = np.eye(2)
             normal[k, 5 * k + 4] = 1.0
         arm = np.einsum("ktp,td->kdp", share, self._tops)
@@ -278,9 +291,9 @@ class BarHinge:
     def _loads(self, touches: Touches) -> Loads:
         """Patches of the touches, and compliance of what they hold on to."""
         rows, places = touches.force.shape[:2]
+        check_on_skin(self.design, touches)
         covered = isinstance(self.grip, Covered)
-        weigh = cover_shares if covered else patch_shares
-        shares = weigh(self.design, touches).reshape(rows, places, -1)
+        shares = shares_by(self.contact, self.design, touches).reshape(rows, places, -1)
         link = np.broadcast_to(_PAD * np.eye(2 * places), (rows, 2 * places, 2 * places)).copy()
         if not covered:
             turned = _turned(shares @ self._tops).reshape(rows, 2 * places)

@@ -144,7 +144,7 @@ def vertex_shares(design: SkinDesign, positions: ArrayLike) -> Floats:
     [[0.75, 0.25, 0.0], [1.5, -0.5, 0.0]]
     """
     where = floats("positions", positions, (2,))
-    _check_on_skin(design, where)
+    _check_places(design, where)
     along, across = _both_lines(design, where)
     return np.asarray(along[..., :, None] * across[..., None, :])
 
@@ -175,7 +175,7 @@ def cover_shares(design: SkinDesign, touches: Touches) -> Floats:
 
     A touch whose middle lies off the skin raises an `ArgumentError`.
     """
-    _check_on_skin(design, touches.position[touches.pressed])
+    check_on_skin(design, touches)
     extent = geometry(design).cell
     cell = (touches.position / [extent.length, extent.width]).astype(np.int64)
     cell = np.clip(cell, 0, np.subtract(design.cells, 1))
@@ -187,7 +187,7 @@ def cover_shares(design: SkinDesign, touches: Touches) -> Floats:
 
 def _patch_points(design: SkinDesign, touches: Touches) -> Floats:
     """Points of the touches' discs, (B, K, P, 2), m."""
-    _check_on_skin(design, touches.position[touches.pressed])
+    check_on_skin(design, touches)
     ring, spoke = np.indices((_RINGS, _SPOKES)).reshape(2, -1)
     # Rings of equal area, every other one turned by half a spoke.
     reach = np.sqrt((ring + 0.5) / _RINGS)
@@ -221,7 +221,12 @@ def _line_shares(vertices: Floats, where: Floats, slopes: bool) -> Floats:
     return np.asarray(here * (1 - past) + after * past)
 
 
-def _check_on_skin(design: SkinDesign, where: Floats) -> None:
+def check_on_skin(design: SkinDesign, touches: Touches) -> None:
+    """Raise an `ArgumentError` if the middle of a touch lies off the skin."""
+    _check_places(design, touches.position[touches.pressed])
+
+
+def _check_places(design: SkinDesign, where: Floats) -> None:
     """Refuse positions off the skin."""
     whole = geometry(design).extent
     off = ~((where >= -_SLACK) & (where <= whole + _SLACK)).all(axis=-1)
