@@ -38,10 +38,10 @@ def code_lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
 
 
 def test_the_wheel_stays_one_that_can_be_read_in_a_week():
-    # 24,000 lines held all that skins are made, judged and read with; 2,600 more keep bad sheets,
+    # 24,000 lines held all that skins are made, judged and read with; 2,700 more keep bad sheets,
     # damaged files and visitors of the page from going wrong in silence; 200 let anyone
     # replace the law of contact.
-    assert sum(text.count("\n") for text in FILES.values()) <= 26_800
+    assert sum(text.count("\n") for text in FILES.values()) <= 26_900
 
 
 def test_no_file_has_over_450_lines():

@@ -14,7 +14,10 @@ from learned_examples import presses
 from networks import random_network
 from smoskin.design.document import read_design
 from smoskin.errors import ArgumentError, ModelError
+from smoskin.origami.geometry import geometry
 from smoskin.outputs import sealed
+from smoskin.records import Reading
+from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.closed_form.calibration import (
     Calibration,
     Evidence,
@@ -23,16 +26,20 @@ from smoskin.sensing.closed_form.calibration import (
     format_calibration,
     read_calibration,
 )
+from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import load_estimator
-from smoskin.sensing.learned.gaussian_process import LearnedModel, load_model
+from smoskin.sensing.learned.gaussian_process import LearnedEstimator, LearnedModel, load_model
 from smoskin.sensing.learned.inputs import Encoding
 from smoskin.sensing.learned.training import FittingEffort, train_model
-from smoskin.sensing.network.model import load_network
-from smoskin.sensing.response.table import load_response_table
-from tables_of_response import random_table
+from smoskin.sensing.network.estimator import NetworkEstimator
+from smoskin.sensing.network.model import NetworkModel, load_network
+from smoskin.sensing.response.table import ResponseTable, load_response_table
+from tables_of_response import random_table, reduced_table
 
 DESIGN = read_design("planar")
 NAME = "m.bin"
+EXTENT = geometry(DESIGN).extent
+WILD = (0.0, -1.0, 1e-300, 1e30, -1e30, 1e300, np.nan, np.inf)
 
 
 class Kind(NamedTuple):
@@ -138,3 +145,88 @@ def test_a_spoilt_file_is_the_same_or_refused(count, name, kinds, tmp_path):
 
     with working_folder(tmp_path):
         hold(drawn())
+
+
+def numbers_of(record: Any) -> dict[str, np.ndarray]:
+    """Numbers of a record by their field."""
+    values = {field.name: getattr(record, field.name) for field in fields(record)}
+    return {
+        name: np.array(value, float)
+        for name, value in values.items()
+        if isinstance(value, np.ndarray | float) or (isinstance(value, tuple) and numeric(value))
+    }
+
+
+def numeric(value: Any) -> bool:
+    """Whether a tuple holds floats, or tuples of floats."""
+    flat = [part for row in value for part in (row if type(row) is tuple else (row,))]
+    return bool(flat) and all(type(part) is float for part in flat)
+
+
+def spoil(record: Any, rng: np.random.Generator) -> tuple[str, Callable[[], Any]]:
+    """A record with one of its numbers, or all of a field, wild."""
+    numbers = numbers_of(record)
+    name, wild = str(rng.choice(list(numbers))), float(rng.choice(WILD))
+    value = numbers[name]
+    if rng.random() < 0.5 or not value.size:
+        value[...] = wild
+        what = f"all {name} = {wild}"
+    else:
+        at = int(rng.integers(value.size))
+        value.flat[at] = wild
+        what = f"{name}[{at}] = {wild}"
+    given = getattr(record, name)
+    if isinstance(given, float):
+        spoilt: Any = value.item()
+    elif isinstance(given, tuple):
+        spoilt = tuple(tuple(row) if value.ndim > 1 else row for row in value.tolist())
+    else:
+        spoilt = value
+    return what, partial(replace, record, **{name: spoilt})
+
+
+def answers(record: Any) -> None:
+    """An estimator of a wild model refuses it, or answers readings by what can be."""
+    rng = np.random.default_rng(5)
+    match record:
+        case ResponseTable():
+            estimator: Any = BayesEstimator(DESIGN, record)
+        case NetworkModel():
+            estimator = NetworkEstimator(DESIGN, record)
+        case LearnedModel():
+            estimator = LearnedEstimator(record)
+        case _:
+            estimator = ClosedFormEstimator(DESIGN, record)
+    zero = 1e-3 * rng.normal(size=(3, 3))
+    estimator.zero([Reading(time=0.0, field=zero)])
+    for k in range(6):
+        field = zero + 10.0 ** -(2 + k) * rng.normal(size=(3, 3))
+        estimate = estimator.step(Reading(time=1.0 + k, field=field, temperature=[30.0] * 3))
+        for contact in estimate.contacts:
+            assert np.isfinite(contact.position).all()
+            assert not np.isinf(contact.force).any()
+            if not isinstance(record, LearnedModel):  # which knows no skin
+                outside = np.abs(contact.position - EXTENT / 2) - EXTENT / 2
+                assert outside.max() < 0.01, f"{contact.position} m is off the skin"
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of numbers that no file of ours holds
+@cases(8, 400)
+def test_a_wild_model_is_refused_or_answers_by_what_can_be(count, kinds):
+    network = random_network(chips=(0, 1, 2), design_hash=DESIGN.content_hash)
+    others = [network, kinds["learned"].content, kinds["calibration"].content]
+    models = [reduced_table(DESIGN), *others, *others, *others]
+
+    def case(make: Callable[[], Any]) -> None:
+        try:
+            answers(make())
+        except (ModelError, ArgumentError) as error:
+            check_error(error)
+
+    def drawn():
+        rng = np.random.default_rng(4)
+        for k in range(count):
+            what, make = spoil(models[k % len(models)], rng)
+            yield f"{k}: {type(models[k % len(models)]).__name__} {what}", partial(case, make)
+
+    hold(drawn())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smoskin.errors import ModelError
-from smoskin.sensing.files import TensorFile, check_sizes, tensor_key
+from smoskin.sensing.files import TensorFile, check_filled, check_within, tensor_key
 
 tensors = pytest.importorskip("safetensors.numpy")
 
@@ -61,7 +61,7 @@ def test_damage_is_said_in_a_sentence(tmp_path):
     for error in (KeyError("x"), TypeError("x"), ValueError("x")):
         with pytest.raises(ModelError, match="its description is damaged"):
             KIND.read(tmp_path / "one", ("a", "b"), failing(error))
-    with pytest.raises(ModelError, match=r"^said by its owner$"):
+    with pytest.raises(ModelError, match=r"one: said by its owner$"):
         KIND.read(tmp_path / "one", ("a", "b"), failing(ModelError("said by its owner")))
 
 
@@ -96,11 +96,21 @@ def test_a_changed_number_does_not_fit_the_checksum_and_older_files_have_none(tm
     assert KIND.read(tmp_path / "old", ("a", "b"), both)[1] == {"format": 2, "name": "x"}
 
 
-@pytest.mark.parametrize("size", [0.0, 1e30])
-def test_numbers_that_cannot_be_are_refused_by_name(size):
-    with pytest.raises(ModelError, match="thing: a must"):
-        check_sizes("thing", {"a": np.full(3, size)}, {"a": 10.0}, "a")
-    check_sizes("thing", {"a": np.ones(3), "b": np.zeros(0)}, {"a": 10.0}, "a", "b")
+def test_numbers_that_cannot_be_are_refused_by_name():
+    limits = np.array([-1.0, 1e-3, 1e-3]), 10.0
+    check_within("thing: a", [0.0, 1.0, 10.0], *limits)
+    for wrong, words in (
+        ([0.0, 0.0, 1.0], "must be positive, within 0.001 and 10; got 0"),
+        ([-2.0, 1.0, 1.0], "must lie within -1 and 10; got -2"),
+        ([0.0, 1e30, 1.0], "must be positive, within 0.001 and 10; got 1e[+]30"),
+        ([0.0, np.nan, 1.0], "must be finite"),
+        ([0.0, np.inf, 1.0], "must be finite"),
+    ):
+        with pytest.raises(ModelError, match=f"^thing: a {words}"):
+            check_within("thing: a", wrong, *limits)
+    check_filled("thing", {"a": np.ones(3), "b": np.zeros(0)}, "a", "b")
+    with pytest.raises(ModelError, match="thing: a must not be zero everywhere"):
+        check_filled("thing", {"a": np.zeros(3)}, "a")
 
 
 def test_what_is_no_tensor_file_is_refused(tmp_path):

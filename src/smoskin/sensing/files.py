@@ -9,13 +9,13 @@ import json
 import logging
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from smoskin.arrays import freeze
-from smoskin.errors import ArgumentError, ModelError, require
+from smoskin.errors import ArgumentError, ModelError, SmoskinError, require
 from smoskin.outputs import read_input, write_output
 
 _LOG: Final = logging.getLogger(__name__)
@@ -39,6 +39,8 @@ _DAMAGE: Final = (
 """Errors that a description raises which is not what was written."""
 
 _Content = TypeVar("_Content")
+Limits: TypeAlias = Mapping[str, tuple[ArrayLike, ArrayLike]]
+"""Least and largest value of numbers and arrays, by the name of their field."""
 
 
 class TensorFile(NamedTuple):
@@ -102,35 +104,47 @@ class TensorFile(NamedTuple):
                     f"{path} is damaged: its checksum does not fit; make it again or copy it anew"
                 )
             _LOG.info("read %s from %s", self.kind, path)
-            return build(arrays, header)
+            try:
+                return build(arrays, header)
+            except SmoskinError as error:
+                raise ModelError(f"{path}: {error}") from error
         except ModelError:
             raise
         except _DAMAGE as error:
             raise ModelError(f"{path}: its description is damaged: {error!r}") from error
 
 
-def freeze_model(record: object, kind: str, **shapes: tuple[int | None, ...]) -> None:
-    """Turn a model's fields into read-only finite arrays of these shapes, while it is being made.
+def freeze_model(
+    record: object, kind: str, limits: Limits, **shapes: tuple[int | None, ...]
+) -> None:
+    """Turn a model's fields into read-only arrays of these shapes, while it is being made.
 
-    It raises a `ModelError` if a field has another shape or is not finite.
+    It raises a `ModelError` if a field has another shape, or a number is beyond its limits, which
+    are far wider than anything that can be.
     """
     try:
         freeze(record, **shapes)
     except ArgumentError as error:
         raise ModelError(f"{kind}: {error}") from error
-    for name in shapes:
-        if not np.isfinite(getattr(record, name)).all():
-            raise ModelError(f"{kind}: {name} must be finite")
+    for name, (least, most) in limits.items():
+        check_within(f"{kind}: {name}", getattr(record, name), least, most)
 
 
-def check_sizes(
-    kind: str, arrays: Mapping[str, NDArray[Any]], largest: Mapping[str, float], *filled: str
-) -> None:
-    """Refuse a file's arrays that hold more than can be, or nothing but zeros where they must."""
-    for name, most in largest.items():
-        if not (np.abs(arrays[name]) <= most).all():
-            raise ModelError(f"{kind}: {name} must lie within {most:g}")
-    for name in filled:
+def check_within(name: str, value: ArrayLike, least: ArrayLike, most: ArrayLike) -> None:
+    """Raise a `ModelError` unless all numbers are finite and lie between these, which broadcast."""
+    given, low, high = np.broadcast_arrays(np.asarray(value, np.float64), least, most)
+    if not np.isfinite(given).all():
+        raise ModelError(f"{name} must be finite")
+    wrong = (given < low) | (given > high)
+    if wrong.any():
+        got, low, high = (part[wrong].flat[0] for part in (given, low, high))
+        positive = "be positive, " if low > 0 else "lie "
+        raise ModelError(f"{name} must {positive}within {low:g} and {high:g}; got {got:g}")
+
+
+def check_filled(kind: str, arrays: Mapping[str, NDArray[Any]], *names: str) -> None:
+    """Refuse a file's arrays that hold nothing but zeros."""
+    for name in names:
         if arrays[name].size and not arrays[name].any():
             raise ModelError(f"{kind}: {name} must not be zero everywhere")
 

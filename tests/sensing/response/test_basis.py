@@ -114,10 +114,16 @@ def test_what_is_no_basis_is_refused():
     ):  # fmt: skip
         with pytest.raises(ArgumentError, match=f"{name} must rise within"):
             TouchBasis(**(good | {name: wrong}))
-    for radius in (0.0, np.inf, np.nan):
+    for radius in (0.0, 11.0, np.inf, np.nan):
         with pytest.raises(ArgumentError, match="radius and extent must be positive"):
             TouchBasis(**good, radius=radius)
-    for wrong in ([(0, 0, 0)], [(1, 0, 0), (2, -1, 0)], [(0.5, 0, 1)]):
+    for wrong in (
+        [(0, 0, 0)],
+        [(1, 0, 0), (2, -1, 0)],
+        [(0.5, 0, 1)],
+        [(99, 0, 0)],
+        np.zeros((0, 3)),
+    ):
         with pytest.raises(ArgumentError, match="exponents must be whole"):
             TouchBasis(**good, exponents=wrong)
     with pytest.raises(ArgumentError, match="exponents must have shape"):

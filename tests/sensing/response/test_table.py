@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from smoskin.arrays import assign
 from smoskin.commands.table import Effort
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.mlx90393 import noise
@@ -184,6 +185,26 @@ def test_other_files_are_refused(tmp_path):
     tensors.save_file({"mean": np.zeros(3)}, str(tmp_path / "other"))
     with pytest.raises(ModelError, match="a response table of this package must be given"):
         load_response_table(tmp_path / "other")
+
+
+def test_a_flipped_bit_in_a_copy_of_the_shipped_table_is_refused(tmp_path):
+    whole = (resources.files("smoskin.sensing.response") / "planar.table").read_bytes()
+    for place in (len(whole) // 2, len(whole) - 1):
+        copy = bytearray(whole)
+        copy[place] ^= 1
+        (tmp_path / "t.table").write_bytes(copy)
+        with pytest.raises(ModelError, match=r"t\.table is damaged: its checksum does not fit"):
+            load_response_table(tmp_path / "t.table")
+
+
+def test_a_number_that_cannot_be_is_refused_with_file_and_entry(tmp_path):
+    changes = {"softening": 1e30, "forces": (0.05, 1e300), "grip": 1e30, "curvature": -1e30}
+    for name, wild in changes.items():
+        table, size = random_table(), np.ones_like(getattr(random_table(), name))
+        assign(table, **{name: tuple(wild) if name == "forces" else (wild * size)[()]})
+        table.save(tmp_path / "wild.table")
+        with pytest.raises(ModelError, match=rf"wild\.table: response table: {name} must (lie|be)"):
+            load_response_table(tmp_path / "wild.table")
 
 
 def test_wrong_tables_and_presses_are_refused(skin):

@@ -19,8 +19,18 @@ from smoskin.documents import Form, format_toml
 from smoskin.errors import ModelError
 from smoskin.mechanics.reduced.stiffness import board_stiffness, sheet_stiffness
 from smoskin.outputs import is_damaged, read_text
+from smoskin.sensing.files import check_within
 
 Triple = tuple[float, float, float]
+
+_LIMITS: Final = {
+    "board_stiffness": (1e-3, 1e7),
+    "sheet_stiffness": (1e-3, 1e7),
+    "chip_rotation": (-2 * math.pi, 2 * math.pi),
+    "field_factor": (1e-3, 1e3),
+    "field_offset": (-1.0, 1.0),
+}
+"""Least and largest numbers of a skin, SI."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,18 +120,15 @@ class Calibration:
     """Measurements behind it; None for a nominal calibration."""
 
     def __post_init__(self) -> None:
-        for name in ("board_stiffness", "sheet_stiffness"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise ModelError(f"{name} must be positive, N/m; got {getattr(self, name)}")
         chips = len(self.field_factor)
         for name in ("chip_rotation", "field_offset"):
             rows = getattr(self, name)
             if len(rows) != chips or any(len(row) != 3 for row in rows):
                 raise ModelError(f"{name} must hold 3 numbers for each of {chips} chips")
-            if not all(math.isfinite(value) for row in rows for value in row):
-                raise ModelError(f"{name} must be finite; got {rows}")
-        if not all(0 < value < math.inf for value in self.field_factor):
-            raise ModelError(f"field_factor must be positive; got {self.field_factor}")
+        for name, limits in _LIMITS.items():
+            check_within(f"calibration: {name}", getattr(self, name), *limits)
+        for name in ("folding_correction_x", "folding_correction_y", "stiffness_variation"):
+            check_within(f"calibration: {name}", getattr(self.coefficients, name), 1e-9, 1e9)
 
     @classmethod
     def nominal(cls, design: SkinDesign) -> Self:

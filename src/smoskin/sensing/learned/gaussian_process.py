@@ -26,6 +26,17 @@ _BAD: Final = int(ChipFlag.MISSING | ChipFlag.INVALID)
 _FULL: Final = int(ChipFlag.SATURATED | ChipFlag.WRAPPED)
 _ROWS: Final = 5  # of an estimate's covariance
 _LARGEST: Final = 1e6  # T; no chip measures more, and squares of more overflow
+_LIMITS: Final = {
+    **dict.fromkeys(("centre", "intercept"), (-1e4, 1e4)),
+    **dict.fromkeys(("support", "weights", "slope"), (-1e9, 1e9)),
+    "place": (-10.0, 10.0),
+    "scale": (1e-12, 1e9),
+    "residual": (-1e4, 1e4),
+    "noise": (0.0, 1e9),
+    "touch_field": (0.0, 1.0),
+    "reach": (1e-9, 1e9),
+}
+"""Least and largest numbers of a model, SI."""
 
 
 class Output(Enum):
@@ -116,6 +127,7 @@ class LearnedModel:
         freeze_model(
             self,
             "model",
+            _LIMITS,
             place=(2,),
             centre=(inputs,),
             scale=(inputs,),
@@ -126,10 +138,8 @@ class LearnedModel:
             residual=(outputs, outputs),
             noise=(2,),
         )
-        if not (self.scale > 0).all() or not rows or not outputs:
-            raise ModelError("model: must have examples, outputs and positive scales")
-        if not (self.reach > 0 and self.touch_field >= 0):
-            raise ModelError("model: reach must be positive and touch_field not negative")
+        if not rows or not outputs:
+            raise ModelError("model: must have examples and outputs")
         chips = self.encoding.chips
         if self.chips_in_reading <= max(chips):
             raise ModelError(f"model: uses the chips {chips} of {self.chips_in_reading}")

@@ -7,11 +7,15 @@ an input depends on its own field and on earlier ones alone.
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import Final
 
 import numpy as np
 
 from smoskin.arrays import Floats, floats
 from smoskin.errors import ArgumentError
+
+_LONGEST: Final = 1e9  # s
+_FAINTEST: Final = 1e-15  # T
 
 
 class Form(Enum):
@@ -48,10 +52,12 @@ class Encoding:
     def __post_init__(self) -> None:
         if not self.chips or min(self.chips) < 0 or len(set(self.chips)) != len(self.chips):
             raise ArgumentError(f"chips must be distinct indices from 0; got {self.chips}")
-        if not all(0 < tau < np.inf for tau in self.time_constants):
-            raise ArgumentError(f"time_constants must be positive; got {self.time_constants}")
-        if not 0 < self.floor < np.inf:
-            raise ArgumentError(f"floor must be positive; got {self.floor}")
+        if not all(0 < tau <= _LONGEST for tau in self.time_constants):
+            raise ArgumentError(
+                f"time_constants must be positive, up to {_LONGEST:g} s; got {self.time_constants}"
+            )
+        if not _FAINTEST <= self.floor <= 1.0:
+            raise ArgumentError(f"floor must be positive, {_FAINTEST:g} to 1 T; got {self.floor} T")
 
     @property
     def columns(self) -> int:

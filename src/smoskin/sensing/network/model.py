@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from smoskin.arrays import Floats, assign, floats
 from smoskin.errors import ModelError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
-from smoskin.sensing.files import NETWORK, TensorFile, check_sizes, freeze_model
+from smoskin.sensing.files import NETWORK, TensorFile, check_filled, check_within, freeze_model
 from smoskin.sensing.learned.gaussian_process import Metric, Prediction
 
 Singles: TypeAlias = NDArray[np.float32]
@@ -25,6 +25,22 @@ Singles: TypeAlias = NDArray[np.float32]
 _FILE: Final = TensorFile("a network file", NETWORK, 1)
 _TENSORS: Final = ("centre", "scale", "middle", "size", "stretch", "whitener")
 _LAYERS: Final = {"first": slice(0, 1), "hidden": slice(1, -1), "last": slice(-1, None)}
+_LIMITS: Final = {
+    "centre": (-1e3, 1e3),
+    "scale": (1e-9, 1e6),
+    "stretch": (1e-6, 1e6),
+    "whitener": (-1e9, 1e9),
+    "reach": (1e-9, 1e9),
+    "forces": (1e-6, 1e3),
+    "drag": (0.0, 1e3),
+    "floor": (1e-15, 1.0),
+    "softening": (-1.0, 1.0),
+}
+"""Least and largest numbers, SI."""
+_LARGEST: Final = np.array([1.0, 1.0, 1e9, 1e9, 50.0])
+"""The largest of a target's middle and spread: m, N/T and log(N/T)."""
+_HEAVIEST: Final = 1e6
+"""The largest weight."""
 SPREADS: Final = (-9.0, 2.0)
 """Least and largest logarithm of a stated standard deviation, in units of the target's own."""
 
@@ -88,9 +104,11 @@ class NetworkModel:
     def __post_init__(self) -> None:
         inputs, outputs = 3 * len(self.chips) + 1, len(self.rows)
         numbers = outputs * (outputs + 3) // 2
+        largest = _LARGEST[list(self.rows)]
         freeze_model(
             self,
             "network",
+            _LIMITS | {"middle": (-largest, largest), "size": (1e-9, largest)},
             **dict.fromkeys(("centre", "scale"), (inputs,)),
             **dict.fromkeys(("middle", "size", "stretch"), (outputs,)),
             whitener=(inputs, inputs),
@@ -105,12 +123,9 @@ class NetworkModel:
                 f"network: must have {inputs} inputs, two or more hidden layers of one width and "
                 f"{numbers} outputs; got weights {[weights for weights, _ in shapes]}"
             )
-        if not all(np.isfinite(part).all() for layer in layers for part in layer):
-            raise ModelError("network: weights must be finite")
-        for name in ("scale", "size", "stretch", "reach", "floor"):
-            if not np.all(getattr(self, name) > 0):
-                raise ModelError(f"network: {name} must be positive")
-        if not (0 < self.forces[0] < self.forces[1] and self.drag >= 0):
+        for part in (part for layer in layers for part in layer):
+            check_within("network: weights", part, -_HEAVIEST, _HEAVIEST)
+        if not self.forces[0] < self.forces[1]:
             raise ModelError(f"network: forces must rise from above 0; got {self.forces} N")
         assign(self, layers=layers)
 
@@ -266,7 +281,7 @@ def load_network(path: Path | str) -> NetworkModel:
 
 def _network(arrays: dict[str, NDArray[Any]], header: dict[str, Any]) -> NetworkModel:
     """The model of a file's arrays and header."""
-    check_sizes("network", arrays, dict.fromkeys(arrays, 1e9), "scale", "size", "whitener")
+    check_filled("network", arrays, "whitener")
     given = header["input"]
     low, high = (float(force) for force in header["forces_N"])
     layers = [

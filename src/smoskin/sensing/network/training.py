@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeAlias
 
@@ -149,14 +148,14 @@ class _Course:
         self.curve: list[Epoch] = []
         if checkpoint is not None and checkpoint.exists():
             names = [str(k) for k in range(len(jax.tree.leaves((self._state, self.best))))]
-            _CHECKPOINT.read(checkpoint, names, partial(self._resume, checkpoint))
+            _CHECKPOINT.read(checkpoint, names, self._resume)
 
-    def _resume(self, file: Path, arrays: dict[str, Any], header: dict[str, Any]) -> None:
+    def _resume(self, arrays: dict[str, Any], header: dict[str, Any]) -> None:
         """Go on from what a checkpoint holds."""
         if header["training"] != self._lessons.key:
             raise ModelError(
-                f"{file}: must be of this training, of the same table, touches and effort; "
-                f"remove it to begin anew"
+                "must be of this training, of the same table, touches and effort; remove it to "
+                "begin anew"
             )
         leaves, shape = jax.tree.flatten((self._state, self.best))
         # The file knows no arrays without dimensions, such as the optimiser's count.

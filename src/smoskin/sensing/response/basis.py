@@ -27,6 +27,8 @@ _EXPONENTS: Final = np.array(
 )
 """Powers of Fx, Fy and Fz in each product of forces: all of first and second order, and those of
 third order that the normal force takes part in."""
+_LARGEST: Final = (10.0, 9)
+"""Largest skin, m, and power of a force."""
 _AT_ONCE: Final = 2048
 """Touches whose functions are laid out at once."""
 
@@ -57,15 +59,24 @@ class TouchBasis:
             line = getattr(self, name)
             if not (len(line) and line[0] >= 0 and line[-1] <= end and (np.diff(line) > 0).all()):
                 raise ArgumentError(f"{name} must rise within 0..{end} m; got {line}")
-        if not (0 < self.radius < np.inf and (self.extent > 0).all()):
+        longest, highest = _LARGEST
+        sizes = np.append(self.extent, self.radius)
+        if not ((sizes > 0) & (sizes <= longest)).all():
             raise ArgumentError(
-                f"radius and extent must be positive; got {self.radius} m and {self.extent} m"
+                f"radius and extent must be positive, up to {longest:g} m; got {self.radius} m "
+                f"and {self.extent} m"
             )
-        powers = np.asarray(self.exponents, dtype=np.int64)
-        if (powers != self.exponents).any() or powers.min() < 0 or (powers.sum(axis=1) < 1).any():
+        exponents = self.exponents
+        if not (
+            len(exponents)
+            and ((exponents >= 0) & (exponents <= highest) & (exponents % 1 == 0)).all()
+            and exponents.any(axis=1).all()
+        ):
             raise ArgumentError(
-                f"exponents must be whole, >= 0 and not all zero in a row; got {self.exponents}"
+                f"exponents must be whole, 0 to {highest} and not all zero in a row; "
+                f"got {exponents}"
             )
+        powers = np.asarray(exponents, dtype=np.int64)
         powers.flags.writeable = False
         assign(self, exponents=powers, radius=float(self.radius))
 

@@ -14,11 +14,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Floats, floats, freeze
+from smoskin.arrays import Floats, floats
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.nonlinearity import cross_signals
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
-from smoskin.sensing.files import RESPONSE_TABLE, TensorFile, check_sizes
+from smoskin.sensing.files import RESPONSE_TABLE, TensorFile, check_filled, freeze_model
 from smoskin.sensing.response.basis import TouchBasis, touch_arrays
 from smoskin.sensing.response.pairs import mutual_drags
 from smoskin.sensing.response.point import PointTable
@@ -27,8 +27,12 @@ _FILE: Final = TensorFile("a response table", RESPONSE_TABLE, 3, older=(2,))
 _HALVES: Final = ("modes", "grip_modes")
 """Arrays that files hold in half precision, each in steps of its own: they fill the file."""
 _TENSORS: Final = ("mean", "warmth", *_HALVES, "grip", "curvature", "misfit", "pair_misfit")
-_SIZES: Final = dict.fromkeys(_TENSORS, 1e3) | {"curvature": 1e6}
-"""Largest number of each array of a file, SI: far above any that chips can read."""
+_LIMITS: Final = dict.fromkeys(_TENSORS, (-1.0, 1.0)) | {
+    "curvature": (-1e6, 1e6),
+    "softening": (-1.0, 1.0),
+    "forces": (1e-6, 1e3),
+}
+"""Least and largest numbers, SI: chips read less than a tenth of a tesla."""
 _LINES: Final = ("extent", "lines_x", "lines_y")
 _LARGEST_HALF: Final = 6e4
 """Steps of the largest number: half precision ends at 65504."""
@@ -84,25 +88,23 @@ class ResponseTable:
 
     def __post_init__(self) -> None:
         functions, count, vertices = self.basis.shape, 3 * len(self.chips), self.basis.vertices
-        shapes: dict[str, tuple[int | None, ...]] = {
-            "mean": (*functions, count),
-            "warmth": (*functions, count),
-            "modes": (None, *functions, count),
-            "grip": (vertices, 2, vertices, 3),
-            "grip_modes": (len(self.modes), vertices, 2, vertices, 3),
-            "curvature": (len(self.chips), 3, 3, 3),
-            "misfit": (count, count),
-            "pair_misfit": (count, count),
-        }
-        try:
-            freeze(self, **shapes)
-        except ArgumentError as error:
-            raise ModelError(f"response table: {error}") from error
-        for name in shapes:
-            if not np.isfinite(getattr(self, name)).all():
-                raise ModelError(f"response table: {name} must be finite")
         if not self.chips or not 0 < self.forces[0] < self.forces[1]:
             raise ModelError("response table: must have chips and rising positive forces")
+        freeze_model(
+            self,
+            "response table",
+            _LIMITS,
+            mean=(*functions, count),
+            warmth=(*functions, count),
+            modes=(None, *functions, count),
+            grip=(vertices, 2, vertices, 3),
+            grip_modes=(len(self.modes), vertices, 2, vertices, 3),
+            curvature=(len(self.chips), 3, 3, 3),
+            misfit=(count, count),
+            pair_misfit=(count, count),
+        )
+        if not self.mean.any():
+            raise ModelError("response table: mean must not be zero everywhere")
 
     def signals(
         self, position: ArrayLike, force: ArrayLike, temperature: ArrayLike = REFERENCE_TEMPERATURE
@@ -235,9 +237,7 @@ def _table(arrays: dict[str, Any], header: dict[str, Any]) -> ResponseTable:
     low, high = (float(one) for one in header["forces_N"])
     for name, step in header.get("steps", {}).items():
         arrays[name] = arrays[name].astype(np.float64) * step
-    check_sizes("response table", arrays, _SIZES, "mean", "modes", "misfit")
-    if not abs(float(header["softening_per_K"])) <= 1.0:
-        raise ModelError("response table: softening must lie within 1 / K")
+    check_filled("response table", arrays, "modes", "misfit")
     return ResponseTable(
         design_hash=str(header["design"]),
         basis=TouchBasis(
