@@ -11,6 +11,7 @@ from smoskin.errors import ArgumentError, ContractError, SmoskinError
 from smoskin.mechanics.sheet.contact import (
     Bilinear,
     CoverPanels,
+    ScaleContact,
     contact_of,
     shares_by,
     slopes_by,
@@ -25,7 +26,11 @@ from smoskin.mechanics.sheet.touches import (
 from smoskin.origami.geometry import geometry
 from smoskin.roles import ContactLaw
 
-LAWS: dict[str, Callable[[], ContactLaw]] = {"Bilinear": Bilinear, "CoverPanels": CoverPanels}
+LAWS: dict[str, Callable[[], ContactLaw]] = {
+    "Bilinear": Bilinear,
+    "CoverPanels": CoverPanels,
+    "ScaleContact": ScaleContact,
+}
 
 
 @pytest.fixture(params=LAWS)
@@ -205,3 +210,44 @@ def test_derivatives_follow_a_law_that_feels_the_force(planar):
     more, less = (pressed(0.5 + step)[0] for step in (1e-4, -1e-4))
     slopes = sheet.sensitivity(pressed(0.5)[1]).displacements[0, 0, 4]
     assert_allclose(-(more - less) / 2e-4, slopes, atol=2e-3 * np.abs(slopes).max())
+
+
+def test_a_cover_that_spreads_nothing_is_bilinear(planar, touches):
+    law = ScaleContact(spread=0.0, rim=1.0, patch=0.0, tilt=0.0)
+    assert_allclose(law.shares(planar, touches), patch_shares(planar, touches), atol=1e-12)
+
+
+def test_each_number_of_a_cover_does_what_it_says(planar):
+    tops = geometry(planar).tops
+    still = ScaleContact(spread=0.0, rim=1.0, patch=0.0, tilt=0.0)
+
+    def of(law, place, force=(0.0, 0.0, -1.0), radius=1e-6):
+        touches = Touches(position=[[place]], force=[[force]], radius=radius)
+        shares = law.shares(planar, touches)[0, 0]
+        middle = np.einsum("nm,nmd->d", shares, tops)
+        return shares, middle
+
+    # A lever of no length: past the rim the outermost vertices take it as on their line.
+    level, middle = of(replace(still, rim=0.0), (0.0, tops[0, 2, 1]))
+    assert level[0, 2] == pytest.approx(1.0, abs=1e-4)
+    assert middle[0] == pytest.approx(tops[0, 0, 0], abs=1e-6)
+    half = of(replace(still, rim=0.5), (0.0, tops[0, 2, 1]))[1]
+    assert half[0] == pytest.approx(tops[0, 0, 0] / 2, abs=1e-6)
+    # A drag of half the press leans by half the height, one beyond the press by all of it.
+    leaning = replace(still, tilt=4e-3)
+    for drag, moved in ((0.5, 2e-3), (3.0, 4e-3)):
+        middle = of(leaning, (0.05, 0.08), (drag, 0.0, -1.0))[1]
+        assert_allclose(middle, [0.05 + moved, 0.08], atol=1e-6)
+    # On a vertex what spreads leaves it: more the wider the rubber, and the harder the press.
+    shares = [of(replace(still, spread=s), tops[2, 2])[0][2, 2] for s in (0.0, 2e-3, 5e-3)]
+    assert shares[0] > 0.999 > shares[1] > shares[2]
+    growing = replace(still, patch=1 / 3)
+    soft, hard = (of(growing, tops[2, 2], (0, 0, -f), 4e-3)[0][2, 2] for f in (0.1, 1.0))
+    assert soft > hard
+
+
+@pytest.mark.parametrize("name", ["spread", "rim", "patch", "tilt"])
+def test_covers_that_cannot_be_are_refused(name):
+    for wrong in (-1e-9, np.nan, np.inf):
+        with pytest.raises(ArgumentError, match=f"{name} must be finite and >= 0; got {wrong}"):
+            ScaleContact(**{name: wrong})

@@ -13,6 +13,7 @@ from smoskin.mechanics.sheet.lattice import build_lattice, springs_of
 from smoskin.mechanics.viscoelasticity import modulus_factor
 from smoskin.origami.geometry import geometry
 from smoskin.twin.manufacture import (
+    CONTACTS,
     Tolerances,
     as_designed,
     draw,
@@ -160,3 +161,21 @@ def test_axes_read_of_each_other_not_of_themselves(planar):
     own = np.eye(3, dtype=bool)
     assert not cross[..., own].any()
     assert cross[..., ~own].std() == pytest.approx(Tolerances().chip_cross_axis, rel=0.1)
+
+
+def test_each_skin_draws_its_own_contact(planar):
+    """And all else as it would without."""
+    wide = replace(Tolerances(), contact=1.0)
+    laws = [draw(planar, np.random.default_rng(seed), wide).contact for seed in range(20)]
+    for name, (low, high) in CONTACTS.items():
+        values = np.array([getattr(law, name) for law in laws])
+        assert ((low <= values) & (values <= high)).all()
+        assert np.ptp(values) > 0.5 * (high - low)
+    usual, other = (draw(planar, np.random.default_rng(3), how) for how in (None, wide))
+    assert usual.contact is None
+    assert_array_equal(usual.columns, other.columns)
+    assert_array_equal(usual.chips.zero, other.chips.zero)
+    near = draw(planar, np.random.default_rng(3), replace(Tolerances(), contact=1e-6)).contact
+    assert (near.spread, near.rim) == (pytest.approx(0, abs=1e-8), pytest.approx(1, abs=1e-6))
+    with pytest.raises(ArgumentError, match=r"contact must lie in \[0, 1\]; got 1.1"):
+        replace(Tolerances(), contact=1.1)

@@ -6,6 +6,7 @@ skin is absurd. A draw is data: the twin applies it to its springs, magnets and 
 
 import math
 from dataclasses import asdict, dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -13,12 +14,21 @@ from smoskin.arrays import Floats, freeze
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.chip import MadeChips
+from smoskin.mechanics.sheet.contact import ContactLaw, ScaleContact
 from smoskin.mechanics.sheet.lattice import Lattice, build_lattice, springs_of
 from smoskin.mechanics.viscoelasticity import modulus_factor
 from smoskin.origami.geometry import geometry
 
 _CUT = 3.0
 """Standard deviations beyond which a part is thrown away."""
+CONTACTS: Final = {
+    "spread": (3e-3, 7e-3),
+    "rim": (0.85, 1.15),
+    "patch": (0.2, 0.4),
+    "tilt": (1e-3, 4e-3),
+}
+"""Ranges of a made skin's `ScaleContact`: those of finite elements of covers of 1 to 4 mm and a
+little more (`python -m studies.scales`), and patches round Hertz's third."""
 _RELATIVE = (
     "stiffness_variation",
     "column_stiffness",
@@ -70,11 +80,16 @@ class Tolerances:
     """Zero of each axis of each chip, T; the offset that is left without a field."""
     chip_warmth: float = 1.0
     """Error of each chip's temperature reading, degC."""
+    contact: float = 0.0
+    """Share of the way from the usual contact law (0) to one drawn for each skin (1): a
+    `ScaleContact` anywhere in `CONTACTS`, as mould and glue have it."""
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
             if not 0.0 <= value < math.inf:
                 raise ArgumentError(f"{name} must be finite and >= 0; got {value}")
+            if name == "contact" and value > 1.0:
+                raise ArgumentError(f"contact must lie in [0, 1]; got {value}")
             if name in _RELATIVE and value >= 1.0 / _CUT:
                 raise ArgumentError(f"{name} must be below {1 / _CUT:.3f}; got {value}")
 
@@ -99,6 +114,8 @@ class Deviations:
     """(G, 3), rad: rotation vector off the designed attitude, in the skin's axes."""
     chips: MadeChips
     """Poses and errors of the S chips."""
+    contact: ContactLaw | None = None
+    """Contact law of the made skin; None: the usual one."""
 
     def __post_init__(self) -> None:
         freeze(self, columns=(None, None), creases=(None,), remanence=(None,))
@@ -136,7 +153,7 @@ def draw(
     rubber = float(factor(limits.stiffness_variation))
     height = 1.0 + scatter(limits.column_height, *sheet.columns.shape) / design.columns.height
     columns = rubber * factor(limits.column_stiffness, *sheet.columns.shape) / height
-    return Deviations(
+    made = Deviations(
         columns=columns,
         shear_layer=rubber,
         creases=factor(limits.crease_stiffness, len(sheet.creases)),
@@ -152,6 +169,19 @@ def draw(
             zero=scatter(limits.chip_zero, chips, 3),
             warmth=scatter(limits.chip_warmth, chips),
         ),
+    )
+    # Last, so that all else is the same with and without it.
+    return replace(made, contact=_drawn_contact(limits.contact, rng))
+
+
+def _drawn_contact(share: float, rng: np.random.Generator) -> ContactLaw | None:
+    """A contact law so far from the usual one to one of `CONTACTS`."""
+    if not share:
+        return None
+    usual = {"spread": 0.0, "rim": 1.0, "patch": 0.0, "tilt": 0.0}
+    drawn = {name: rng.uniform(*ends) for name, ends in CONTACTS.items()}
+    return ScaleContact(
+        **{name: usual[name] + share * (drawn[name] - usual[name]) for name in CONTACTS}
     )
 
 

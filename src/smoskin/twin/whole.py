@@ -65,7 +65,8 @@ class Twin(MagneticSkin):
     grip : Grip, optional
         How touches hold on to the skin; by default they stick.
     contact : ContactLaw, optional
-        Which vertices take a touch; by default as `smoskin.mechanics.sheet.model.BarHinge` has it.
+        Which vertices take a touch; by default that of the made skin, or else as
+        `smoskin.mechanics.sheet.model.BarHinge` has it.
 
     Raises
     ------
@@ -112,7 +113,8 @@ class Twin(MagneticSkin):
         self._holders = holders.reshape(-1, holders.shape[2] * 3).T.copy()
         self._sheet = geometry(design).sheet
         self._grip: Grip = grip or Sticking()
-        self.contact = contact_of(self._grip) if contact is None else contact
+        own = contact_of(self._grip) if self.deviations.contact is None else self.deviations.contact
+        self.contact = own if contact is None else contact
         """Which vertices take a touch."""
         self._solver = functools.lru_cache(maxsize=_SOLVERS)(self._build_solver)
         self._solver(REFERENCE_TEMPERATURE)

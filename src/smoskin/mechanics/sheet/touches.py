@@ -155,14 +155,21 @@ def patch_shares(design: SkinDesign, touches: Touches) -> Floats:
     A disc counts whole where it reaches past the rim; a touch whose middle lies off the skin raises
     an `ArgumentError`.
     """
-    along, across = _both_lines(design, _patch_points(design, touches))
+    check_on_skin(design, touches)
+    return mean_shares(design, patch_points(touches, touches.radius))
+
+
+def mean_shares(design: SkinDesign, points: Floats) -> Floats:
+    """Mean of bilinear shares over points (B, K, P, 2), m, anywhere; shape (B, K, N, M)."""
+    along, across = _both_lines(design, points)
     total: Floats = np.einsum("bkpn,bkpm->bknm", along, across)
     return np.asarray(total / along.shape[2])
 
 
 def patch_slopes(design: SkinDesign, touches: Touches) -> Floats:
     """Derivative of `patch_shares` by the touches' positions, shape (B, K, 2, N, M), 1/m."""
-    points = _patch_points(design, touches)
+    check_on_skin(design, touches)
+    points = patch_points(touches, touches.radius)
     along, across = _both_lines(design, points)
     along_slope, across_slope = _both_lines(design, points, slopes=True)
     by_x = np.einsum("bkpn,bkpm->bknm", along_slope, across)
@@ -185,15 +192,14 @@ def cover_shares(design: SkinDesign, touches: Touches) -> Floats:
     return shares
 
 
-def _patch_points(design: SkinDesign, touches: Touches) -> Floats:
-    """Points of the touches' discs, (B, K, P, 2), m."""
-    check_on_skin(design, touches)
+def patch_points(touches: Touches, radius: Floats) -> Floats:
+    """Points of discs of these radii, (B, K), m, round the touches' places: (B, K, P, 2), m."""
     ring, spoke = np.indices((_RINGS, _SPOKES)).reshape(2, -1)
     # Rings of equal area, every other one turned by half a spoke.
     reach = np.sqrt((ring + 0.5) / _RINGS)
     angle = 2 * np.pi * (spoke + 0.5 * (ring % 2)) / _SPOKES
     offset = np.stack([reach * np.cos(angle), reach * np.sin(angle)], axis=-1)
-    points: Floats = touches.position[:, :, None] + touches.radius[..., None, None] * offset
+    points: Floats = touches.position[:, :, None] + radius[..., None, None] * offset
     return points
 
 
