@@ -5,11 +5,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from smoskin.errors import CalibrationError
 from smoskin.magnetics import mlx90393
 from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.sensing.response.calibrate import LabelledTouches, TouchPlanner
+from smoskin.sensing.response.evidence import Evidence
 from smoskin.sensing.response.judgement import judge_touches
 from smoskin.sensing.response.labels import Labeller, labelled_touches
 from smoskin.sensing.response.table import load_response_table
@@ -23,6 +25,14 @@ NAMES = {
     "axes": "Bx, By and Bz seem to stand in the columns",
     "rows": "seem to have exchanged",
     "origin": "origin of the places seems shifted",
+}
+AXES = {
+    "mirror x": "x seems to run the other way",
+    "mirror y": "y seems to run the other way",
+    "turned": "turned by 180 degrees",
+    "transposed": "x and y of the places seem exchanged",
+    "drag x": "forces along x seem to have the wrong sign",
+    "drags": "forces along x and y seem exchanged",
 }
 
 
@@ -69,6 +79,19 @@ def spoilt(kind, touches, rng, extent):
         place[pair] = place[pair[::-1]]
         if rng.integers(2):
             force[pair] = force[pair[::-1]]
+    elif kind == "mirror x":
+        place[:, 0] = extent[0] - place[:, 0]
+    elif kind == "mirror y":
+        place[:, 1] = extent[1] - place[:, 1]
+    elif kind == "turned":
+        place = extent - place
+    elif kind == "transposed":
+        place = place[:, ::-1]
+        kept = (place <= extent).all(axis=1)
+    elif kind == "drag x":
+        force[:, 0] *= -1
+    elif kind == "drags":
+        force = force[:, [1, 0, 2]]
     elif kind == "origin":
         angle, far = rng.uniform(0, 2 * np.pi), rng.uniform(4e-3, 15e-3)
         place += far * np.array([np.cos(angle), np.sin(angle)])
@@ -82,12 +105,12 @@ def spoilt(kind, touches, rng, extent):
     )
 
 
-@pytest.mark.parametrize("kind", NAMES)
+@pytest.mark.parametrize("kind", NAMES | AXES)
 def test_wrong_sheets_are_refused_by_name(planar, table, drawn, kind):
     wrong = spoilt(kind, drawn, np.random.default_rng(5), table.basis.extent)
     turns = mlx90393.rotations(planar.halls)
     judged = judge_touches(table, wrong, signal_noise(planar), turns=turns)
-    with pytest.raises(CalibrationError, match=NAMES[kind]) as caught:
+    with pytest.raises(CalibrationError, match=(NAMES | AXES)[kind]) as caught:
         judged.check()
     assert len(str(caught.value)) <= 300
 
@@ -108,6 +131,34 @@ def test_one_row_that_fits_nothing_is_named(planar, table, drawn):
         table, replace(drawn, position=place), signal_noise(planar), rows=range(2, 17)
     )
     assert judged.refusal == "row 8 does not fit the others"
+
+
+@pytest.mark.parametrize(("gain", "refused"), [(75.0, False), (130.0, True)])
+def test_one_touch_that_fits_badly_is_a_warning_until_it_is_far_off(
+    planar, table, drawn, gain, refused
+):
+    noise = signal_noise(planar)
+    push = table.signals(drawn.position[[6]], drawn.force[[6]]).reshape(3, 3)
+
+    def strayed(share):
+        signals = np.array(drawn.signals)
+        signals[6] += share * push
+        return replace(drawn, signals=signals)
+
+    def doubt(share):
+        """How much likelier, as a logarithm, the touches are if that label is wrong."""
+        touches = strayed(share)
+        evidence = Evidence(table, touches, noise)
+        flat = touches.signals.reshape(len(touches), -1)
+        return evidence.without_label(flat).max() - evidence.of(flat[None]).max()
+
+    share = brentq(lambda share: doubt(share) - gain, 0.0, 1.0, xtol=1e-3)
+    judged = judge_touches(table, strayed(share), noise)
+    if refused:
+        assert judged.refusal == "touch 7 does not fit the others"
+    else:
+        assert judged.refusal is None
+        assert judged.warnings == ("touch 7 does not fit the others",)
 
 
 @cache

@@ -39,6 +39,14 @@ def test_a_zero_that_moved_under_a_touch_is_found_again(rate):
     np.testing.assert_allclose(widening.offset, [6e-5, 0.0, 0.0], atol=1e-6)
 
 
+def test_a_zero_that_moved_by_nearly_the_widest_band_is_found_again():
+    # 40 uT of the band itself and 40 uT at most, at 1 uT/s, that the zero may move unseen.
+    time = np.arange(0.0, 60.0, 0.1)
+    idle = followed(banded(), time, np.tile([0.0, 79e-6, 0.0], (len(time), 1)))
+    assert not idle[time < 38].any()
+    assert idle[time > 40].all()
+
+
 def test_a_touch_stronger_than_the_widest_band_is_never_taken_for_the_zero():
     zero = banded()
     time = np.arange(0.0, 3600.0, 0.5)
