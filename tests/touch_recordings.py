@@ -1,5 +1,6 @@
 """Recordings of a few moments of touch, and the recorder that makes them."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -50,4 +51,26 @@ def record(path: Path, count: int) -> Path:
     with recorder(path, flush_interval=0.0) as sink:
         for reading, estimate in moments(count):
             sink.write(reading, estimate)
+    return path
+
+
+class FakeTime:
+    """A clock that sleeping moves on."""
+
+    def __init__(self) -> None:
+        self.now = 1000.0
+
+    def clock(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        assert seconds > 0.0
+        self.now += seconds
+
+
+def recorded(path: Path, times: Sequence[float]) -> Path:
+    """A recording of readings at these times, each with its number as field, in T."""
+    with Recorder(path, DESIGN) as sink:
+        for index, moment in enumerate(times):
+            sink.write(Reading(time=moment, field=np.full((CHIPS, 3), float(index))))
     return path

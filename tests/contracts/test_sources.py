@@ -14,7 +14,8 @@ from smoskin.records import Reading
 from smoskin.roles import Source
 from smoskin.service.recorder import Recorder
 from smoskin.service.recording import open_recording
-from smoskin.service.source import ReplaySource, TwinSource, open_source
+from smoskin.service.replay import ReplaySource
+from smoskin.service.source import TwinSource, open_source
 from smoskin.twin.creep import Creep
 from smoskin.twin.reduced import ReducedTwin
 from smoskin.twin.whole import Twin

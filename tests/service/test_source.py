@@ -2,7 +2,6 @@
 
 import threading
 import time
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,130 +11,19 @@ import pytest
 from smoskin.design.document import read_design
 from smoskin.errors import ArgumentError, DesignError, SourceError
 from smoskin.mechanics.viscoelasticity import elastomer_prony
-from smoskin.records import ChipFlag, Contact, Reading
+from smoskin.records import Contact, Reading
 from smoskin.service.pace import Pace
 from smoskin.service.recorder import Recorder
 from smoskin.service.recording import open_recording
-from smoskin.service.source import ReplaySource, TwinSource, open_source
+from smoskin.service.replay import ReplaySource
+from smoskin.service.source import TwinSource, open_source
 from smoskin.twin.creep import Creep
 from smoskin.twin.reduced import ReducedTwin
 from smoskin.twin.whole import Twin
+from touch_recordings import FakeTime, recorded
 
 DESIGN = read_design("planar")
 CHIPS = len(DESIGN.halls)
-
-
-class FakeTime:
-    """A clock that sleeping moves on."""
-
-    def __init__(self) -> None:
-        self.now = 1000.0
-
-    def clock(self) -> float:
-        return self.now
-
-    def sleep(self, seconds: float) -> None:
-        assert seconds > 0.0
-        self.now += seconds
-
-
-def recorded(path: Path, times: Sequence[float]) -> Path:
-    with Recorder(path, DESIGN) as sink:
-        for index, moment in enumerate(times):
-            sink.write(Reading(time=moment, field=np.full((CHIPS, 3), float(index))))
-    return path
-
-
-def played(path: Path, **options: float) -> tuple[list[float], list[float]]:
-    """Times of the readings, and when they came."""
-    fake = FakeTime()
-    source = ReplaySource(open_recording(path), pace=Pace(fake.clock, fake.sleep), **options)
-    given, came = [], []
-    for reading in source:
-        given.append(reading.time)
-        came.append(fake.now - 1000.0)
-    return given, came
-
-
-# ---------------------------------------------------------------- replay
-
-
-def test_playback_has_the_original_timing(tmp_path: Path) -> None:
-    times = [5.0, 5.1, 5.15, 5.45, 5.5]
-    given, came = played(recorded(tmp_path / "a.mcap", times))
-    assert given == times
-    np.testing.assert_allclose(came, np.subtract(times, 5.0), atol=1e-9)
-
-
-@pytest.mark.parametrize(("speed", "whole"), [(2.0, 0.2), (0.5, 0.8), (float("inf"), 0.0)])
-def test_speed_scales_the_timing(speed: float, whole: float, tmp_path: Path) -> None:
-    path = recorded(tmp_path / "a.mcap", [5.0, 5.2, 5.4])
-    assert played(path, speed=speed)[1][-1] == pytest.approx(whole)
-
-
-def test_a_long_gap_is_cut_short(tmp_path: Path) -> None:
-    path = recorded(tmp_path / "a.mcap", [0.0, 3600.0, 3600.01])
-    np.testing.assert_allclose(played(path)[1], [0.0, 0.5, 0.51], atol=1e-9)
-    np.testing.assert_allclose(played(path, longest_gap=0.1)[1], [0.0, 0.1, 0.11], atol=1e-9)
-
-
-def test_shuffled_times_are_passed_on_and_the_pace_goes_on(tmp_path: Path) -> None:
-    times = [0.0, 0.2, 0.1, 0.1, 0.4, 0.3, 0.5]
-    given, came = played(recorded(tmp_path / "a.mcap", times))
-    assert given == times
-    np.testing.assert_allclose(came, [0.0, 0.2, 0.2, 0.2, 0.4, 0.4, 0.5], atol=1e-9)
-
-
-def test_a_wild_time_costs_one_gap(tmp_path: Path) -> None:
-    given, came = played(recorded(tmp_path / "a.mcap", [0.0, 0.1, 1e9, 0.2, 0.3, -1e9, -1e9 + 1]))
-    assert given[2] == 1e9
-    np.testing.assert_allclose(came, [0.0, 0.1, 0.6, 0.6, 0.7, 0.7, 1.2], atol=1e-6)
-
-
-def test_bad_measurements_are_played_as_recorded(tmp_path: Path) -> None:
-    flags = [ChipFlag.MISSING, ChipFlag.SATURATED, ChipFlag.INVALID]
-    field = np.array([[np.nan] * 3, [0.05, 0.0, 0.0], [np.inf, -np.inf, 0.0]])
-    bad = Reading(time=0.0, field=field, flags=flags)
-    with Recorder(tmp_path / "bad.mcap", DESIGN) as sink:
-        sink.write(bad)
-    with open_source(f"replay:{tmp_path / 'bad.mcap'}") as source:
-        assert list(source) == [bad]
-
-
-def test_a_reading_that_is_not_due_yet_is_not_lost(tmp_path: Path) -> None:
-    fake = FakeTime()
-    recording = open_recording(recorded(tmp_path / "a.mcap", [0.0, 0.4]))
-    source = ReplaySource(recording, pace=Pace(fake.clock, fake.sleep))
-    assert source.read() is not None
-    with pytest.raises(SourceError, match=r"no reading within 0\.1 s; the next is due in 0\.300 s"):
-        source.read(timeout=0.1)
-    late = source.read()
-    assert late is not None
-    assert late.time == 0.4
-    assert fake.now == pytest.approx(1000.4)
-    assert source.read() is None
-
-
-def test_a_recording_that_changes_while_it_plays_ends_the_source(tmp_path: Path) -> None:
-    path = recorded(tmp_path / "a.mcap", [0.0, 0.1])
-    source = ReplaySource(open_recording(path))
-    content = bytearray(path.read_bytes())
-    for span in open_recording(path).spans:
-        content[span.offset + 40] ^= 0xFF
-    path.write_bytes(content)
-    with pytest.raises(SourceError, match="has changed since it was opened"):
-        source.read()
-
-
-def test_a_damaged_recording_plays_what_is_left(tmp_path: Path) -> None:
-    path = tmp_path / "a.mcap"
-    with Recorder(path, DESIGN, flush_interval=0.0) as sink:
-        for index in range(5):
-            sink.write(Reading(time=0.1 * index, field=np.zeros((CHIPS, 3))))
-    third = open_recording(path).spans[3]
-    path.write_bytes(path.read_bytes()[: third.offset + 20])
-    with open_source(f"replay:{path}?speed=max") as source:
-        assert len(list(source)) == 2
 
 
 # ---------------------------------------------------------------- twin
@@ -385,15 +273,6 @@ def test_a_path_is_that_of_a_recording(tmp_path: Path) -> None:
     for junk in (None, 3, b"twin://planar", ["twin://planar"]):
         with pytest.raises(ArgumentError, match="url must be replay:FILE"):
             open_source(junk)  # type: ignore[arg-type]
-
-
-def test_a_recording_knows_its_design(tmp_path: Path) -> None:
-    own = replace(DESIGN, name="mine", columns=replace(DESIGN.columns, radius=1.4e-3))
-    Recorder(tmp_path / "own.mcap", own).close()
-    source = ReplaySource(open_recording(tmp_path / "own.mcap"))
-    assert source.design == own
-    assert source.design.provenance == own.provenance
-    assert source.design_hash == own.content_hash
 
 
 def test_a_scripted_hand_touches_what_nothing_else_does() -> None:

@@ -22,7 +22,8 @@ from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst, load_estimator
 from smoskin.service.loop import Loop
 from smoskin.service.recorder import Recorder
-from smoskin.service.source import ReplaySource, TwinSource, open_source
+from smoskin.service.replay import ReplaySource
+from smoskin.service.source import TwinSource, open_source
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,9 +3,14 @@
 import threading
 import time
 from collections.abc import Callable
-from typing import final
+from typing import Final, final
 
-from smoskin.errors import SourceError
+import numpy as np
+
+from smoskin.errors import ArgumentError, SourceError
+
+SPEEDS: Final = (1e-3, 1e3)
+"""Least and most that a pace may be of real time, unless it is infinite."""
 
 
 @final
@@ -40,6 +45,10 @@ class Pace:
         if self._due is not None:
             self._due += step
 
+    def restart(self) -> None:
+        """Make the next reading due at once: the time before does not count."""
+        self._due = None
+
     def wait(self, timeout: float) -> bool:
         """Whether the reading is due, after waiting for it so long at most; False when closed."""
         start = self._clock()
@@ -56,3 +65,13 @@ class Pace:
     def close(self) -> None:
         """End every wait, for good."""
         self._closed.set()
+
+
+def require_between(
+    name: str, value: float, least: float, most: float, *, unless: float = 0.0
+) -> None:
+    """Raise `ArgumentError` for what is no number between these two, nor that other one."""
+    number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+    if not (number and (least <= value <= most or (unless and value == unless))):
+        other = f" or {unless:g}" if unless else ""
+        raise ArgumentError(f"{name} must be from {least:g} to {most:g}{other}; got {value!r}")

@@ -1,26 +1,24 @@
-"""Sources by URL: recordings played back, and the twin at its own pace.
+"""Sources by URL, and the twin at its own pace.
 
-Decides what a source's URL may say and when each reading comes; hides waiting and closing.
+Decides what a source's URL may say and when a twin's readings come; hides waiting and closing.
 """
 
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, final
 from urllib.parse import parse_qsl
-
-import numpy as np
 
 from smoskin.errors import ArgumentError, RecordingError, SourceError
 from smoskin.magnetics.temperature import check_temperature
 from smoskin.records import Contact, Reading
 from smoskin.roles import Source, VirtualSkin
-from smoskin.service.pace import Pace
+from smoskin.service.pace import SPEEDS, Pace, require_between
+from smoskin.service.replay import ReplaySource
 from smoskin.twin.hand import contacts_of, scripted_hand
 
 if TYPE_CHECKING:
     from smoskin.design.skin import SkinDesign
-    from smoskin.service.recording import Recording
     from smoskin.twin.creep import Creep
 
 _FORMS: Final = "replay:FILE[?speed=1&gap=0.5] or twin://DESIGN[?rate=100&seed=0&speed=1]"
@@ -28,10 +26,6 @@ _UNTOUCHED: Final = 25
 """Readings before the hand begins, in which an estimator finds its zero."""
 _RATES: Final = (0.01, 1e5)
 """Least and most readings a second, Hz."""
-_GAPS: Final = (1e-6, 1e6)
-"""Least and most that the wait for a reading may be cut to, s."""
-_SPEEDS: Final = (1e-3, 1e3)
-"""Least and most that a pace may be of real time, unless it is infinite."""
 
 
 def open_source(url: str | os.PathLike[str]) -> Source:
@@ -78,86 +72,6 @@ def open_source(url: str | os.PathLike[str]) -> Source:
 
 
 @final
-class ReplaySource(Source):
-    """A recording's readings, with its own timing times a speed, which may be infinite.
-
-    Times are passed on as recorded. The pace follows them where they go forward by no more
-    than `longest_gap`, s; it never goes back.
-    """
-
-    def __init__(
-        self,
-        recording: "Recording",
-        *,
-        speed: float = 1.0,
-        longest_gap: float = 0.5,
-        pace: Pace | None = None,
-    ) -> None:
-        _require("speed", speed, *_SPEEDS, unless=math.inf)
-        _require("longest_gap", longest_gap, *_GAPS)
-        self._recording = recording
-        self._readings: Iterator[Reading] = recording.readings()
-        self._speed = speed
-        self._longest_gap = longest_gap
-        self._pace = Pace() if pace is None else pace
-        self._waiting: Reading | None = None
-        self._reached: float | None = None
-
-    @property
-    def chips(self) -> int:
-        """Number of chips in every reading."""
-        return self._recording.description.chips
-
-    @property
-    def design(self) -> "SkinDesign":
-        """Design of the skin that was recorded; raises `DesignError` where it cannot be told."""
-        return self._recording.design
-
-    @property
-    def design_hash(self) -> str:
-        """Content hash of the design of the skin that was recorded."""
-        return self._recording.description.design_hash
-
-    @property
-    def recording(self) -> "Recording":
-        """What is played."""
-        return self._recording
-
-    def read(self, timeout: float = 1.0) -> Reading | None:
-        """The next reading, when its time has come; None at the end or when closed."""
-        if self._pace.closed:
-            return None
-        if self._waiting is None:
-            try:
-                self._waiting = next(self._readings, None)
-            except RecordingError as error:
-                raise SourceError(str(error)) from error
-            if self._waiting is None:
-                return None
-            self._pace.advance(self._step(self._waiting.time))
-        if not self._pace.wait(timeout):
-            return None
-        reading, self._waiting = self._waiting, None
-        return reading
-
-    def close(self) -> None:
-        """End the playing; a waiting `read` returns."""
-        self._pace.close()
-        # Lets go of the file; another thread's `read` may still be in the old iterator.
-        self._readings = iter(())
-
-    def _step(self, moment: float) -> float:
-        """Seconds to wait from the last reading to this one."""
-        before = moment if self._reached is None else self._reached
-        step = moment - before
-        # Slightly out of order: the readings ahead of it have used up its time already. Far
-        # back: the recorded clock was set anew.
-        if step >= 0.0 or step < -self._longest_gap:
-            self._reached = moment
-        return min(max(step, 0.0) / self._speed, self._longest_gap)
-
-
-@final
 class TwinSource(Source):
     """A simulated skin, read at a steady rate, that can be touched meanwhile.
 
@@ -191,8 +105,8 @@ class TwinSource(Source):
         temperature: float = 25.0,
         pace: Pace | None = None,
     ) -> None:
-        _require("rate", rate, *_RATES)
-        _require("speed", speed, *_SPEEDS, unless=math.inf)
+        require_between("rate", rate, *_RATES)
+        require_between("speed", speed, *SPEEDS, unless=math.inf)
         check_temperature(temperature)
         self.twin = twin
         """Skin that is read."""
@@ -373,11 +287,3 @@ _TWIN_OPTIONS: Final = {
     "hand": _Option("no", *_YES_NO),
     "temperature": _Option("25", "a number of degC", _finite),
 }
-
-
-def _require(name: str, value: float, least: float, most: float, *, unless: float = 0.0) -> None:
-    """Raise `ArgumentError` for what is no number between these two, nor that other one."""
-    number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-    if not (number and (least <= value <= most or (unless and value == unless))):
-        other = f" or {unless:g}" if unless else ""
-        raise ArgumentError(f"{name} must be from {least:g} to {most:g}{other}; got {value!r}")
