@@ -19,6 +19,14 @@ Zeroed = Annotated[
     bool,
     Option("--zero/--no-zero", help="Take the first 20 readings as those of the untouched skin."),
 ]
+Paged = Annotated[
+    bool,
+    Option(
+        "--view",
+        help="Serve the live page: press a virtual skin there, or pause and seek in a recording, "
+        "which then stays until Ctrl-C.",
+    ),
+]
 Changes = Annotated[
     bool, Option("--changes", help="Print where the status or number of touches changes.")
 ]
@@ -101,7 +109,7 @@ def run(
     ] = None,
     zero: Zeroed = True,
     seconds: Seconds = None,
-    view: Annotated[bool, Option("--view", help="Serve the live page.")] = False,
+    view: Paged = False,
     port: Port = 0,
     record: Record = None,
     force: Force = False,

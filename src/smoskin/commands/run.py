@@ -90,8 +90,9 @@ class Watch(Resource):
     record, force : path and bool
         A new MCAP file for readings and estimates; with `force` it may replace another.
     view, port : bool and int
-        Whether to serve the live page, on which the mouse presses a virtual skin, and its TCP
-        port; 0 takes a free one.
+        Whether to serve the live page, and its TCP port; 0 takes a free one. The mouse presses a
+        virtual skin there. A recording, unless it is recorded anew, is paused, sought in and
+        played at other speeds; without `seconds` it stays behind its end.
     say : callable
         Called with sentences about what is going on.
 
@@ -131,6 +132,7 @@ class Watch(Resource):
             if str(url).startswith("twin:"):
                 say(f"Making the skin of {url}.")
             self._source = stack.enter_context(open_source(url))
+            self._played = self._source if isinstance(self._source, ReplaySource) else None
             if self._damage:
                 say(self._damage)
             skin = _design_of(self._source, str(url), design)
@@ -140,7 +142,14 @@ class Watch(Resource):
                 else load_estimator(calibration, skin)
             )
             self._estimator = ZeroFirst(estimator) if zero else estimator
-            self._page = stack.enter_context(_Page(skin, port, self._source)) if view else None
+            self._page: _Page | None = None
+            if view:
+                # A recording of one that is sought in would hold what nobody did.
+                seekable = self._played if record is None else None
+                self._page = stack.enter_context(_Page(skin, port, self._source, seekable))
+                if seekable is not None:
+                    seekable.on_rewind = self._estimator.reset
+                    seekable.stays = lambda: seconds is None
             self._recorder: Recorder | None = None
             if record is not None:
                 _make_room(record, self._source)
@@ -156,6 +165,8 @@ class Watch(Resource):
         first: float | None = None
         touched = False
         for estimate in self._loop:
+            if self._played is not None and self._played.goal is not None:
+                continue  # what is sought lies ahead
             first = estimate.time if first is None else first
             self._touches += bool(estimate.contacts) and not touched
             touched = bool(estimate.contacts)
@@ -180,7 +191,7 @@ class Watch(Resource):
     def summary(self) -> Summary:
         """What has been read so far."""
         counters, recorder = self._loop.counters, self._recorder
-        played = self._source.recording if isinstance(self._source, ReplaySource) else None
+        played = None if self._played is None else self._played.recording
         return Summary(
             readings=counters.readings,
             rate_hz=_rounded(counters.rate, 2),
@@ -197,15 +208,18 @@ class Watch(Resource):
 
     @property
     def _damage(self) -> str:
-        return self._source.recording.damage if isinstance(self._source, ReplaySource) else ""
+        return "" if self._played is None else self._played.recording.damage
 
 
 class _Page(Sink):
     """The live page of a source, beside the truth where the skin is virtual."""
 
-    def __init__(self, design: SkinDesign, port: int, source: Source) -> None:
+    def __init__(
+        self, design: SkinDesign, port: int, source: Source, player: ReplaySource | None
+    ) -> None:
         from smoskin.service.page.view import View
 
+        self._player = player
         self._twin = source if isinstance(source, TwinSource) else None
         self.zero_asked = threading.Event()
         self._view = View(
@@ -213,6 +227,7 @@ class _Page(Sink):
             port=port,
             on_press=None if self._twin is None else self._press,
             on_zero=self.zero_asked.set,
+            player=player,
         )
         self.url = self._view.url
 
@@ -222,6 +237,8 @@ class _Page(Sink):
 
     def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
         """Show a reading, its estimate and, of a virtual skin, the true touch."""
+        if self._player is not None and self._player.goal is not None:
+            return
         if self._twin is None:
             self._view.write(reading, estimate)
             return

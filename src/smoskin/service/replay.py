@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 _GAPS: Final = (1e-6, 1e6)
 """Least and most that the wait for a reading may be cut to, s."""
+_SAME: Final = 1e-6
+"""s by which places may differ that are the same but for rounding."""
 _LOOK: Final = 0.2
 """s after which a standing source looks whether it still is to stand."""
 
@@ -58,7 +60,7 @@ class ReplaySource(Source):
         self._position = 0.0
         self._asked: deque[float] = deque(maxlen=1)
         self._goal: float | None = None
-        self._paused = False
+        self._paused = self._ended = False
         self._stirred = threading.Event()
 
     @property
@@ -106,6 +108,11 @@ class ReplaySource(Source):
         """Whether the playing stands still."""
         return self._paused
 
+    @property
+    def ended(self) -> bool:
+        """Whether `read` waits behind the last reading."""
+        return self._ended
+
     def pause(self, paused: bool = True) -> None:
         """Stand still, or go on; a source that stands is not silent: `read` waits without end."""
         self._paused = paused
@@ -128,8 +135,9 @@ class ReplaySource(Source):
             self._stand(lambda: self._paused and self._goal is None)
             self._heed()
             while (reading := self._next()) is None:
-                self._goal = None
+                self._goal, self._ended = None, True
                 self._stand(self.stays)
+                self._ended = False
                 if self._pace.closed or not self._asked:
                     return None
                 self._heed()
@@ -140,7 +148,7 @@ class ReplaySource(Source):
         reading, self._waiting = self._waiting, None
         self._start = reading.time if self._start is None else self._start
         self._position = reading.time - self._start
-        if self._goal is not None and self._position >= self._goal:
+        if self._goal is not None and self._position >= self._goal - _SAME:
             self._goal = None
             self._pace.restart()
         return reading

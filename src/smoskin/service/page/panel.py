@@ -18,8 +18,10 @@ from smoskin.design.skin import SkinDesign
 from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Contact, Status
 from smoskin.service.page.parts import css, html
+from smoskin.service.page.player import Player
 from smoskin.service.page.scene import CREASE, ESTIMATED, SUNK, TRUE, Moment
 from smoskin.service.page.tally import Tally
+from smoskin.service.replay import ReplaySource
 
 if TYPE_CHECKING:
     import viser
@@ -58,7 +60,7 @@ class Panel:
     """The page's panels, of chips in the order of every reading.
 
     Where presses or recordings go nowhere their controls are left out; estimators are to choose
-    from where there are two.
+    from where there are two, and a source that is played has a player.
     """
 
     def __init__(
@@ -72,6 +74,7 @@ class Panel:
         holdable: bool,
         undoable: bool,
         recordable: bool,
+        played: ReplaySource | None = None,
     ) -> None:
         gui = server.gui
         self._chips = tuple(site.name for site in design.halls)
@@ -98,6 +101,7 @@ class Panel:
         self.actions = gui.add_button_group(
             "Actions", actions, hint="Let go before Zero; Undo goes back to the zero before."
         )
+        self.player = None if played is None else Player(server, played)
         with gui.add_folder("Touches so far"):
             self._touches = gui.add_html(self.tally.html())
         self._add_picture(gui)
@@ -160,8 +164,8 @@ class Panel:
         # A chip that gives no numbers keeps its last good ones; its heading says so.
         bad = (reading.flags & _BAD) != 0
         self._field = np.where(bad[:, None], self._field, reading.field)
-        if self._history and reading.time <= self._history[-1][0]:
-            self._history.clear()
+        if self._history and not 0.0 < reading.time - self._history[-1][0] <= _STALE_AFTER:
+            self._history.clear()  # a clock set anew, or a jump in a recording
         if not self._history:
             self._start = reading.time
         # A chip that was away at the zero starts from its first good field.

@@ -28,6 +28,7 @@ from smoskin.service.page.panel import Panel
 from smoskin.service.page.parts import css, first_paint
 from smoskin.service.page.scene import ESTIMATED, TRUE, Moment, SkinScene, camera
 from smoskin.service.page.server import serve
+from smoskin.service.replay import ReplaySource
 
 if TYPE_CHECKING:
     import viser
@@ -64,6 +65,8 @@ class View(Sink):
     estimators, on_choose : sequence of str and callable
         Names of the estimators to choose from, the one that reads the skin first; called with the
         one that somebody chooses.
+    player : ReplaySource, optional
+        Source to pause, to seek in and to play at other speeds on the page.
 
     Raises
     ------
@@ -85,6 +88,7 @@ class View(Sink):
         on_record: Callable[[bool], None] | None = None,
         estimators: Sequence[str] = (),
         on_choose: Callable[[str], None] = lambda name: None,
+        player: ReplaySource | None = None,
     ) -> None:
         self._design = design
         self._on_press, self._on_still, self._on_choose = on_press, on_still, on_choose
@@ -112,7 +116,9 @@ class View(Sink):
             holdable=on_still is not None,
             undoable=on_undo is not None,
             recordable=on_record is not None,
+            played=player,
         )
+        self._played = player
         self._scene = SkinScene(self._server, design)
         self._listen()
         self._thread = threading.Thread(target=self._run, name="smoskin-view", daemon=True)
@@ -225,7 +231,7 @@ class View(Sink):
         if action in other:
             self._panel.relabel(action, other[action])
         if action in ("Pause", "Go on"):
-            self._paused = action == "Pause"
+            self._pause(action == "Pause")
         elif action == "Zero":
             self._asked.put(self._panel.zero)
             self._asked.put(self._on_zero)
@@ -233,6 +239,13 @@ class View(Sink):
             self._asked.put(self._on_undo)
         elif self._on_record is not None:
             self._asked.put(partial(self._on_record, action == "Record"))
+
+    def _pause(self, paused: bool) -> None:
+        """Let what is played stand, or else the picture alone."""
+        if self._played is None:
+            self._paused = paused
+        else:
+            self._played.pause(paused)
 
     async def _move_finger(self, event: "viser.SceneNodeDragEvent[viser.MeshHandle]") -> None:
         """Press where the left button is held."""
@@ -294,6 +307,10 @@ class View(Sink):
             announced = self._announced
         if self._paused and not self._panel.end:
             return
+        if self._panel.player is not None:
+            if self._panel.player.stands and newest is not None:
+                now = newest.arrival  # what stands is not silent
+            announced = (self._panel.player.write() if write else None) or announced
         with self._server.atomic():
             if newest is not None:
                 self._scene.draw(newest, *self._panel.picture)
