@@ -40,8 +40,8 @@ def code_lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
 def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # 24,000 lines held all that skins are made, judged and read with; 2,700 more keep bad sheets,
     # damaged files and visitors of the page from going wrong in silence; 300 let anyone
-    # replace the law of contact.
-    assert sum(text.count("\n") for text in FILES.values()) <= 27_000
+    # replace the law of contact; 200 play recordings from any place.
+    assert sum(text.count("\n") for text in FILES.values()) <= 27_200
 
 
 def test_no_file_has_over_450_lines():
