@@ -16,7 +16,8 @@ rig = smo.VirtualRig(design, seed=3)
 skin = smo.calibrate(smo.load_response_table("planar"), rig, count=15)
 estimator = smo.BayesEstimator(design, skin.table)
 held = rig.press(smo.Contact(position=(0.045, 0.080), force=(0.1, 0.0, -0.5)))  # m, N; -z presses
-estimator.zero([reading for reading in held.readings if reading.time <= held.rest[1]])
+start, end = held.rest
+estimator.zero([reading for reading in held.readings if start <= reading.time <= end])
 estimate = [estimator.step(reading) for reading in held.readings][-1]
 off = np.linalg.norm(estimate.contacts[0].position - held.contact.position)
 print(f"located to {1e3 * off:.2f} mm, pressed with {estimate.contacts[0].normal_force:.3f} N")

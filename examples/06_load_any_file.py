@@ -18,7 +18,8 @@ path = Path(tempfile.mkdtemp()) / "skin.table"
 smo.calibrate(smo.load_response_table("planar"), rig, count=10).save(path)
 estimator = smo.load_estimator(path, design)
 held = rig.press(smo.Contact(position=(0.08, 0.12), force=(0.0, 0.0, -0.6)))
-estimator.zero([reading for reading in held.readings if reading.time <= held.rest[1]])
+start, end = held.rest
+estimator.zero([reading for reading in held.readings if start <= reading.time <= end])
 estimate = [estimator.step(reading) for reading in held.readings][-1]
 print(type(estimator).__name__, 1e3 * estimate.contacts[0].position, "mm")
 assert abs(estimate.contacts[0].position - (0.08, 0.12)).max() < 2e-3

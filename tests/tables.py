@@ -32,8 +32,8 @@ def ideal_answers(design, factor=1.0):
 
 def solve_all(sheet, motions):
     """Touches of many motions at once; cell -1, force and confidence zero where none fits."""
-    answers = [sheet.solve(motion) or ((-1, -1), np.zeros(3), 0.0) for motion in motions]
-    cell, force, confidence = zip(*answers, strict=True)
+    answers = [sheet.solve(motion) or ((-1, -1), np.zeros(3), 0.0, 0.0) for motion in motions]
+    cell, force, confidence, _ = zip(*answers, strict=True)
     return SimpleNamespace(
         cell=np.array(cell), force=np.array(force), confidence=np.array(confidence)
     )

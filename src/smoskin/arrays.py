@@ -33,9 +33,9 @@ def floats(name: str, value: ArrayLike, shape: Sequence[int | None] | None = Non
     smoskin.errors.ArgumentError: position must have shape (..., 2); got (3,)
     """
     try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"{name} must be an array of numbers; got {value!r}") from error
+        array = np.asarray(_real(value), dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ArgumentError(f"{name} must be an array of numbers; got {value!r:.100}") from error
     if shape is not None:
         tail = array.shape[-len(shape) :] if shape else ()
         fits = len(tail) == len(shape) and all(
@@ -50,9 +50,9 @@ def floats(name: str, value: ArrayLike, shape: Sequence[int | None] | None = Non
 def frozen(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Floats:
     """A read-only copy of `value` with exactly this shape (``None``: any length)."""
     try:
-        copy = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"{name} must be an array of numbers; got {value!r}") from error
+        copy = np.array(_real(value), dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ArgumentError(f"{name} must be an array of numbers; got {value!r:.100}") from error
     if copy.shape != shape:
         floats(name, copy, shape)
         if copy.ndim != len(shape):
@@ -61,6 +61,13 @@ def frozen(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Floats
             )
     copy.flags.writeable = False
     return copy
+
+
+def _real(value: ArrayLike) -> ArrayLike:
+    """The value itself, which must not be complex: NumPy would drop its imaginary part."""
+    if getattr(getattr(value, "dtype", None), "kind", "f") == "c":
+        raise TypeError("complex")
+    return value
 
 
 def assign(record: object, **values: object) -> None:

@@ -39,10 +39,10 @@ class Status(Enum):
     CONTACT = "The skin is touched; the contacts are estimated."
     NO_CONTACT = "The skin is not touched."
     SATURATED = "A chip stands at the end of its range; press less or move the magnet away."
-    OUT_OF_RANGE = "The field fits no displacement within the stroke of the skin."
+    OUT_OF_RANGE = "The field fits no touch of the skin as hard as is known."
     AMBIGUOUS = "The displacements fit more than one place, or none."
     STALE = "The reading is older than the one before it, or its chips had nothing new."
-    CHIP_MISSING = "A chip did not answer, or answered with numbers that are not finite."
+    CHIP_MISSING = "A chip did not answer, or answered with numbers that cannot be true."
     NOT_CALIBRATED = "The zero is unknown or has drifted past its bound; zero the skin untouched."
 
 
@@ -74,20 +74,32 @@ class Reading:
         temperature: ArrayLike | None = None,
         flags: ArrayLike | None = None,
     ) -> None:
-        if not math.isfinite(time):
-            raise ArgumentError(f"time must be finite; got {time}")
+        try:
+            seconds = float(time) if math.isfinite(time) else math.nan
+        except (TypeError, OverflowError):
+            seconds = math.nan
+        if math.isnan(seconds):
+            raise ArgumentError(f"time must be finite; got {time!r:.100}")
         values = frozen("field", field, (None, 3))
         chips = len(values)
         degrees = np.full(chips, np.nan) if temperature is None else temperature
-        marks = np.zeros(chips, np.int64) if flags is None else np.array(flags, np.int64)
+        marks = np.zeros(chips, np.int64) if flags is None else _flags(flags)
         if marks.shape != (chips,):
             raise ArgumentError(f"flags must have shape ({chips},); got {marks.shape}")
         marks.setflags(write=False)
-        assign(self, time=float(time), field=values, temperature=degrees, flags=marks)
+        assign(self, time=seconds, field=values, temperature=degrees, flags=marks)
         freeze(self, temperature=(chips,))
 
     def __eq__(self, other: object) -> bool:
         return _same(self, other)
+
+
+def _flags(flags: ArrayLike) -> Ints:
+    """Flags as whole numbers of our own."""
+    try:
+        return np.array(flags, np.int64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ArgumentError(f"flags must be whole numbers; got {flags!r:.100}") from error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

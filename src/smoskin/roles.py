@@ -92,7 +92,11 @@ class Estimator(ABC):
     def step(self, reading: Reading) -> Estimate:
         """The estimate of one reading.
 
-        A bad measurement becomes an estimate with a `Status`, never an exception.
+        A bad measurement becomes an estimate with a `Status`, never an exception. No touch is
+        answered with `Status.CONTACT` before there is a zero, off the skin, above the force that
+        is known, or where a chip cannot be right: its temperature or its field beyond its range or
+        jumping, or frozen while the others move. A clock that goes back by more than 2 s has
+        started again: after one `Status.STALE` it is followed, with the zero and no past.
 
         Raises
         ------
@@ -106,15 +110,20 @@ class Estimator(ABC):
         """How far the zero has followed since it was set, shape (S, 3), T."""
 
     @abstractmethod
-    def zero(self, readings: Sequence[Reading]) -> None:
+    def zero(self, readings: Sequence[Reading], *, force: bool = False) -> None:
         """Take the mean of these readings of the untouched skin as its zero.
 
         Raises
         ------
         ArgumentError
             If there are none in which every chip that is used was good, or one has another number
-            of chips than the estimator was made for.
+            of chips than the estimator was made for; and, unless `force` says that nothing
+            touches, if they move among themselves by more than noise or read as a touch.
         """
+
+    @abstractmethod
+    def unzero(self) -> None:
+        """Return to the zero before the last; `ArgumentError` if there is none to return to."""
 
     @abstractmethod
     def reset(self) -> None:

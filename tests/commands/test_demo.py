@@ -96,7 +96,7 @@ def test_readers_change_and_keep_the_zero(planar):
     readers.choose("a")
     readers.choose("b")
     assert made == ["a", "b"]
-    readers.zero([twin.read([touch], time=0.4)])
+    readers.zero([twin.read([touch], time=0.4)], force=True)
     assert readers.step(twin.read([touch], time=0.5)).status is Status.NO_CONTACT
     readers.choose("a")
     assert readers.step(twin.read([touch], time=0.6)).status is Status.NO_CONTACT

@@ -15,23 +15,34 @@ from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
+from smoskin.sensing.estimators import ZeroFirst
 from smoskin.sensing.learned.gaussian_process import LearnedEstimator, LearnedModel, Output
 from smoskin.sensing.learned.inputs import Encoding, Form
 from smoskin.sensing.learned.training import Examples, FittingEffort, train_model
 from smoskin.sensing.network.estimator import NetworkEstimator
 from smoskin.sensing.signals.signals import signal_noise
+from smoskin.sensing.signals.zero import EARTH, uniform_covariance
 from smoskin.twin.reduced import ReducedTwin
 from tables_of_response import reduced_table
 
 TOUCH = Contact(position=(0.05, 0.0667), force=(0.0, 0.0, -0.5))
 
 
+def at_rest(design) -> Reading:
+    return ReducedTwin(design, seed=None).read()
+
+
+def zeroed(estimator: Estimator, design) -> Estimator:
+    estimator.zero([at_rest(design)])
+    return estimator
+
+
 def bayes_estimator(design) -> Estimator:
-    return BayesEstimator(design, reduced_table(design), creep=ELASTIC)
+    return zeroed(BayesEstimator(design, reduced_table(design), creep=ELASTIC), design)
 
 
 def network_estimator(design) -> Estimator:
-    return NetworkEstimator(design, tiny_network(design, drag=0.4), creep=ELASTIC)
+    return zeroed(NetworkEstimator(design, tiny_network(design, drag=0.4), creep=ELASTIC), design)
 
 
 @cache
@@ -63,6 +74,12 @@ ESTIMATORS = [ClosedFormEstimator, bayes_estimator, network_estimator, learned_e
 @pytest.fixture(params=ESTIMATORS, ids=lambda make: make.__name__)
 def make(request, planar) -> Callable[[], Estimator]:
     return lambda: request.param(planar)
+
+
+def to_chips(design, signals):
+    """Fields (..., 3) in the skin's axes, in those of each chip."""
+    turned = np.broadcast_to(signals, (len(design.halls), 3))
+    return np.einsum("sji,sj->si", mlx90393.rotations(design.halls), turned)
 
 
 def spoilt(reading: Reading, **changes: object) -> Reading:
@@ -130,7 +147,10 @@ def test_shuffled_time_is_stale_and_reset_forgets_it(make, planar):
     twin, estimator = ReducedTwin(planar, seed=0), make()
     estimator.step(twin.read(time=5.0))
     assert estimator.step(twin.read([TOUCH], time=4.0)).status is Status.STALE
+    zeroed(estimator, planar)
+    assert estimator.step(twin.read([TOUCH], time=4.0)).status is Status.STALE
     estimator.reset()
+    zeroed(estimator, planar)
     assert estimator.step(twin.read([TOUCH], time=4.0)).status is Status.CONTACT
 
 
@@ -164,15 +184,137 @@ def test_a_zero_needs_a_good_reading_of_the_same_chips(make, planar):
     assert estimator.step(twin.read([TOUCH])).status is Status.CONTACT
 
 
+def touched_and(design, **changes):
+    """An estimator's answer to a touch of which something is changed."""
+    return spoilt(ReducedTwin(design, seed=None).read([TOUCH], time=1.0), **changes)
+
+
+@pytest.mark.parametrize("degrees", [1e9, -273.0, 130.0, -41.0, 41.0])
+def test_no_touch_is_told_by_a_chip_whose_temperature_cannot_be(make, planar, degrees):
+    estimate = make().step(touched_and(planar, temperature=[25.0, degrees, 25.0]))
+    assert estimate.status is Status.CHIP_MISSING
+
+
+def test_a_temperature_does_not_jump(make, planar):
+    estimator = make()
+    for k, (degrees, status) in enumerate(
+        [(25.0, Status.CONTACT), (31.0, Status.CHIP_MISSING), (26.0, Status.CONTACT)]
+    ):
+        reading = touched_and(planar, time=0.1 * k, temperature=[25.0, degrees, 25.0])
+        assert estimator.step(reading).status is status
+
+
+@pytest.mark.parametrize("flag", [32, 4096, -1])
+def test_a_flag_that_nobody_knows_is_bad(make, planar, flag):
+    assert make().step(touched_and(planar, flags=[0, flag, 0])).status is Status.CHIP_MISSING
+
+
+def test_a_chip_that_freezes_is_missed_once_the_others_move(make, planar):
+    twin, estimator, still = ReducedTwin(planar, seed=0), make(), at_rest(planar).field[1]
+    for k in range(30):
+        reading = twin.read([TOUCH] if k >= 20 else [], time=0.1 * k)
+        field = reading.field.copy()
+        field[1] = still
+        status = estimator.step(spoilt(reading, field=field)).status
+        assert status is (Status.CHIP_MISSING if k >= 20 else Status.NO_CONTACT)
+    assert estimator.step(twin.read([TOUCH], time=3.0)).status is Status.CONTACT
+
+
+@pytest.mark.parametrize("make", ESTIMATORS[:3])
+def test_a_chip_at_its_rail_is_saturated_without_a_flag(make, planar):
+    for axis in range(3):
+        field = at_rest(planar).field.copy()
+        field[2, axis] = mlx90393.full_scale(planar.hall_setting)[axis]
+        assert make(planar).step(touched_and(planar, field=field)).status is Status.SATURATED
+
+
+@pytest.mark.parametrize("start", [5.0, 1e9, 1e300])
+def test_a_clock_that_starts_again_is_followed_after_one_reading(make, planar, start):
+    twin, estimator = ReducedTwin(planar, seed=None), make()
+    for time, status in (
+        (start - 1.0, Status.NO_CONTACT),
+        (start, Status.CONTACT if start < 1e300 else Status.STALE),
+        (0.1, Status.STALE),
+        (0.2, Status.NO_CONTACT),
+        (0.3, Status.CONTACT),
+        (0.1, Status.STALE),
+        (0.4, Status.CONTACT),
+    ):
+        contacts = [TOUCH] if status is Status.CONTACT else []
+        assert estimator.step(twin.read(contacts, time=time)).status is status
+
+
+def test_a_zero_is_not_taken_of_a_touch_and_can_be_taken_back(make, planar):
+    twin, estimator = ReducedTwin(planar, seed=0), make()
+    still = [twin.read(time=0.01 * k) for k in range(20)]
+    held = [twin.read([TOUCH], time=0.01 * k) for k in range(20)]
+    estimator.zero(still, force=True)
+    for readings in (held, still[:10] + held[:10]):
+        with pytest.raises(ArgumentError, match="nothing touches: let go first; got"):
+            estimator.zero(readings)
+    assert estimator.step(twin.read(time=1.0)).status is Status.NO_CONTACT
+    estimator.zero(held, force=True)
+    assert estimator.step(twin.read([TOUCH], time=2.0)).status is Status.NO_CONTACT
+    estimator.unzero()
+    assert estimator.step(twin.read([TOUCH], time=3.0)).status is Status.CONTACT
+    with pytest.raises(ArgumentError, match="zero must have been set"):
+        estimator.unzero()
+
+
+@pytest.mark.parametrize("make", ESTIMATORS)
+def test_the_first_zero_waits_until_the_skin_rests(make, planar):
+    twin, estimator = ReducedTwin(planar, seed=0), ZeroFirst(make(planar), count=5)
+    for k in range(12):
+        force = (0.0, 0.0, -0.1 - 0.05 * k)
+        moving = [Contact(position=TOUCH.position, force=force)]
+        status = estimator.step(twin.read(moving, time=0.1 * k)).status
+        assert status is Status.NOT_CALIBRATED
+    for k in range(12, 18):
+        status = estimator.step(twin.read(time=0.1 * k)).status
+    assert status is Status.NO_CONTACT
+    assert estimator.step(twin.read([TOUCH], time=3.0)).status is Status.CONTACT
+
+
+@pytest.mark.parametrize("kind", ["bayes", "network"])
+def test_without_a_zero_nothing_is_told(kind, planar):
+    made = {"bayes": BayesEstimator(planar, reduced_table(planar)),
+            "network": NetworkEstimator(planar, tiny_network(planar))}[kind]  # fmt: skip
+    twin = ReducedTwin(planar, seed=0)
+    for contacts in ([], [TOUCH]):
+        reading = twin.read(contacts, time=float(len(contacts)))
+        assert made.step(reading).status is Status.NOT_CALIBRATED
+
+
+@pytest.mark.parametrize("make", ESTIMATORS[:3])
+@pytest.mark.parametrize("field", [20e-6, 40e-6, 60e-6])
+def test_a_skin_that_turns_in_the_earths_field_is_not_touched(make, planar, field):
+    twin, rng = ReducedTwin(planar, seed=1), np.random.default_rng(0)
+    estimator = zeroed(make(planar), planar)
+    still = [twin.read() for _ in range(20)]
+    for k in range(400):
+        if k % 40 == 0:
+            way = rng.normal(size=3)
+            earth = to_chips(planar, field * way / np.linalg.norm(way))
+        reading = spoilt(still[k % 20], time=0.01 * k, field=still[k % 20].field + earth)
+        assert estimator.step(reading).status is Status.NO_CONTACT
+
+
+def test_no_reading_is_wrong_use(make):
+    for reading in (None, "reading", np.zeros((3, 3))):
+        with pytest.raises(ArgumentError, match="reading must be a Reading; got"):
+            make().step(reading)
+
+
 @pytest.mark.parametrize("make", [bayes_estimator, network_estimator])
 def test_by_default_one_in_a_million_idle_readings_counts_as_touched(make, planar):
     rest = ReducedTwin(planar, seed=None).read()
-    factor = np.linalg.cholesky(signal_noise(planar)) @ np.ones(9) / 3
+    noise = signal_noise(planar) + uniform_covariance(3, EARTH)
+    factor = np.linalg.cholesky(noise) @ np.ones(9) / 3
     for share, idle in ((0.999, True), (1.001, False)):
         estimator = make(planar)
         estimator.zero([rest])
-        signals = (factor * np.sqrt(share * chi2.isf(1e-6, 9))).reshape(3, 3)
-        own = np.einsum("sji,sj->si", mlx90393.rotations(planar.halls), signals)
+        signals = (factor * np.sqrt(share * chi2.isf(1e-6, 6))).reshape(3, 3)
+        own = to_chips(planar, signals)
         status = estimator.step(spoilt(rest, time=1.0, field=rest.field + own)).status
         assert (status is Status.NO_CONTACT) == idle
 
@@ -192,7 +334,7 @@ def test_by_default_creep_is_undone_and_drift_followed(kind, planar):
         forces.append(estimator.step(twin.read([TOUCH], time=1.001)).contacts[0].normal_force)
     late = elastomer_prony(planar.columns.material).retardation_shares.sum()
     assert forces[0] / forces[1] == pytest.approx(1 / (1 - late), rel=0.03)
-    estimator = made()
+    estimator = zeroed(made(), planar)
     for k in range(50):
         reading = twin.read(time=0.1 * k)
         estimator.step(spoilt(reading, field=reading.field + 1e-6))

@@ -38,10 +38,11 @@ def code_lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
 
 
 def test_the_wheel_stays_one_that_can_be_read_in_a_week():
-    # 24,000 lines held all that skins are made, judged and read with; 2,700 more keep bad sheets,
-    # damaged files and visitors of the page from going wrong in silence; 300 let anyone
-    # replace the law of contact; 200 play recordings from any place.
-    assert sum(text.count("\n") for text in FILES.values()) <= 27_200
+    # 24,000 lines held all that skins are made, judged and read with; 3,500 more keep bad sheets,
+    # damaged files, failing chips and visitors of the page from going wrong in silence; 1,500 are
+    # laws of contact and worlds to be judged in.
+    assert sum(text.count("
+") for text in FILES.values()) <= 29_000
 
 
 def test_no_file_has_over_450_lines():

@@ -68,7 +68,10 @@ class FlagEstimator(Estimator):
     def drift(self) -> Floats:
         return np.zeros((CHIPS, 3))
 
-    def zero(self, readings: Sequence[Reading]) -> None:
+    def unzero(self) -> None:
+        raise NotImplementedError
+
+    def zero(self, readings: Sequence[Reading], *, force: bool = False) -> None:
         """Flags need no zero."""
 
     def reset(self) -> None:

@@ -376,8 +376,10 @@ class _Stage(Sink):
     def _zero_or_undo(self, what: str, now: float, readers: Readers) -> None:
         """Let the hand go for a new zero, which people must do too; or go back to the last one."""
         if what == "undo":
-            if not readers.undo_zero():
-                self._refuse("Nothing to undo", "there is no zero before this one", now)
+            try:
+                readers.unzero()
+            except ArgumentError as error:
+                self._refuse("Nothing to undo", str(error), now)
         elif self.hand.fingers or self.hand.still:
             self._refuse(
                 "Let go first", "the skin is touched; a zero is that of the untouched skin", now

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 from smoskin.arrays import Floats
+from smoskin.errors import ArgumentError
 from smoskin.records import Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.estimators import ZeroFirst
@@ -41,24 +42,23 @@ class Readers(Estimator):
         """How far the zero has followed since it was set, shape (S, 3), T."""
         return self._current.drift
 
-    def zero(self, readings: Sequence[Reading]) -> None:
+    def zero(self, readings: Sequence[Reading], *, force: bool = False) -> None:
         """Take these readings of the untouched skin as the zero, of whatever reads the skin."""
-        self._current.zero(readings)
+        self._current.zero(readings, force=force)
         self._untouched, self._before = tuple(readings), self._untouched
 
-    def undo_zero(self) -> bool:
-        """Go back to the zero before the last one; whether there was one."""
+    def unzero(self) -> None:
+        """Return to the zero before the last; `ArgumentError` if there is none."""
         if not self._before:
-            return False
+            raise ArgumentError("there is no zero before this one to return to")
         self._untouched, self._before = self._before, ()
         self._begin()
-        return True
 
     def _begin(self) -> None:
         """Start anew with the zero that holds, if there is one."""
         self._current.reset()
         if self._untouched:
-            self._current.zero(self._untouched)
+            self._current.zero(self._untouched, force=True)
 
     def reset(self) -> None:
         """Forget everything; the next good readings are the new zero."""
@@ -67,7 +67,8 @@ class Readers(Estimator):
 
     def step(self, reading: Reading) -> Estimate:
         """What the chosen estimator makes of a reading."""
+        waits = not self._current.zeroed
         estimate = self._current.step(reading)
-        if estimate.status is Status.NOT_CALIBRATED and len(self._untouched) < ZEROS:
-            self._untouched += (reading,)
+        if waits and estimate.status is Status.NOT_CALIBRATED:
+            self._untouched = (*self._untouched, reading)[-ZEROS:]
         return estimate

@@ -4,9 +4,11 @@ Decides which estimator reads which file, and hides how kinds of files are told 
 """
 
 import os
+from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Final
 
 from smoskin.arrays import Floats
 from smoskin.design.document import shipped_design
@@ -24,21 +26,32 @@ from smoskin.sensing.network.estimator import NetworkEstimator
 from smoskin.sensing.network.model import load_network
 from smoskin.sensing.response.table import load_response_table
 
+_FAULTS: Final = (Status.CHIP_MISSING, Status.SATURATED, Status.STALE)
+"""Answers to readings that tell of the chips, not of the skin."""
 
-def load_estimator(path: str | os.PathLike[str], design: SkinDesign | None = None) -> Estimator:
+
+def load_estimator(
+    path: str | os.PathLike[str],
+    design: SkinDesign | None = None,
+    *,
+    uncalibrated: bool = False,
+) -> Estimator:
     """The estimator that reads a file of this package, not zeroed yet unless its bench was.
 
     Parameters
     ----------
     path : path
-        A calibration (TOML), a response table, a network or a learned model.
+        A calibration (TOML), a skin's response table, a network or a learned model.
     design : SkinDesign, optional
         Design of the skin; by default the shipped one that the file was made for.
+    uncalibrated : bool
+        Whether the table of a design will do, which no touches have made that of a skin.
 
     Raises
     ------
     ModelError
-        If the file cannot be read, is of no such kind, or was made for another design.
+        If the file cannot be read, is of no such kind, was made for another design, or is a table
+        that is not `ResponseTable.calibrated` and must be.
     MissingExtraError
         If it holds arrays and `safetensors` is not installed.
 
@@ -62,6 +75,11 @@ def load_estimator(path: str | os.PathLike[str], design: SkinDesign | None = Non
     match files.tensor_key(file):
         case files.RESPONSE_TABLE:
             table = load_response_table(file)
+            if not (table.calibrated or uncalibrated):
+                raise ModelError(
+                    f"{file}: must be the table of one skin; got that of a design, from which made "
+                    "skins differ too much: calibrate it by touches of the skin first"
+                )
             return BayesEstimator(_design_of(file, table.design_hash, design), table)
         case files.NETWORK:
             network = load_network(file)
@@ -71,19 +89,21 @@ def load_estimator(path: str | os.PathLike[str], design: SkinDesign | None = Non
 
 
 class ZeroFirst(Estimator):
-    """An estimator that takes the first good readings for the zero of another, then is that one.
+    """An estimator whose zero is taken as soon as the skin rests, and that is then that one.
 
-    Until then good readings are answered by `Status.NOT_CALIBRATED`; nothing may touch the skin.
-    The mean of `count` of them is the zero; `ArgumentError` if that is not positive.
+    Until then readings are answered by `Status.NOT_CALIBRATED`. The zero is the mean of the first
+    `count` good readings in a row that move by no more than noise; a touch that is held as still
+    from the start on cannot be told from a skin at rest. `ArgumentError` if the count is not
+    positive.
     """
 
     def __init__(self, estimator: Estimator, *, count: int = 20) -> None:
         if count < 1:
             raise ArgumentError(f"count must be at least 1; got {count}")
         self.estimator = estimator
-        self._count = count
-        self._untouched: list[Reading] = []
-        self._zeroed = False
+        self._untouched: deque[Reading] = deque(maxlen=count)
+        self.zeroed = False
+        """Whether the zero is taken."""
 
     @property
     def drift(self) -> Floats:
@@ -94,25 +114,27 @@ class ZeroFirst(Estimator):
         """Forget everything; the next good readings are the new zero."""
         self.estimator.reset()
         self._untouched.clear()
-        self._zeroed = False
+        self.zeroed = False
 
-    def zero(self, readings: Sequence[Reading]) -> None:
+    def zero(self, readings: Sequence[Reading], *, force: bool = False) -> None:
         """Take these readings of the untouched skin as the zero, and wait for no others."""
-        self.estimator.zero(readings)
+        self.estimator.zero(readings, force=force)
         self._untouched.clear()
-        self._zeroed = True
+        self.zeroed = True
+
+    def unzero(self) -> None:
+        """Return to the zero before the last; `ArgumentError` if there is none."""
+        self.estimator.unzero()
 
     def step(self, reading: Reading) -> Estimate:
         """The other estimator's answer, once it is zeroed."""
-        if self._zeroed:
-            return self.estimator.step(reading)
-        try:
-            self.estimator.zero([reading])
-        except ArgumentError:  # it is bad, or of another skin: the estimator says which
-            return self.estimator.step(reading)
+        estimate = self.estimator.step(reading)
+        if self.zeroed or estimate.status in _FAULTS:
+            return estimate
         self._untouched.append(reading)
-        if len(self._untouched) == self._count:
-            self.zero(self._untouched)
+        if len(self._untouched) == self._untouched.maxlen:
+            with suppress(ArgumentError):  # it is moved: what comes next may rest
+                self.zero(tuple(self._untouched))
         return Estimate(time=reading.time, status=Status.NOT_CALIBRATED)
 
 

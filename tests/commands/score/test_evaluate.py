@@ -63,7 +63,7 @@ def test_pairs_are_matched_by_place_whatever_their_order():
 def test_another_number_of_touches_is_an_error_of_count_and_no_place(skin, twin):
     silent = SimpleNamespace(
         reset=lambda: None,
-        zero=lambda untouched: None,
+        zero=lambda untouched, force: None,
         step=lambda reading: SimpleNamespace(status=None, contacts=()),
     )
     found = judge(silent, twin, session(skin, 3), np.random.default_rng(0))

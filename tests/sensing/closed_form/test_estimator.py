@@ -30,6 +30,13 @@ def estimates(twin, estimator, contacts):
     return [estimator.step(twin.read([c], time=0.01 * k)) for k, c in enumerate(contacts, 1)]
 
 
+def by_table(design):
+    """The estimator by the design's own table, zeroed."""
+    estimator = ClosedFormEstimator(design, reduced_table(design))
+    estimator.zero([ReducedTwin(design, seed=None).read()])
+    return estimator
+
+
 def located(estimate, contact) -> bool:
     return estimate.status is Status.CONTACT and np.allclose(
         estimate.contacts[0].position, contact.position, atol=1e-9
@@ -123,7 +130,7 @@ def test_a_table_parts_press_and_drag_as_theory_does(planar, shear):
     skin = plain(planar)
     contacts = touches(skin, 0.5, shear)
     readings = [ReducedTwin(skin, seed=0).read([c], time=k) for k, c in enumerate(contacts)]
-    theory, table = ClosedFormEstimator(skin), ClosedFormEstimator(skin, reduced_table(skin))
+    theory, table = ClosedFormEstimator(skin), by_table(skin)
     for reading, contact in zip(readings, contacts, strict=True):
         one, other = theory.step(reading), table.step(reading)
         assert located(one, contact)
@@ -153,9 +160,11 @@ def test_one_magnet_finds_by_a_table_what_its_signs_do_not(planar):
     twin = ReducedTwin(design, seed=0)
     by_signs = estimates(twin, ClosedFormEstimator(design), contacts)
     assert {e.status for e in by_signs} == {Status.AMBIGUOUS}
-    by_table = estimates(twin, ClosedFormEstimator(design, reduced_table(design)), contacts)
+    with_table = estimates(twin, by_table(design), contacts)
     sure = [
-        located(e, c) for e, c in zip(by_table, contacts, strict=True) if e.status is Status.CONTACT
+        located(e, c)
+        for e, c in zip(with_table, contacts, strict=True)
+        if e.status is Status.CONTACT
     ]
     assert 5 < len(sure) < 36
     assert np.mean(sure) > 0.8

@@ -43,7 +43,7 @@ def test_loads_come_back_and_their_spread_is_the_noise_s():
     cells = Subspaces(ANSWERS, NOISE)
     load = np.array([2.0, -1.0, 0.5])
     for cell, motion in enumerate(ANSWERS @ load):
-        number, seen, _ = cells.match(motion)
+        number, seen, *_ = cells.match(motion)
         assert number == cell
         np.testing.assert_allclose(seen, load)
     rng = np.random.default_rng(2)
@@ -76,7 +76,7 @@ def test_confidence_is_how_often_noise_errs(deviations, rate):
 
 def test_cells_of_one_answer_share_the_doubt():
     twins = Subspaces(np.stack([ANSWERS[0], ANSWERS[0], ANSWERS[1]]), NOISE)
-    cell, _, confidence = twins.match(1e3 * ANSWERS[0, :, 0])
+    cell, _, confidence, _ = twins.match(1e3 * ANSWERS[0, :, 0])
     assert cell == 0
     assert confidence == pytest.approx(0.5)
 

@@ -176,6 +176,13 @@ def skin(planar):
     return plain(planar)
 
 
+def zeroed(skin, model):
+    """The estimator of a network, creep left as it is."""
+    estimator = NetworkEstimator(skin, model, creep=ELASTIC)
+    estimator.zero([ReducedTwin(skin, seed=None).read()])
+    return estimator
+
+
 def test_it_tells_touches_from_none(skin):
     twin = ReducedTwin(skin, seed=3)
     said = NetworkEstimator(skin, tiny_network(skin), creep=ELASTIC)
@@ -203,11 +210,11 @@ def test_readings_are_believed_up_to_a_novelty_of_one(skin, monkeypatch):
         return seen[-1]
 
     monkeypatch.setattr(Ensemble, "predict", predict)
-    assert NetworkEstimator(skin, model, creep=ELASTIC).step(reading).status is Status.CONTACT
+    assert zeroed(skin, model).step(reading).status is Status.CONTACT
     distance = seen[-1].novelty[0] * model.reach
     for reach, status in ((1.001, Status.CONTACT), (0.999, Status.OUT_OF_RANGE)):
         own = replace(model, reach=reach * distance)
-        estimator = NetworkEstimator(skin, own, creep=ELASTIC)
+        estimator = zeroed(skin, own)
         estimate = estimator.step(reading)
         assert estimate.status is status
         assert len(estimate.contacts) == (status is Status.CONTACT)
@@ -215,7 +222,7 @@ def test_readings_are_believed_up_to_a_novelty_of_one(skin, monkeypatch):
 
 def test_signals_unlike_those_of_training_are_not_believed(skin):
     twin = ReducedTwin(skin, seed=None)
-    said = NetworkEstimator(skin, tiny_network(skin), creep=ELASTIC)
+    said = zeroed(skin, tiny_network(skin))
     usual = twin.read([TOUCH])
     assert said.step(usual).status is Status.CONTACT
     # As strong as a touch, on one chip alone.

@@ -28,7 +28,7 @@ class PlainSignals:
     def __init__(self, design, *, creep):
         type(self).creep = creep
 
-    def zero(self, readings):
+    def zero(self, readings, *, force):
         type(self).zeroed = tuple(reading.time for reading in readings)
 
     def step(self, reading):

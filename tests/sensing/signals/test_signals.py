@@ -129,15 +129,14 @@ def test_a_jump_of_half_the_window_is_a_wrap_where_a_chip_can_wrap(planar, twin)
     assert seen.step(changed(twin.read(), time=0.1, field=wrapped)).status is Status.SATURATED
 
 
-@pytest.mark.parametrize("report", [np.nan, -300.0, -40.1, 125.1, 300.0, 1e6])
-def test_a_temperature_that_cannot_be_is_the_last_good_one(planar, twin, report):
+def test_a_temperature_that_is_not_reported_is_the_last_good_one(planar, twin):
     seen, reference = banded(planar), banded(planar)
     for one in (seen, reference):
         one.step(twin.read(TOUCH, time=0.0, temperature=45.0))
     for k in range(1, 41):
         good = twin.read(TOUCH, time=0.1 * k, temperature=45.0)
         there = reference.step(good)
-        here = seen.step(changed(good, temperature=[45.0, report, 45.0]))
+        here = seen.step(changed(good, temperature=[45.0, np.nan, 45.0]))
     np.testing.assert_array_equal(here.values, there.values)
     assert here.temperature == there.temperature
 
@@ -195,9 +194,21 @@ def test_the_zero_may_be_taken_warm(planar, twin):
     np.testing.assert_allclose(seen.step(twin.read(time=1.0)).values, 0.0, atol=0.1e-6)
 
 
-@pytest.mark.parametrize(("share", "status"), [(1.009, None), (1.011, Status.SATURATED)])
+@pytest.mark.parametrize("report", [-300.0, -40.1, 125.1, 300.0, 1e6, 50.1, 60.1])
+def test_a_temperature_that_cannot_be_is_refused(planar, twin, report):
+    """Beyond the chip's range, 15 K apart from the others, or 5 K from the reading before."""
+    seen = banded(planar)
+    seen.step(twin.read(TOUCH, time=0.0, temperature=45.0))
+    reading = twin.read(TOUCH, time=0.01, temperature=45.0)
+    refused = seen.step(changed(reading, temperature=[45.0, report, 45.0]))
+    assert refused.status is Status.CHIP_MISSING
+    again = twin.read(TOUCH, time=0.02, temperature=45.0)
+    assert seen.step(changed(again, temperature=[45.0, 46.0, 45.0])).status is None
+
+
+@pytest.mark.parametrize(("share", "status"), [(0.999, None), (1.0, Status.SATURATED)])
 def test_no_chip_reads_more_than_its_range(planar, twin, share, status):
-    most = float(mlx90393.full_scale(planar.hall_setting).max())
+    most = float(mlx90393.full_scale(planar.hall_setting)[1])
     field = twin.read().field.copy()
     field[2, 1] = -share * most
     assert banded(planar).step(changed(twin.read(), field=field)).status is status

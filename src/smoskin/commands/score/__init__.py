@@ -154,7 +154,7 @@ def candidate(given: Scored, design: SkinDesign, exam: Exam) -> Candidate:
     """A file, model or estimator, ready for an exam; refused as `score` says."""
     digest = ""
     if isinstance(given, (Path, str)):
-        path, given = Path(given), load_estimator(given, design)
+        path, given = Path(given), load_estimator(given, design, uncalibrated=True)
         given = given.table if isinstance(given, BayesEstimator) else given
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
     if isinstance(given, ResponseTable):

@@ -200,7 +200,7 @@ def judge(estimator: Estimator, twin: Twin, session: Session, rng: np.random.Gen
     """Answers of an estimator in a session, against the truth; it is zeroed first."""
     stream = readings(twin, session, rng)
     estimator.reset()
-    estimator.zero(stream[:_ZEROS])
+    estimator.zero(stream[:_ZEROS], force=True)
     touches = session.touches
     truth = np.concatenate([touches.position, touches.force], axis=-1)
     presses, places = truth.shape[:2]

@@ -31,6 +31,10 @@ _DOUBT: Final = 25.0
 """Misfit of a single touch over its expected value, one a signal, past which two are tried. What
 a table misses has heavier tails than a normal: hard touches in a corner come to 15 on some
 skins, few pairs to less than 25."""
+_STIRRED: Final = 4.0
+"""Misfit of a single touch, likewise, past which the skin may have turned under it."""
+_TURNS: Final = math.log(0.01)
+"""Logarithm of the chance that a skin has turned in the Earth's field since it was idle."""
 _WORST: Final = 400.0
 """Misfit over its expected value past which nothing on the table fits."""
 
@@ -59,8 +63,10 @@ class BayesEstimator(SignalEstimator):
     Notes
     -----
     Where one touch fits badly, the number K of touches is the one of greater evidence
-    p(s | K) p(K); see `smoskin.sensing.bayes.posterior.TouchProblem`. Two touches are taken as
-    straight. One that was alone before the other came is taken to stand about where it stood
+    p(s | K) p(K); see `smoskin.sensing.bayes.posterior.TouchProblem`. A skin that has turned in the
+    Earth's field reads the same besides at all chips, which joins the noise where that is likelier
+    ("Fields alike at all chips" in `docs/derivations.md`). Two touches are taken as straight. One
+    that was alone before the other came is taken to stand about where it stood
     (`TouchPriors.slide`) and comes first.
     """
 
@@ -76,7 +82,12 @@ class BayesEstimator(SignalEstimator):
     ) -> None:
         design.check_own("table", table.design_hash)
         super().__init__(
-            design, table.chips, creep=creep, false_alarms=false_alarms, tracking=tracking
+            design,
+            table.chips,
+            creep=creep,
+            false_alarms=false_alarms,
+            tracking=tracking,
+            most=table.forces[1],
         )
         self.table = table
         self._priors = priors or TouchPriors()
@@ -88,6 +99,7 @@ class BayesEstimator(SignalEstimator):
         self._solved_at = np.nan
         self._last: Floats | None = None
         self._alone: LoneTouch | None = None
+        self._turned = False
 
     @property
     def misfit(self) -> Floats:
@@ -96,6 +108,7 @@ class BayesEstimator(SignalEstimator):
 
     def _forget(self) -> None:
         self._last = self._alone = None
+        self._turned = False
 
     def _read(self, time: float, signals: Floats, temperature: float) -> Estimate:
         if not abs(temperature - self._solved_at) < _WARMER:
@@ -114,18 +127,27 @@ class BayesEstimator(SignalEstimator):
         )
 
     def _likeliest(self, time: float, signals: Floats) -> TouchPosterior:
-        """One touch, or two where one fits badly and two are likelier."""
-        last = self._last
+        """One touch, of a skin that turns or two where one fits badly and these are likelier."""
+        last, count = self._last, self.table.count
         single = last is not None and len(last) == 1
-        one = self._solver.one(signals, last[0] if last is not None and single else None)
-        if one.misfit < _DOUBT * self.table.count:
-            self._alone = LoneTouch(time, one)
+        guess = last[0] if last is not None and single else None
+        one = best = self._solver.one(signals, guess)
+        had_turned, self._turned = self._turned, False
+        if one.misfit > _STIRRED * count and len(self.table.chips) > 1:
+            turned = self._solver.turned(signals, guess)
+            if turned.evidence + _TURNS > one.evidence:
+                best, self._turned = turned, True
+        # A skin that was found to have turned, rather than to be touched twice, stays so.
+        goes_on = had_turned and self._turned and best.misfit < _STIRRED * count
+        if one.misfit < _DOUBT * count or goes_on:
+            self._alone = LoneTouch(time, best)
         elif self._priors.chances[2] > 0:
             standing = self._alone and self._alone.standing(time, self._priors.slide)
             two = self._solver.two(signals, None if single else last, standing)
-            if two.evidence > one.evidence:
+            if two.evidence > best.evidence + (_TURNS if self._turned else 0.0):
+                self._turned = False
                 return two
-        return one
+        return best
 
 
 class LoneTouch(NamedTuple):

@@ -15,6 +15,7 @@ from smoskin.sensing.bayes.posterior import Descent, TouchProblem, pair_answer, 
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
 from smoskin.sensing.bayes.starts import TYPICAL, Starts, pair_starts, single_starts
 from smoskin.sensing.response.table import ResponseTable
+from smoskin.sensing.signals.zero import EARTH, uniform_covariance
 
 _FITS: Final = 4.0
 """Squared residual a signal up to which what follows from the last reading is believed."""
@@ -49,15 +50,23 @@ class TouchSolver:
         """Take the rubber to be this warm, degC."""
         self._point = self.table.point_table(temperature)
         self._single = self._problem(1)
-        self._single_starts = single_starts(
-            self.table, self._point, self._single, self.priors.drag_spread
-        )
+        self._single_starts = self._starts(self._single)
+        self._turned: tuple[TouchProblem, Starts] | None = None
         self._pair: TouchProblem | None = None
 
     def one(self, signals: Floats, guess: Floats | None = None) -> TouchPosterior:
         """The single touch that explains signals (C,) best; from a guess (5,), where given."""
         guesses = None if guess is None else guess[None]
         return self._solve(1, self._single, self._single_starts, signals, guesses, None)
+
+    def turned(self, signals: Floats, guess: Floats | None = None) -> TouchPosterior:
+        """The same of a skin that has turned in the Earth's field, by `EARTH` along each axis."""
+        if self._turned is None:
+            field = uniform_covariance(len(self.table.chips), EARTH)
+            problem = self._problem(1, self._noise + field)
+            self._turned = problem, self._starts(problem)
+        guesses = None if guess is None else guess[None]
+        return self._solve(1, *self._turned, signals, guesses, None)
 
     def two(
         self, signals: Floats, guess: Floats | None = None, standing: Standing | None = None
@@ -72,14 +81,19 @@ class TouchSolver:
             self._pair_starts = pair_starts(self.table, self._pair)
         return self._solve(2, self._pair, self._pair_starts, signals, guess, standing)
 
-    def _problem(self, touches: int) -> TouchProblem:
-        """What is solved for so many touches."""
+    def _starts(self, problem: TouchProblem) -> Starts:
+        """Starts of the search for a single touch."""
+        return single_starts(self.table, self._point, problem, self.priors.drag_spread)
+
+    def _problem(self, touches: int, noise: Floats | None = None) -> TouchProblem:
+        """What is solved for so many touches, in the noise of a skin at rest unless another is."""
         table, priors = self.table, self.priors
+        noise = self._noise if noise is None else noise
         if touches == 1:
             answer = single_answer(self._point, straight=priors.drag_spread == 0)
-            return TouchProblem(answer, 1, table, self._noise, self.misfit, priors)
+            return TouchProblem(answer, 1, table, noise, self.misfit, priors)
         misfit = self.misfit + table.pair_misfit
-        return TouchProblem(pair_answer(self._point), 2, table, self._noise, misfit, priors)
+        return TouchProblem(pair_answer(self._point), 2, table, noise, misfit, priors)
 
     def _solve(
         self,

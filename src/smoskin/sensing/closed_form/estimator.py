@@ -5,6 +5,8 @@ Decides how signals become an estimate: turned into motions of the chips against
 its place is known to no better than the cell's size, which the covariance says.
 """
 
+import math
+
 import numpy as np
 
 from smoskin.arrays import Floats
@@ -33,7 +35,7 @@ class ClosedFormEstimator(SignalEstimator):
         which not.
     known : Calibration or ResponseTable, optional
         What is known of this skin. A calibration reads it as an ideal sheet, by default the one
-        designed; a response table cell by cell, as this very sheet answers.
+        designed, and holds the zero; a response table cell by cell, as this very sheet answers.
     tracking : ZeroTracking, optional
         How the zero follows drift while the skin is idle.
     idle_field : float
@@ -88,8 +90,11 @@ class ClosedFormEstimator(SignalEstimator):
             range(len(mounts)),
             creep=ELASTIC,
             tracking=tracking or ZeroTracking(),
-            idle=IdleBand(idle_field),
+            idle=IdleBand(idle_field, uniform=len(mounts) > 2),
             correction=calibration.field_correction,
+            most=known.forces[1] if isinstance(known, ResponseTable) else math.inf,
+            # The SI's skin reads as designed, unless a table says that this one does not.
+            zeroed=not isinstance(known, ResponseTable),
         )
         self._inverse = FieldInverse(design)
         self._sheet: Sheet = (
@@ -115,7 +120,9 @@ class ClosedFormEstimator(SignalEstimator):
         solution = self._sheet.solve(moved.ravel())
         if solution is None:
             return Estimate(time=time, status=Status.AMBIGUOUS)
-        cell, force, confidence = solution
+        if solution.misfit > self._sheet.most_misfit:
+            return Estimate(time=time, status=Status.OUT_OF_RANGE)
+        cell, force, confidence, _ = solution
         contact = Contact(position=self._tops[cell], force=force)
         if confidence < self._least_confidence:
             status, covariance = Status.AMBIGUOUS, self._drag_alone

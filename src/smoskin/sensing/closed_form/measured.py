@@ -17,7 +17,12 @@ from smoskin.magnetics.inversion import FieldInverse
 from smoskin.mechanics.reduced.stiffness import shear_gain
 from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.confidence import motion_noise, total_tail
-from smoskin.sensing.closed_form.sheets import Sheet, Solution, place_scatter
+from smoskin.sensing.closed_form.sheets import (
+    Sheet,
+    Solution,
+    place_scatter,
+    presses_anywhere,
+)
 from smoskin.sensing.response.table import ResponseTable
 
 _PRESS: Final = 0.3
@@ -26,6 +31,8 @@ _DRAG: Final = 0.2
 """N: drag that is added to it, each way."""
 _ALIKE: Final = 1e-6
 """Squared standard deviations: two cells' explanations closer than this are one."""
+_SCATTER: Final = 40.0
+"""Squared standard deviations that noise alone leaves unexplained at most."""
 
 
 class CellAnswers(NamedTuple):
@@ -98,18 +105,23 @@ class MeasuredSheet(Sheet):
         noise = to_force @ self._subspaces.spread @ to_force.T
         self.noise = noise.reshape(*design.cells, 3, 3)
         loads = (to_force @ self._subspaces.loads).reshape(*design.cells, 3, -1)
-        self.place = place_scatter(design, answers.motions[..., 0], loads)
+        press = answers.motions[..., 0]
+        self.place = place_scatter(design, press, loads)
+        presses = presses_anywhere(design, press).reshape(-1, press.shape[-1])
+        matches = [self._subspaces.match(motion) for motion in presses]
+        # Twice that of a press between vertices: touches drag, and skins differ from their tables.
+        self.most_misfit = 2 * max((match[3] for match in matches if match), default=0.5)
 
     def solve(self, motions: Floats) -> Solution | None:
         """Touch by motions (3S,), m, of the chips against their magnets; None where none fits."""
         match = self._subspaces.match(motions)
         if match is None:
             return None
-        number, load, confidence = match
+        number, load, confidence, misfit = match
         cell = divmod(number, self._rows)
         press, *shear = load.tolist()
         gain = shear_gain(shear, self._folding[cell])
-        return Solution(cell, np.array([*shear, -gain * press]), confidence)
+        return Solution(cell, np.array([*shear, -gain * press]), confidence, misfit)
 
 
 class Subspaces:
@@ -139,11 +151,13 @@ class Subspaces:
         # subspace, and every cell's press; one of a motion in the noise the coordinates alone.
         self._across = np.moveaxis(self._bases, 1, 0).transpose(0, 2, 1).reshape(len(noise), -1)
         self._product = np.concatenate([whiten.T @ self._across, self.loads[:, 0].T], axis=1)
+        self._precision = whiten.T @ whiten
 
-    def match(self, motion: Floats) -> tuple[int, Floats, float] | None:
-        """The likeliest cell of a motion (K,), m, its load and how sure it is; None without press.
+    def match(self, motion: Floats) -> tuple[int, Floats, float, float] | None:
+        """The likeliest cell of a motion (K,), m, its load, how sure it is, and its misfit.
 
-        The load (3,), N, is the press and the drags in x and y.
+        The load (3,), N, is the press and the drags in x and y, the last a share of the squared
+        motion. None without press.
 
         Notes
         -----
@@ -164,4 +178,6 @@ class Subspaces:
         trail = (explained - most) / (2 * np.sqrt(apart))
         # The cell's own distance is zero and counts one half.
         confidence = max(1.5 - total_tail(-trail), 0.0)
-        return cell, self.loads[cell] @ motion, confidence
+        whole = float(motion @ self._precision @ motion)
+        misfit = max(whole - float(most) - _SCATTER, 0.0) / whole
+        return cell, self.loads[cell] @ motion, confidence, misfit

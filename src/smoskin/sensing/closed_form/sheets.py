@@ -33,6 +33,8 @@ class Solution(NamedTuple):
     """(3,), N; z is below zero."""
     confidence: float
     """Chance that the chips' noise did not decide the cell."""
+    misfit: float
+    """Share of the squared motions that no load on that cell makes."""
 
 
 class Sheet(ABC):
@@ -42,6 +44,8 @@ class Sheet(ABC):
     """(N, M, 3, 3), N^2: covariance that the chips' noise makes in a force on each cell."""
     place: Floats
     """(N, M, 3, 3): mean square error of the force of a newton's press anywhere in the cell."""
+    most_misfit: float
+    """Largest misfit of a touch anywhere."""
 
     @abstractmethod
     def solve(self, motions: Floats) -> Solution | None:
@@ -55,6 +59,8 @@ class IdealSheet(Sheet):
     -----
     Source: SI Eqs. (S12), (S26), (S27) and Table S1.
     """
+
+    most_misfit = 0.35  # touches between vertices, and dragged, come to 0.27
 
     def __init__(self, design: SkinDesign, calibration: Calibration) -> None:
         coefficients = calibration.coefficients
@@ -89,7 +95,10 @@ class IdealSheet(Sheet):
             return None
         gain = shear_gain(shear, self._folding[cell])
         force = np.array([*shear.tolist(), -normal_force(press, self._stiffness[cell], gain)])
-        return Solution(cell, force, self._cones.confidence(cell, moved))
+        # What lies along the press that the cell's own motions make, of all that has moved.
+        along = press * press / (self._per_press[cell] @ self._per_press[cell])
+        misfit = 1.0 - float(along / (moved @ moved))
+        return Solution(cell, force, self._cones.confidence(cell, moved), misfit)
 
 
 def place_scatter(design: SkinDesign, press: Floats, loads: Floats) -> Floats:
@@ -98,11 +107,16 @@ def place_scatter(design: SkinDesign, press: Floats, loads: Floats) -> Floats:
     `press`, (N, M, K), m/N, are the motions for a newton on each cell's vertex; `loads`,
     (N, M, 3, K), N/m, turn them into the force on the cell.
     """
+    given = presses_anywhere(design, press)
+    off = np.einsum("nmfk,nmpk->nmpf", loads, given)
+    off[..., 2] += 1.0
+    return np.asarray(np.einsum("nmpf,nmpg->nmfg", off, off) / given.shape[2])
+
+
+def presses_anywhere(design: SkinDesign, press: Floats) -> Floats:
+    """Motions for a newton on 25 places of each cell, (N, M, 25, K), m/N, by those on vertices."""
     extent = geometry(design).cell
     inside = np.linspace(-0.4, 0.4, 5)
     steps = np.stack(np.meshgrid(inside, inside, indexing="ij"), axis=-1).reshape(-1, 2)
     places = geometry(design).tops[..., None, :] + steps * (extent.length, extent.width)
-    given = np.einsum("nmpij,ijk->nmpk", vertex_shares(design, places), press)
-    off = np.einsum("nmfk,nmpk->nmpf", loads, given)
-    off[..., 2] += 1.0
-    return np.asarray(np.einsum("nmpf,nmpg->nmfg", off, off) / len(steps))
+    return np.asarray(np.einsum("nmpij,ijk->nmpk", vertex_shares(design, places), press))

@@ -15,17 +15,16 @@ import numpy as np
 
 from smoskin.arrays import Floats, floats, frozen
 from smoskin.errors import ArgumentError, ModelError
-from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
+from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.files import TensorFile, freeze_model
 from smoskin.sensing.learned.inputs import Encoding, Form, History, Past
+from smoskin.sensing.signals.guards import ChipGuard, Clock, check_reading
+from smoskin.sensing.signals.signals import LET_GO
 from smoskin.sensing.signals.zero import IdleBand, Zero, ZeroTracking
 
 _FILE: Final = TensorFile("a model file", "smoskin_model", 2)
-_BAD: Final = int(ChipFlag.MISSING | ChipFlag.INVALID)
-_FULL: Final = int(ChipFlag.SATURATED | ChipFlag.WRAPPED)
 _ROWS: Final = 5  # of an estimate's covariance
-_LARGEST: Final = 1e6  # T; no chip measures more, and squares of more overflow
 _LIMITS: Final = {
     **dict.fromkeys(("centre", "intercept"), (-1e4, 1e4)),
     **dict.fromkeys(("support", "weights", "slope"), (-1e9, 1e9)),
@@ -37,6 +36,7 @@ _LIMITS: Final = {
     "reach": (1e-9, 1e9),
 }
 """Least and largest numbers of a model, SI."""
+_LOUDEST: Final = 15e-6  # T; no chip at rest is noisier
 
 
 class Output(Enum):
@@ -267,6 +267,7 @@ class LearnedEstimator(Estimator):
         self._tracking = tracking or ZeroTracking()
         self._idle = None if tracking is None else IdleBand(idle_field)
         self._chips = list(model.encoding.chips)
+        self._guard = ChipGuard(self._chips)
         self._given: Floats | None = None
         if zero is not None:
             whole = frozen("zero", zero, (model.chips_in_reading, 3))
@@ -277,7 +278,9 @@ class LearnedEstimator(Estimator):
 
     def reset(self) -> None:
         """Return to the zero given at the start, and forget earlier readings."""
-        self._last_time = -np.inf
+        self._clock = Clock()
+        self._zero: Zero | None
+        self._before: Zero | None = None
         self._begin(self._given)
 
     @property
@@ -288,18 +291,37 @@ class LearnedEstimator(Estimator):
             drift[self._chips] = self._zero.drift.reshape(-1, 3)
         return drift
 
-    def zero(self, readings: Sequence[Reading]) -> None:
+    def zero(self, readings: Sequence[Reading], *, force: bool = False) -> None:
         """Take the mean of these readings, made while nothing touches, as the zero.
 
-        It raises an `ArgumentError` if there are none in which the used chips are good.
+        It raises an `ArgumentError` if there are none in which the used chips are good, they move
+        by more than noise or, to the present zero, are a touch: unless `force` says they are none.
         """
-        good = [self._used(reading.field) for reading in readings if self._fault(reading) is None]
+        for reading in readings:
+            self._check_chips(reading)
+        good = [self._used(one.field) for one in readings if self._guard.bad(one) is None]
         if not good:
             raise ArgumentError(
                 "readings must hold at least one in which the used chips are good; "
                 f"got {len(readings)} readings"
             )
-        self._begin(np.mean(good, axis=0))
+        mean = np.mean(good, axis=0)
+        if not force:
+            moved = float(np.std(good, axis=0).max())
+            if moved > _LOUDEST:
+                raise ArgumentError(f"{LET_GO}; got readings that move by {moved * 1e6:.3g} uT")
+            if self._zero is not None and self._touches(mean - self._zero.offset):
+                raise ArgumentError(f"{LET_GO}; got what reads as a touch")
+        before = self._zero
+        self._begin(mean)
+        self._before = before
+
+    def unzero(self) -> None:
+        """Return to the zero before the last; `ArgumentError` if there is none."""
+        if self._before is None:
+            raise ArgumentError("zero must have been set, once for each time it is taken back")
+        self._zero, self._before = self._before, None
+        self._rest()
 
     def step(self, reading: Reading) -> Estimate:
         """The touch that one reading shows.
@@ -327,33 +349,44 @@ class LearnedEstimator(Estimator):
     def _begin(self, zero: Floats | None) -> None:
         """Start from this zero, with no past."""
         self._zero = None if zero is None else Zero(self._tracking, self._idle, zero)
+        self._rest()
+
+    def _rest(self) -> None:
+        """Begin with no past; the zero stays."""
         self._history = History(self.model.encoding.time_constants)
+        self._guard.forget()
+        if self._zero is not None:
+            self._zero.rest()
+
+    def _touches(self, used: Floats) -> bool:
+        """Whether a change of the used chips' field (C,), T, lies among those of training."""
+        if np.sqrt(used @ used) < self.model.touch_field:
+            return False
+        encoding = self.model.encoding
+        inputs = encoding.lay_out(used[None], np.zeros((1, encoding.lags)))
+        return bool(self.model.predict(inputs).novelty[0] <= 1.0)
 
     def _used(self, field: Floats) -> Floats:
         """Field of the used chips in a row."""
         return np.asarray(field[self._chips].reshape(-1))
 
-    def _fault(self, reading: Reading) -> Status | None:
-        """Fault of the used chips' part of a reading of this skin."""
+    def _check_chips(self, reading: Reading) -> None:
+        """Raise unless the reading has the model's number of chips."""
+        check_reading(reading)
         if len(reading.field) != self.model.chips_in_reading:
             raise ArgumentError(
                 f"reading must come from {self.model.chips_in_reading} chips, as the model's "
                 f"examples did; got {len(reading.field)}"
             )
-        used = self._used(reading.field)
-        flags = int(np.bitwise_or.reduce(reading.flags[self._chips]))
-        if flags & _BAD or not np.isfinite(used).all():
-            return Status.CHIP_MISSING
-        if flags & _FULL or not (np.abs(used) <= _LARGEST).all():
-            return Status.SATURATED
-        return Status.STALE if flags & int(ChipFlag.OLD) else None
 
     def _condition(self, reading: Reading) -> Floats | Status:
         """Inputs (D,) of one reading, or why there are none."""
-        fault = self._fault(reading)
-        if not reading.time > self._last_time:
+        self._check_chips(reading)
+        if self._clock.stale(reading.time):
+            if self._clock.anew:
+                self._rest()
             return Status.STALE
-        self._last_time = reading.time
+        fault = self._guard.step(reading)
         if self._zero is None:
             return fault or Status.NOT_CALIBRATED
         if fault is not None:

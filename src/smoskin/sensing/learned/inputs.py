@@ -63,8 +63,13 @@ class Encoding:
     def columns(self) -> int:
         """Number of inputs that a model with this encoding has."""
         present = 3 * len(self.chips)
-        followed = present if self.past is Past.COMPONENTS else 1
-        return present + (self.form is Form.DIRECTION) + followed * len(self.time_constants)
+        return present + (self.form is Form.DIRECTION) + self.lags
+
+    @property
+    def lags(self) -> int:
+        """Number of those that tell of the past."""
+        followed = 3 * len(self.chips) if self.past is Past.COMPONENTS else 1
+        return followed * len(self.time_constants)
 
     def encode(self, time: Floats, field: Floats) -> Floats:
         """Inputs (T, columns) of zeroed fields (T, S, 3), T, of all chips at rising times (T,), s.

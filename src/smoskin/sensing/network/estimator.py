@@ -3,6 +3,8 @@
 Decides whether the model may be believed: up to a novelty of 1. Needs NumPy and SciPy alone.
 """
 
+import numpy as np
+
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.mechanics.viscoelasticity import Prony
@@ -48,14 +50,19 @@ class NetworkEstimator(SignalEstimator):
     ) -> None:
         design.check_own("model", model.design_hash)
         super().__init__(
-            design, model.chips, creep=creep, false_alarms=false_alarms, tracking=tracking
+            design,
+            model.chips,
+            creep=creep,
+            false_alarms=false_alarms,
+            tracking=tracking,
+            most=model.forces[1],
         )
         self.model = model
         self._ensemble = Ensemble(model)
 
     def _read(self, time: float, signals: Floats, temperature: float) -> Estimate:
         values, covariance, novelty = self._ensemble.predict(signals[None], temperature)
-        if not novelty[0] <= 1.0:
+        if not (novelty[0] <= 1.0 and np.isfinite(values).all()):
             return Estimate(time=time, status=Status.OUT_OF_RANGE)
         return Estimate(
             time=time,

@@ -49,7 +49,8 @@ class Labeller:
         """
         if self._level is None:
             start, end = touch.rest
-            self._signals.zero([r for r in touch.readings if start <= r.time <= end])
+            # A rig knows when nothing touches.
+            self._signals.zero([r for r in touch.readings if start <= r.time <= end], force=True)
         rest: list[Floats] = []
         held: list[Floats] = []
         status: Status | None = None

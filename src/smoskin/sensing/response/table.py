@@ -18,6 +18,7 @@ from smoskin.arrays import Floats, floats
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.nonlinearity import cross_signals
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
+from smoskin.origami.geometry import places_to_the_rim
 from smoskin.sensing.files import RESPONSE_TABLE, TensorFile, check_filled, freeze_model
 from smoskin.sensing.response.basis import TouchBasis, touch_arrays
 from smoskin.sensing.response.pairs import mutual_drags
@@ -36,6 +37,8 @@ _LIMITS: Final = dict.fromkeys(_TENSORS, (-1.0, 1.0)) | {
 _LINES: Final = ("extent", "lines_x", "lines_y")
 _LARGEST_HALF: Final = 6e4
 """Steps of the largest number: half precision ends at 65504."""
+_OPEN: Final = 0.05
+"""Share of a press's signals that modes may leave open in the table of a skin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -105,6 +108,17 @@ class ResponseTable:
         )
         if not self.mean.any():
             raise ModelError("response table: mean must not be zero everywhere")
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether it is the table of one skin: modes leave open under 5 % of a press's signals.
+
+        They leave 15 % open of the shipped designs' tables, 2 % once a skin has been touched once.
+        """
+        places = places_to_the_rim(self.basis.extent, (7, 9))
+        press = np.tile([0.0, 0.0, -0.5], (len(places), 1))
+        unknown, signals = self.mode_signals(places, press), self.signals(places, press)
+        return float((unknown**2).sum()) < _OPEN**2 * float((signals**2).sum())
 
     def signals(
         self, position: ArrayLike, force: ArrayLike, temperature: ArrayLike = REFERENCE_TEMPERATURE

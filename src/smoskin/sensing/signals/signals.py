@@ -1,13 +1,11 @@
 """From readings to signals, one after the other, and how noisy these are.
 
-Decides which readings are refused and why, what counts as a temperature, and what is taken off:
-the offset, found while the skin is untouched; the creep of the rubber, undone so that a signal is
-the one at which a touch that stays would settle; and the drift of the idle skin.
+Decides what counts as a temperature, which readings can be a zero, and what is taken off: the
+offset, found while the skin is untouched; the creep of the rubber, undone so that a signal is the
+one at which a touch that stays would settle; and the drift of the idle skin.
 """
 
-import functools
 import math
-import operator
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
@@ -22,17 +20,22 @@ from smoskin.magnetics.nonlinearity import Bend, field_curvature
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, temperature_factor
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.origami.geometry import geometry
-from smoskin.records import ChipFlag, Reading, Status
+from smoskin.records import Reading, Status
+from smoskin.sensing.signals.guards import PLAUSIBLE, ChipGuard, Clock, check_reading
 from smoskin.sensing.signals.settling import Settling
 from smoskin.sensing.signals.zero import IdleTest, Zero, ZeroTracking
 
-_BAD: Final = int(ChipFlag.MISSING | ChipFlag.INVALID)
-_FULL: Final = int(ChipFlag.SATURATED | ChipFlag.WRAPPED)
-_OLD: Final = int(ChipFlag.OLD)
-_PLAUSIBLE: Final = (-40.0, 125.0)
-"""The chip's operating range, degC; a report outside it is not believed."""
 _THERMAL_SMOOTHING: Final = 0.05
 """Share of a new temperature in the rubber's: chips round to a fiftieth of a degree."""
+_LOUDER: Final = 3.0
+"""Noise of a real chip over the one assumed, at most, where readings are said to be at rest."""
+_UNLIKELY: Final = 1e-9
+"""Chance of readings at rest to be refused as a zero for their noise."""
+_OFF: Final = 0.5
+"""Share of its magnet's rest field by which a chip of a made skin may be off the design's: a wrong
+chip or axis is off by more, a touch by less than skins differ."""
+LET_GO: Final = "readings must be of a skin that nothing touches: let go first"
+"""Beginning of what is said to a zero under a touch."""
 
 
 class Thermometer:
@@ -54,7 +57,7 @@ class Thermometer:
 
     def step(self, reported: Floats) -> None:
         """Take in what each chip reports, (S,), degC."""
-        least, most = _PLAUSIBLE
+        least, most = PLAUSIBLE
         self._last = [
             now if least < now < most else before
             for now, before in zip(reported.tolist(), self._last, strict=True)
@@ -97,6 +100,8 @@ class Signals:
         How the zero follows drift.
     idle : IdleTest, optional
         Which signals count as those of the idle skin; by default none, and the zero stays.
+    zeroed : bool
+        Whether the design, or the correction, holds the zero; else it is unknown until `zero`.
     """
 
     def __init__(
@@ -107,6 +112,7 @@ class Signals:
         creep: Prony | None = None,
         tracking: ZeroTracking | None = None,
         idle: IdleTest | None = None,
+        zeroed: bool = True,
     ) -> None:
         self.rest_field = rest_field(design)
         """Field of each untouched chip's own magnet, (S, 3), T."""
@@ -116,10 +122,9 @@ class Signals:
         if correction is not None:
             self._to_field = correction[0] @ self._to_field
             self._ideal = self._ideal - correction[1]
-        setting = design.hall_setting
-        # No chip reads more than this.
-        self._limit = 1.01 * float(mlx90393.full_scale(setting).max())
-        self._jump = mlx90393.full_scale(setting) if mlx90393.wraps(setting) else None
+        self._guard = ChipGuard(range(len(self.rest_field)), design.hall_setting)
+        self._precision = np.linalg.inv(signal_noise(design))
+        self._given = zeroed
         self._tracking, self._idle = tracking or ZeroTracking(), idle
         self._settling = None if creep is None or not len(creep.times) else Settling(creep)
         self._bend = None if self._settling is None else Bend(field_curvature(design))
@@ -130,44 +135,79 @@ class Signals:
         """How far the zero has followed since it was set, shape (S, 3), T."""
         return self._zero.drift
 
+    @property
+    def temperature(self) -> float:
+        """Temperature of the rubber, degC."""
+        return self._thermometer.rubber
+
     def reset(self) -> None:
-        """Return to the design's zero and forget earlier readings."""
-        self._last_time = -math.inf
-        self._last_raw: Floats | None = None
+        """Return to the zero of the start and forget earlier readings."""
+        self.clock = Clock()
+        self._guard.forget()
         self._thermometer = Thermometer(len(self.rest_field))
+        self.zeroed = self._given
+        """Whether the zero is known."""
+        self.taken = False
+        """Whether the zero was taken from readings of this skin."""
+        self._before: tuple[Floats, Zero, bool, bool] | None = None
         self._begin(np.zeros_like(self.rest_field))
 
-    def zero(self, readings: Sequence[Reading]) -> None:
+    def zero(self, readings: Sequence[Reading], *, force: bool = False) -> None:
         """Take the mean of these readings, made while nothing touches, as the zero.
+
+        With `force` they need not be at rest, nor near the design's rest field.
 
         Raises
         ------
         ArgumentError
-            If none has all chips good, or one has another number of chips than the design.
+            If none has all chips good, one has another number of chips than the design, they move
+            among themselves by more than noise, or they are not of a skin of this design.
         """
-        for reading in readings:
-            self._check_chips(reading)
-        good = [reading for reading in readings if self._fault(reading) is None]
-        offsets = [self._own_field(reading) - self._ideal for reading in good]
-        if not offsets:
-            raise ArgumentError(
-                f"readings must hold at least one with all chips good; got {len(readings)} readings"
-            )
-        self._begin(np.mean(offsets, axis=0))
+        offsets = self._offsets(readings)
+        mean = np.mean(offsets, axis=0)
+        if not force:
+            self._check_rest(offsets - mean)
+            size = np.sqrt((self.rest_field**2).sum(axis=1))
+            if (np.sqrt((mean * mean).sum(axis=1)) > _OFF * size).any():
+                raise ArgumentError(
+                    "readings must be near the design's rest field, each chip over its own magnet; "
+                    f"got chips off by {np.abs(mean).max(axis=1) * 1e3} mT"
+                )
+        self._before = self._untouched, self._zero, self.zeroed, self.taken
+        self._begin(mean)
+        self.zeroed = self.taken = True
+
+    def unzero(self) -> None:
+        """Return to the zero before the last; `ArgumentError` if there is none."""
+        if self._before is None:
+            raise ArgumentError("zero must have been set, once for each time it is taken back")
+        self._untouched, self._zero, self.zeroed, self.taken = self._before
+        self._before = None
+        self._rest()
+
+    def change(self, readings: Sequence[Reading]) -> Floats:
+        """Mean of these readings against the present zero, (S, 3), T; errors are those of `zero`.
+
+        Creep is not undone.
+        """
+        mean = np.mean(self._offsets(readings), axis=0)
+        return np.asarray(mean + self._ideal - self._untouched - self._zero.offset)
 
     def step(self, reading: Reading) -> Signal:
         """Signals of the next reading; the zero follows those of an idle skin."""
         self._check_chips(reading)
-        if not reading.time > self._last_time:
+        if self.clock.stale(reading.time):
+            if self.clock.anew:
+                self._rest()
             return self._refused(Status.STALE)
-        self._last_time = reading.time
-        fault = self._fault(reading)
+        fault = self._guard.step(reading)
         if fault is not None:
             self._zero.interrupt(reading.time)
             return self._refused(fault)
-        self._last_raw = reading.field
         raised = self._settled(reading.time, self._own_field(reading) - self._untouched)
         values = raised - self._zero.offset
+        if not self.zeroed:
+            return Signal(values, self._thermometer.rubber, Status.NOT_CALIBRATED)
         status = Status.NO_CONTACT if self._zero.step(reading.time, raised) else None
         if not self._zero.believed:
             status = Status.NOT_CALIBRATED
@@ -178,10 +218,38 @@ class Signals:
         # At reference temperature: nearly all of it is what a made skin's magnets differ from the
         # designed ones, which weakens as they do.
         self._untouched = self._ideal + offset
-        self._zero = Zero(self._tracking, self._idle, np.zeros_like(self.rest_field))
+        still = np.zeros_like(self.rest_field)
+        self._zero = Zero(self._tracking, self._idle, still, uniform=len(still) > 1)
+        self._rest()
+
+    def _rest(self) -> None:
+        """Begin with no past, as after a long rest; the zero stays."""
+        self._zero.rest()
+        self._guard.forget()
         self._settled_time = math.inf
         if self._settling is not None:
             self._settling.reset()
+
+    def _offsets(self, readings: Sequence[Reading]) -> Floats:
+        """Fields of the good ones of these readings less the design's, (N, S, 3), T."""
+        for reading in readings:
+            self._check_chips(reading)
+        good = [reading for reading in readings if self._guard.bad(reading) is None]
+        if not good:
+            raise ArgumentError(
+                f"readings must hold at least one with all chips good; got {len(readings)} readings"
+            )
+        return np.stack([self._own_field(reading) - self._ideal for reading in good])
+
+    def _check_rest(self, deviations: Floats) -> None:
+        """Raise unless noise explains deviations (N, S, 3), T, of readings from their mean."""
+        from scipy.stats import chi2  # so that whoever only imports the package does not wait
+
+        flat = deviations.reshape(len(deviations), -1)
+        freedom = (len(flat) - 1) * flat.shape[1]
+        moved = float(np.einsum("bi,ij,bj->", flat, self._precision, flat)) / _LOUDER**2
+        if freedom and moved > chi2.isf(_UNLIKELY, freedom):
+            raise ArgumentError(f"{LET_GO}; got readings that move by {_rms(flat):.3g} uT")
 
     def _settled(self, time: float, raised: Floats) -> Floats:
         """Signals with creep undone."""
@@ -198,38 +266,23 @@ class Signals:
 
     def _check_chips(self, reading: Reading) -> None:
         """Raise unless the reading has the design's number of chips."""
+        check_reading(reading)
         if reading.field.shape != self.rest_field.shape:
             raise ArgumentError(
                 f"reading must come from {len(self.rest_field)} chips, as the design has; "
                 f"got {len(reading.field)}"
             )
 
-    def _fault(self, reading: Reading) -> Status | None:
-        """What is wrong with the reading as a measurement."""
-        # Plain numbers: for nine of them NumPy takes longer to start than Python to finish.
-        marks = reading.flags.tolist()
-        if any(marks):
-            flags = functools.reduce(operator.or_, marks)
-            if flags & _BAD:
-                return Status.CHIP_MISSING
-            if flags & _FULL:
-                return Status.SATURATED
-            if flags & _OLD:
-                return Status.STALE
-        values = reading.field.ravel().tolist()
-        if not all(abs(value) <= self._limit for value in values):
-            finite = all(map(math.isfinite, values))
-            return Status.SATURATED if finite else Status.CHIP_MISSING
-        if self._jump is None or self._last_raw is None:
-            return None
-        jumped = np.abs(reading.field - self._last_raw) > self._jump
-        return Status.SATURATED if jumped.any() else None
-
     def _own_field(self, reading: Reading) -> Floats:
         """Fields B + X + e of the chips, (S, 3), turned as designed, at reference temperature."""
         self._thermometer.step(reading.temperature)
         turned = (self._to_field @ reading.field[:, :, None])[:, :, 0]
         return np.asarray(turned / temperature_factor(self._thermometer.magnets)[:, None])
+
+
+def _rms(deviations: Floats) -> float:
+    """Root mean square, uT."""
+    return float(np.sqrt((deviations**2).mean()) * 1e6)
 
 
 def rest_field(design: SkinDesign) -> Floats:

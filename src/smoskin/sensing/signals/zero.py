@@ -3,18 +3,34 @@
 Decides how fast and how far a zero follows readings that count as idle, and which count so: those
 within a band of it, or those that its noise explains. The longer nothing was idle, the farther the
 zero may have moved unseen, and the more is taken for idle, so that a zero that moved under a touch
-is found again. Hides the memory that this needs.
+is found again. A field that changes alike at all chips is the Earth's, of a skin that turns: it is
+idle and soon followed. Hides the memory that this needs.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.errors import ArgumentError
+
+EARTH: Final = 100e-6
+"""Spread u along each axis, T, of what a skin that turns in the Earth's field sees change at all of
+its chips alike: a field of 25 to 65 uT turned over changes by twice as much."""
+_TURNED: Final = 8e-6
+"""Change of the field at all chips alike, T, past which the zero follows at once."""
+_TURNING: Final = 0.05
+"""Time constant, s, with which it then follows."""
+_WILD: Final = 1e5
+"""Seconds without a reading after which none is taken for a zero's pace: a clock has jumped."""
+
+
+def uniform_covariance(chips: int, spread: float) -> Floats:
+    """Covariance u^2 (1 1^T) x I of a field that is the same at all chips, (3 S, 3 S), T^2."""
+    return np.kron(np.full((chips, chips), spread**2), np.eye(3))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,22 +71,34 @@ unseen, T."""
 class IdleBand:
     """Takes for idle what changes by less than a field, T, on every axis.
 
+    With `uniform` a field that is the same at all chips, in the skin's axes, may change besides.
+
     Raises
     ------
     ArgumentError
         If the field is not positive.
     """
 
-    def __init__(self, field: float = 40e-6) -> None:
+    def __init__(self, field: float = 40e-6, *, uniform: bool = False) -> None:
         if not field > 0:
             raise ArgumentError(f"idle_field must be positive; got {field} T")
-        self._field = field
+        self._field, self._uniform = field, uniform
 
     def __call__(self, change: Floats, unseen: float) -> bool:
         """Whether every axis changes by less than the band, wider by what moved unseen."""
         band = self._field + unseen
         # Plain numbers: for nine of them NumPy takes longer to start than Python to finish.
-        return all(abs(value) < band for value in change.ravel().tolist())
+        values: list[float] = change.ravel().tolist()
+        if all(abs(value) < band for value in values):
+            return True
+        if not self._uniform:
+            return False
+        for axis in range(3):
+            along = values[axis::3]
+            mean = sum(along) / len(along)
+            if abs(mean) > 1.5 * EARTH or not all(abs(value - mean) < band for value in along):
+                return False
+        return True
 
 
 class IdleNoise:
@@ -92,8 +120,10 @@ class IdleNoise:
 
     Notes
     -----
-    Idle where s^T (N + u^2 I)^-1 s, which is chi-square of C, is below the quantile that only
-    `false_alarms` exceed; u is how far the zero may have moved unseen.
+    Idle where s^T (N + v^2 I + u^2 (1 1^T) x I)^-1 s is below the quantile of chi-square that only
+    `false_alarms` exceed; v is how far the zero may have moved unseen, u the spread of a field that
+    is the same at all chips (`EARTH`). It leaves nothing to tell along three of the C directions of
+    two or more chips; a single chip's u is 0.
     """
 
     def __init__(self, noise: Floats, chips: Sequence[int], false_alarms: float) -> None:
@@ -103,9 +133,12 @@ class IdleNoise:
         from scipy.stats import chi2
 
         self._chips = list(chips)
+        told = len(noise)
+        if len(self._chips) > 1:
+            noise, told = noise + uniform_covariance(len(self._chips), EARTH), told - 3
         self._variances, axes = np.linalg.eigh(noise)
         self._axes = np.ascontiguousarray(axes.T)
-        self._limit = float(chi2.isf(false_alarms, len(noise)))
+        self._limit = float(chi2.isf(false_alarms, told))
 
     def __call__(self, change: Floats, unseen: float) -> bool:
         """Whether noise, and what moved unseen, explain a change, (S, 3), T."""
@@ -122,6 +155,8 @@ class Zero:
         Which readings count as idle; None: none do.
     offset : Floats, any shape
         T: the zero to start from.
+    uniform : bool
+        Whether it soon follows a field that is the same at all chips, in offsets (S, 3).
 
     Examples
     --------
@@ -132,13 +167,20 @@ class Zero:
     True
     """
 
-    def __init__(self, tracking: ZeroTracking, idle: IdleTest | None, offset: Floats) -> None:
+    def __init__(
+        self,
+        tracking: ZeroTracking,
+        idle: IdleTest | None,
+        offset: Floats,
+        *,
+        uniform: bool = False,
+    ) -> None:
         self.tracking = tracking
         self.offset = offset
         """The present zero, T."""
         self.believed = True
         """Whether it has stayed within its bound."""
-        self._idle = idle
+        self._idle, self._uniform = idle, uniform
         self._start = offset
         self._unseen = 0.0
         self._last_time: float | None = None
@@ -159,11 +201,17 @@ class Zero:
             self._idle_since = time
         if time - self._idle_since >= self.tracking.hold:
             kept = math.exp(-elapsed / self.tracking.time_constant)
+            if self._uniform and kept < 1:
+                self._turn(elapsed, read)
             self.offset = read + kept * (self.offset - read)
             self.believed = float(np.abs(self.drift).max()) <= self.tracking.drift_bound
             # At the zero's own pace: sooner, and the zero would run out of the band.
             self._unseen *= kept
         return True
+
+    def rest(self) -> None:
+        """Forget when readings came, as their clock starts again; the zero stays."""
+        self._last_time = self._idle_since = None
 
     def interrupt(self, time: float) -> None:
         """Begin idleness anew, as nothing idle was read: the zero may move unseen meanwhile."""
@@ -177,4 +225,10 @@ class Zero:
         """Seconds since the last reading of any kind."""
         elapsed = 0.0 if self._last_time is None else time - self._last_time
         self._last_time = time
-        return elapsed
+        return elapsed if elapsed < _WILD else 0.0
+
+    def _turn(self, elapsed: float, read: Floats) -> None:
+        """Follow a field that has changed at all chips alike."""
+        common = (read - self.offset).mean(axis=0)
+        if (common @ common) > _TURNED**2:
+            self.offset = self.offset - common * math.expm1(-elapsed / _TURNING)
