@@ -2,12 +2,12 @@
 
 import json
 
-import numpy as np
 import pytest
 
 from smoskin.design.document import read_design
 from smoskin.records import Reading
 from smoskin.service.recorder import Recorder
+from smoskin.twin.reduced import ReducedTwin
 
 pytest.importorskip("typer")
 
@@ -18,9 +18,11 @@ from smoskin.cli import app
 
 @pytest.fixture
 def recording(tmp_path):
-    with Recorder(tmp_path / "own.mcap", read_design("optimised")) as recorder:
+    design = read_design("optimised")
+    rest = ReducedTwin(design).read([]).field
+    with Recorder(tmp_path / "own.mcap", design) as recorder:
         for k in range(40):
-            recorder.write(Reading(time=0.01 * k, field=np.full((3, 3), 1e-4)))
+            recorder.write(Reading(time=0.01 * k, field=rest))
     return tmp_path / "own.mcap"
 
 
