@@ -77,7 +77,7 @@ def test_wrong_use_is_named():
         Encoding(chips=(1, 1))
     with pytest.raises(ArgumentError, match="time_constants must be positive"):
         Encoding(chips=(0,), time_constants=(0.0,))
-    with pytest.raises(ArgumentError, match="floor must be positive, 1e-15 to 1 T; got 0.0 T"):
+    with pytest.raises(ArgumentError, match=r"floor must be positive, 1e-15 to 1 T; got 0\.0 T"):
         Encoding(chips=(0,), floor=0.0)
     with pytest.raises(ArgumentError, match="must have the chips"):
         Encoding(chips=(0, 3)).encode(*readings())
