@@ -1,0 +1,147 @@
+"""Each extra brings all that its own doors import; nothing else has to be installed."""
+
+import ast
+import re
+import subprocess
+import sys
+import tomllib
+from functools import cache
+from importlib.metadata import PackageNotFoundError, packages_distributions, requires
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+EXTRAS = PROJECT["optional-dependencies"]
+OWNERS = {
+    name: {owner.lower() for owner in owners} for name, owners in packages_distributions().items()
+}
+"""Distributions by the names that are imported."""
+
+DOORS = {
+    "recording": """
+from smoskin import Reading, load_design
+from smoskin.service.recorder import Recorder
+from smoskin.service.recording import open_recording
+design = load_design("planar")
+with Recorder("a.mcap", design) as recorder:
+    recorder.write(Reading(time=0.0, field=[[0.0] * 3] * 3))
+recording = open_recording("a.mcap")
+assert len(list(recording)) == 1 and recording.design == design
+""",
+    "view": """
+from smoskin import load_design
+from smoskin.service.page.view import View
+View(load_design("planar")).close()
+""",
+    "learned": """
+from smoskin import load_response_table
+load_response_table("planar").save("a.table")
+load_response_table("a.table")
+""",
+    "plots": """
+from smoskin import load_design, plots
+plots.plot_skin(load_design("planar"))
+""",
+    "cli": """
+import sys
+from smoskin.cli import main
+sys.argv = ["smoskin", "info", "planar"]
+try:
+    main()
+except SystemExit as end:
+    assert end.code == 0, end.code
+""",
+    "twin": """
+from smoskin import Twin, load_design
+Twin(load_design("planar")).read()
+""",
+    "train": "import smoskin.sensing.network.training",
+    "onnx": """
+from networks import tiny_network
+from smoskin import load_design
+from smoskin.sensing.network.export import export_onnx
+export_onnx(tiny_network(load_design("planar")), "a.onnx")
+""",
+    "data": """
+import math
+from smoskin.datasets.workers import Engine
+assert list(Engine(2).run(math.factorial, [3, 4]))
+import smoskin.datasets.store, h5py
+from smoskin import load_design
+from smoskin.design.document import write_design
+write_design(load_design("planar"), "a.toml")
+""",
+}
+
+GUARD = """
+import sys
+barred = set(sys.argv.pop(1).split(","))
+class Bar:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in barred:
+            raise ModuleNotFoundError(f"{name} is not of this extra", name=name)
+sys.meta_path.insert(0, Bar())
+"""
+
+
+@cache
+def brought(requirement: str) -> frozenset[str]:
+    """Distributions that a requirement installs, its own requirements included."""
+    wanted = Requirement(requirement)
+    if wanted.name == "smoskin":
+        return frozenset().union(*(brought(r) for extra in wanted.extras for r in EXTRAS[extra]))
+    try:
+        needs = [Requirement(text) for text in requires(wanted.name) or ()]
+    except PackageNotFoundError:
+        return frozenset()
+    kept = [
+        need
+        for need in needs
+        if need.marker is None
+        or any(need.marker.evaluate({"extra": extra}) for extra in (*wanted.extras, ""))
+    ]
+    return frozenset({wanted.name.lower()}).union(*(brought(f"{need.name}") for need in kept))
+
+
+def third_party(path: Path) -> set[str]:
+    """Names of other packages that a file imports, wherever in it."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names.add(node.module.partition(".")[0])
+    return names - set(sys.stdlib_module_names) - {"smoskin"}
+
+
+def test_whatever_is_imported_is_stated() -> None:
+    lines = [*PROJECT["dependencies"], *(line for lines in EXTRAS.values() for line in lines)]
+    stated = {Requirement(line).name.lower().replace("_", "-") for line in lines}
+    stated |= {"distributed"}  # dask[distributed]
+    files = (ROOT / "src" / "smoskin").rglob("*.py")
+    imported = set().union(*map(third_party, files))
+    unstated = {
+        name
+        for name in imported
+        if not {owner.replace("_", "-") for owner in OWNERS.get(name, {name})} & stated
+    }
+    assert unstated == set()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("extra", DOORS)
+def test_an_extra_is_enough_for_its_doors(extra: str, tmp_path: Path) -> None:
+    lines = (*PROJECT["dependencies"], *EXTRAS[extra], *(["safetensors"] * (extra == "onnx")))
+    allowed = frozenset().union(*map(brought, lines))
+    barred = [name for name, owners in OWNERS.items() if not owners & allowed]
+    barred = [name for name in barred if re.fullmatch(r"\w+", name) and name != "smoskin"]
+    assert "matplotlib" in barred or extra == "plots"
+    command = [sys.executable, "-c", GUARD + DOORS[extra], ",".join(barred)]
+    environment = {"PYTHONPATH": f"{ROOT / 'src'}:{ROOT / 'tests'}", "HOME": str(tmp_path)}
+    done = subprocess.run(
+        command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
