@@ -10,9 +10,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from smoskin.cli import app
 from smoskin.commands import run as watching
 from smoskin.commands.calibrate import calibrate, plan_by_hand, write_plan
 from smoskin.commands.run import Watch
+from smoskin.design.document import format_design
 from smoskin.errors import ArgumentError, CalibrationError, ModelError, RecordingError
 from smoskin.measurement import read_touches, write_touches
 from smoskin.origami.geometry import geometry
@@ -388,3 +390,38 @@ def test_a_virtual_rig_calibrates_the_twin_that_then_runs(planar, tmp_path, monk
         found += estimate.contacts
     off = np.array([one.position for one in found[5:]]) - touch.position
     assert np.hypot(*off.T).mean() < 2.5e-3
+
+
+def test_the_touches_of_a_refused_calibration_are_kept(
+    skin, table, twin, tmp_path, monkeypatch, capsys
+):
+    pytest.importorskip("mcap")
+    pytest.importorskip("rosbags")
+    start, own = tmp_path / "start.table", tmp_path / "skin.table"
+    table.save(start)
+    (tmp_path / "d.toml").write_text(format_design(skin), encoding="utf-8")
+
+    class InKilonewton(VirtualRig):
+        def press(self, contact, timeout=30.0):
+            touch = super().press(contact, timeout)
+            return replace(touch, contact=replace_force(touch.contact, 1e-3))
+
+    def replace_force(contact, factor):
+        return Contact(position=contact.position, force=factor * contact.force)
+
+    rig = InKilonewton(twin, np.random.default_rng(0))
+    monkeypatch.setattr("smoskin.cli.calibration.open_rig", lambda name, design: rig)
+    words = ["calibrate", tmp_path / "d.toml", "--table", start, "--touches", 12, "--out", own]
+    (tmp_path / "skin.touches.csv").touch()  # of an earlier calibration
+    with pytest.raises(CalibrationError, match="1000 times too small: in kN"):
+        app([str(word) for word in words], standalone_mode=False)
+    sheet, recording = (tmp_path / f"skin.touches2.{end}" for end in ("csv", "mcap"))
+    told = f"the touches are kept: --sheet {sheet} --recording {recording}\n"
+    assert told in capsys.readouterr().err
+    kept, _ = read_touches(sheet)
+    assert kept.touched.sum() >= 12
+    assert not own.exists()
+    mended = replace(kept, force=1e3 * kept.force)
+    done = calibrate(table, mended, design=skin, recording=recording, force_spread=2e-3)
+    assert done.used >= 12
+    assert missed(skin, twin, done.table) < 0.2 * missed(skin, twin, table)

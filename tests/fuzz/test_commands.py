@@ -159,7 +159,7 @@ def place(tmp_path, monkeypatch):
             "smoskin.mechanics.sheet.equilibrium.Equilibrium.relax",
             "smoskin.mechanics.sheet.tangent.Tangent.__init__",
             "smoskin.sensing.network.training.train_network",
-            "smoskin.commands.fit_paper.fit_calibration",
+            "smoskin.commands.fit_paper.judged_fit",
         ):
             monkeypatch.setattr(name, begin)
         yield

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import typer
 from typer import Argument, Option
 
+from smoskin.cli.ending import if_stopped
 from smoskin.cli.frame import (
     Design,
     File,
@@ -20,7 +21,7 @@ from smoskin.cli.frame import (
     progress_bar,
     tell,
 )
-from smoskin.errors import ArgumentError, require
+from smoskin.errors import ArgumentError, CalibrationError, SourceError, require
 from smoskin.feasibility import load_design
 from smoskin.measurement import read_touches
 from smoskin.outputs import check_output
@@ -91,7 +92,8 @@ def calibrate(
 ) -> None:
     """Calibrate a skin from a few touches and write its own response table.
 
-    A rig touches the skin where it tells most. Without one, `smoskin touches plan` writes a sheet
+    A rig touches the skin where it tells most; its touches are kept where no table comes of them.
+    Without one, `smoskin touches plan` writes a sheet
     of touches to make by hand, and --sheet reads it once it is filled in. Touches that fit no skin
     of the design are refused, and a wrong unit, sign, order or origin is named.
     """
@@ -118,9 +120,17 @@ def calibrate(
     if sheet is not None:
         done = work.calibrate(start, sheet, recording=recording, **options)
     else:
+        from smoskin.commands.kept import RememberingRig
+
         with progress_bar() as bar, open_rig(rig, skin) as presser:
             options["progress"] = lambda step: bar(step.sentence, step.number / step.asked)
-            done = work.calibrate(start, presser, **options)
+            own = RememberingRig(presser, skin)
+            try:
+                with if_stopped(lambda: own.keep(out)):
+                    done = work.calibrate(start, own, **options)
+            except (CalibrationError, SourceError):
+                typer.echo(own.keep(out), err=True)
+                raise
     done.save(out)
     if plot is not None:
         done.figure(skin).savefig(plot)
@@ -197,8 +207,9 @@ def fit_paper(
 ) -> None:
     """Fit the paper's own model to touches of a bench, with uncertainties.
 
-    A coefficient that the touches cannot determine is refused by name. The paper's estimator reads
-    the file; `smoskin calibrate` locates touches better.
+    A coefficient that the touches cannot determine is refused by name, as is a wrong unit, sign,
+    chip, axis or row that explains a sheet which fits badly. The paper's estimator reads the file;
+    `smoskin calibrate` locates touches better.
     """
     import datetime as dt
 
@@ -221,6 +232,8 @@ def fit_paper(
     if plot is not None:
         save_figure(work.residual_figure(result.fit), plot)
     tell(result, as_json)
+    for warning in result.warnings:
+        typer.echo(f"warning: {warning}", err=True)
 
 
 @app.command(epilog=examples("virtual-bench touches.csv --seed 2"))
@@ -240,7 +253,8 @@ def virtual_bench(
     from smoskin.commands.fit_paper import write_virtual_bench
 
     check_output(out, force=overwrite)
-    write_virtual_bench(load_design(design), out, seed=seed, sheet=sheet)
+    with progress_bar() as progress:
+        write_virtual_bench(load_design(design), out, seed=seed, sheet=sheet, progress=progress)
     if sheet == "whole":
         typer.echo(f"Now: smoskin calibrate {design} --sheet {out} --out skin.table", err=True)
     else:

@@ -24,19 +24,23 @@ def score(
     design: Annotated[str, typer.Option(help="Design of the skins that are pressed.")] = "planar",
     skins: Annotated[int, typer.Option(min=1, max=1000, help="Number of made skins.")] = 2,
     touches: Annotated[
-        int, typer.Option(min=0, help="Labelled touches that calibrate a table to each skin.")
+        int,
+        typer.Option(min=0, max=1000, help="Labelled touches that calibrate a table to each skin."),
     ] = 60,
     places: Annotated[
         str | None,
         typer.Option(help="All places of such a grid; by default 200 of 25x33 for each force."),
     ] = None,
     count: Annotated[
-        int | None, typer.Option(min=1, help="Only so many of the places, drawn for each force.")
+        int | None,
+        typer.Option(min=1, max=100_000, help="Only so many of the places, drawn for each force."),
     ] = None,
     drag: Annotated[
         float, typer.Option(min=0.0, help="A second round with drags up to this, N.")
     ] = 0.0,
-    pairs: Annotated[int, typer.Option(min=0, help="Pairs of touches on each skin.")] = 40,
+    pairs: Annotated[
+        int, typer.Option(min=0, max=10_000, help="Pairs of touches on each skin.")
+    ] = 40,
     chips: Annotated[
         str | None, typer.Option(help="Read only these chips, such as 1,2; from 0.")
     ] = None,

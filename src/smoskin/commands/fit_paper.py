@@ -15,9 +15,10 @@ from smoskin.design.skin import Coefficients, SkinDesign
 from smoskin.errors import CalibrationError, MissingExtraError
 from smoskin.measurement import TouchTable, read_touches, write_touches
 from smoskin.outputs import sealed, write_output
-from smoskin.roles import VirtualSkin
+from smoskin.roles import Progress, VirtualSkin, unheard
 from smoskin.sensing.closed_form.calibration import Calibration, Uncertainty, format_calibration
-from smoskin.sensing.closed_form.fitting import Attenuation, Fit, fit_calibration
+from smoskin.sensing.closed_form.fitting import Attenuation, Fit
+from smoskin.sensing.closed_form.judgement import judged_fit
 from smoskin.service.recording import open_recording
 from smoskin.twin.bench import calibration_loads, made_skin, measure, table_loads
 from smoskin.units import SI_PER_SUFFIX
@@ -55,6 +56,8 @@ class CalibrationReport:
 
     design: SkinDesign
     fit: Fit
+    warnings: tuple[str, ...]
+    """What is odd about the touches without being wrong."""
 
     @property
     def lines(self) -> list[Line]:
@@ -94,9 +97,11 @@ class CalibrationReport:
                     "group": group.group,
                     "values": group.values,
                     f"rms_{group.unit}": _or_none(_in_unit(group.rms, group.unit)),
+                    f"cross_validated_rms_{group.unit}": _or_none(_in_unit(left.rms, left.unit)),
                 }
-                for group in evidence.residuals
+                for group, left in zip(evidence.residuals, self.fit.left_out, strict=True)
             ],
+            "warnings": list(self.warnings),
         }
 
     def tables(self) -> "list[Table]":
@@ -113,11 +118,11 @@ class CalibrationReport:
                 width = "not measured" if unmeasured else "no effect seen"
             numbers.add_row(line.name, f"{line.value:.5g}", width, f"{line.nominal:.5g}")
         residuals = Table("measured", title="What the model leaves")
-        for name in ("values", "rms", "unit"):
+        for name in ("values", "rms", "rms of each touch by the others", "unit"):
             residuals.add_column(name, justify="right")
-        for group in self.fit.evidence.residuals:
-            rms = _in_unit(group.rms, group.unit)
-            residuals.add_row(group.group, str(group.values), f"{rms:.3g}", group.unit)
+        for group, left in zip(self.fit.evidence.residuals, self.fit.left_out, strict=True):
+            fitted, crossed = (f"{_in_unit(one.rms, one.unit):.3g}" for one in (group, left))
+            residuals.add_row(group.group, str(group.values), fitted, crossed, group.unit)
         return [numbers, residuals]
 
 
@@ -135,7 +140,8 @@ def fit_paper(
     Touches are a CSV, as `smoskin.measurement.read_touches` describes it; the output is a TOML
     file; a recording, an MCAP file, has the chips' readings where the CSV says only when each touch
     was held. It raises a `RecordingError` if one cannot be read, a `CalibrationError` if one force
-    is far from all others, else as `fit_calibration`.
+    is far from all others or a wrong unit, sign, chip, axis, place or row explains touches that fit
+    badly, else as `fit_calibration`.
     """
     table, digest = read_touches(touches)
     if recording is not None:
@@ -143,9 +149,11 @@ def fit_paper(
         both = digest + hashlib.sha256(Path(recording).read_bytes()).hexdigest()
         digest = hashlib.sha256(both.encode()).hexdigest()
     _check_forces(table)
-    fit = fit_calibration(design, table, date=date, data_sha256=digest, attenuation=attenuation)
+    fit, warnings = judged_fit(
+        design, table, date=date, data_sha256=digest, attenuation=attenuation
+    )
     write_output(output, sealed(format_calibration(fit.calibration)).encode())
-    return CalibrationReport(design=design, fit=fit)
+    return CalibrationReport(design=design, fit=fit, warnings=warnings)
 
 
 def _check_forces(table: TouchTable) -> None:
@@ -162,7 +170,12 @@ def _check_forces(table: TouchTable) -> None:
 
 
 def write_virtual_bench(
-    design: SkinDesign, output: str | os.PathLike[str], *, seed: int, sheet: Sheet = "whole"
+    design: SkinDesign,
+    output: str | os.PathLike[str],
+    *,
+    seed: int,
+    sheet: Sheet = "whole",
+    progress: Progress = unheard,
 ) -> None:
     """Write the touches that a bench would measure on a virtual skin unlike its design.
 
@@ -171,6 +184,7 @@ def write_virtual_bench(
     and of the bench's noise. The whole sheet without the extra ``twin`` raises a
     `MissingExtraError`.
     """
+    progress("making the skin", 0.0)
     rng = np.random.default_rng(seed)
     if sheet == "reduced":
         skin: VirtualSkin = made_skin(design, rng)
@@ -180,7 +194,7 @@ def write_virtual_bench(
 
         skin = Twin(design, seed=seed, manufactured=True)
         loads = table_loads(design)
-    write_touches(output, measure(skin, loads, rng))
+    write_touches(output, measure(skin, loads, rng, progress=progress))
 
 
 def residual_figure(fit: Fit) -> "Figure":

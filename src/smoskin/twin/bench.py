@@ -18,7 +18,7 @@ from smoskin.mechanics.reduced.stiffness import cell_layers, sheet_stiffness
 from smoskin.mechanics.sheet.touches import touches_of
 from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Contact
-from smoskin.roles import VirtualSkin
+from smoskin.roles import Progress, VirtualSkin, unheard
 from smoskin.twin.manufacture import as_designed
 from smoskin.twin.reduced import ReducedTwin
 
@@ -146,6 +146,7 @@ def measure(
     rng: np.random.Generator,
     *,
     gauge_noise: float = GAUGE_NOISE,
+    progress: Progress = unheard,
 ) -> TouchTable:
     """The table that a bench writes: noisy gauge, noisy stage, noisy chips, slowly warming.
 
@@ -157,7 +158,10 @@ def measure(
         raise ArgumentError(f"gauge_noise must be >= 0; got {gauge_noise}")
     touches = [[] if load is None else [load] for load in loads]
     force = np.array([(0.0, 0.0, 0.0) if load is None else load.force for load in loads])
-    depth = np.array([skin.depths(touch).sum() if touch else 0.0 for touch in touches])
+    depth = np.zeros(len(touches))
+    for row, touch in enumerate(touches):
+        progress(f"touch {row + 1} of {len(touches)}", row / len(touches))
+        depth[row] = skin.depths(touch).sum() if touch else 0.0
     force = force * (1 + gauge_noise * rng.normal(size=force.shape))
     depth = depth * (1 + gauge_noise * rng.normal(size=depth.shape))
     degrees = np.linspace(*_WARMING, len(loads))

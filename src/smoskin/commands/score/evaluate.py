@@ -5,6 +5,7 @@ rubber that creeps, under chips that drift and make noise. Decides how such a se
 which moment a touch is judged. Nothing here knows what is inside an estimator.
 """
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Final
@@ -114,7 +115,7 @@ def parse_places(text: str) -> tuple[int, int]:
     (25, 33)
     """
     parts = text.lower().split("x")
-    if len(parts) != 2 or not all(part.strip().isdecimal() for part in parts):
+    if len(parts) != 2 or not all(re.fullmatch(r"\s*\d{1,9}\s*", part) for part in parts):
         raise ArgumentError(f"places must be two whole numbers such as 25x33; got {text!r}")
     return int(parts[0]), int(parts[1])
 

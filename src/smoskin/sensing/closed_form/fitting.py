@@ -8,7 +8,7 @@ name.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
@@ -38,6 +38,10 @@ _UNTOUCHED: Final = (1e-6, 1e-9)
 _OFFSET_PRIOR: Final = (2e-3, 2e-3, 1e-4)
 """T: what c_c can be before measuring: sideways a magnet hung 0.2 mm off, along the axis the
 Earth's field and the chip's own offset. The last is what tells k_c from the gap."""
+_ROUGH: Final = np.array([0.05, 0.05, 30.0])
+"""Noise of a rough fit: force and depth relative to their size, fields over the chips' noise."""
+_ROUGH_STEPS: Final = 10
+"""Steps of it, at most."""
 _ROUNDS: Final = 3
 """Fits, each with the noise that the one before has found."""
 _LIMITS: Final = {
@@ -76,6 +80,20 @@ class Fit:
     residual: Floats
     """(T, 4 + 3 S): measured less modelled force, N, depth, m, and fields in the skin's axes, T;
     NaN where nothing was measured."""
+    left_out: tuple[ResidualSummary, ...]
+    """Cross-validated residuals: of each touch by the fit to all others."""
+    oddness: Floats
+    """(T,): root mean square of these, in standard deviations of the noise found; about 1."""
+
+
+class RoughFit(NamedTuple):
+    """How well a skin of the design can explain a table, roughly."""
+
+    misfit: Floats
+    """(T,): squared residuals of each touch, in deviations of 5 % of force and depth and 30 times
+    the chips' noise."""
+    calibration: Calibration
+    """The skin that does."""
 
 
 def fit_calibration(
@@ -122,6 +140,7 @@ def fit_calibration(
     measured = np.isfinite(sigma)
     freedom = int(measured.sum() - 3 * len(touches.force) - model.size + (_prior(model) > 0).sum())
     residual = np.where(measured, solved.residual, np.nan)
+    odd = _left_out(solved)
     evidence = Evidence(
         date=date,
         data_sha256=data_sha256,
@@ -137,7 +156,48 @@ def fit_calibration(
         touches=touches,
         noise=(*levels[:2].tolist(), field),
         residual=residual,
+        left_out=tuple(_summaries(design, np.where(measured, odd * sigma, np.nan))),
+        oddness=np.sqrt((odd**2).sum(axis=1) / np.maximum(measured.sum(axis=1), 1)),
     )
+
+
+def rough_fit(design: SkinDesign, touches: TouchTable) -> RoughFit:
+    """The best that a skin of the design can do about a table that may hold mistakes.
+
+    It raises as `PressModel`.
+    """
+    from scipy.optimize import least_squares
+
+    model, nominal = PressModel(design, touches, 1), Calibration.nominal(design)
+    sigma = _sigmas(model, _ROUGH, 0.0)
+    problem = _Problem(model, sigma)
+    _, least, most, _ = _limits(model, nominal)
+    values = least_squares(
+        problem.residuals,
+        np.clip(_start(model, nominal, sigma), least, most),
+        jac=problem.jacobian,
+        bounds=(least, most),
+        x_scale="jac",
+        max_nfev=_ROUGH_STEPS,
+    ).x
+    problem.solve(values)
+    return RoughFit(
+        misfit=(problem.scaled**2).sum(axis=1),
+        calibration=model.calibration(values, nominal),
+    )
+
+
+def _left_out(solved: "_Problem") -> Floats:
+    """Residuals (T, V) of each touch by the fit to all others, in standard deviations.
+
+    With A_t the derivatives of a touch's values, r_t its residuals and C the covariance of the
+    numbers, they are (1 - A_t C A_t^T)^-1 r_t.
+    """
+    count, values = solved.scaled.shape
+    slopes = solved.reduced[: count * values].reshape(count, values, -1)
+    covariance = np.linalg.inv(solved.reduced.T @ solved.reduced)
+    others = np.eye(values) - slopes @ covariance @ slopes.swapaxes(1, 2)
+    return np.asarray(np.linalg.solve(others, solved.scaled[..., None])[..., 0])
 
 
 def _fitted(model: PressModel, nominal: Calibration) -> tuple[Floats, Floats, Floats]:
@@ -152,7 +212,7 @@ def _fitted(model: PressModel, nominal: Calibration) -> tuple[Floats, Floats, Fl
         problem = _Problem(model, sigma)
         values = least_squares(
             problem.residuals,
-            values,
+            np.clip(values, least, most),
             jac=problem.jacobian,
             bounds=(least, most),
             x_scale="jac",

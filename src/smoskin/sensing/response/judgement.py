@@ -51,7 +51,7 @@ _STEPS: Final = (3.3e-3, 1.7e-3, 0.8e-3)
 _SAMPLE: Final = 20
 """Touches with which it is made."""
 
-_FIELDS: Final = {
+FIELDS: Final = {
     1e3: "fields seem to be 1000 times too small: in mT where uT must stand?",
     1e-3: "fields seem to be 1000 times too large: in nT where uT must stand?",
     1e6: "fields seem to be a million times too small: in T where uT must stand?",
@@ -62,7 +62,8 @@ _FIELDS: Final = {
     1e-1: "fields seem to be 10 times too large: in mG where uT must stand?",
     -1.0: "fields seem to have the wrong sign",
 }
-_FORCES: Final = {
+"""What seems wrong, by the factor that mends it."""
+FORCES: Final = {
     1e3: "forces seem to be 1000 times too small: in kN where N must stand?",
     1e-3: "forces seem to be 1000 times too large: in mN where N must stand?",
     2.0: "forces seem to be half as large as they were",
@@ -70,7 +71,7 @@ _FORCES: Final = {
     9.80665: "forces seem to be 9.8 times too small: in kgf where N must stand?",
     9.80665e-3: "forces seem to be 102 times too large: in gf where N must stand?",
 }
-_DRAGS: Final = {
+DRAGS: Final = {
     (-1, 1): "forces along x seem to have the wrong sign",
     (1, -1): "forces along y seem to have the wrong sign",
     (-1, -1): "forces along x and y seem to have the wrong sign",
@@ -217,13 +218,13 @@ class _Mistakes(NamedTuple):
         """Mistakes in what the chips read, and labels that belong to other signals."""
         signals = self.touches.signals
         n, s, _ = signals.shape
-        tried = [(_FIELDS[c], c * signals, n * s * 3 * np.log(abs(c))) for c in _FIELDS]
+        tried = [(FIELDS[c], c * signals, n * s * 3 * np.log(abs(c))) for c in FIELDS]
         own = np.einsum("sji,nsj->nsi", turns, signals)  # in each chip's own axes
         for order in itertools.permutations(range(s)):
             if order != tuple(range(s)):
                 moved = np.einsum("sij,nsj->nsi", turns, own[:, order])
-                tried.append((_exchanged(order), moved, 0.0))
-        for columns, matrix in _axes():
+                tried.append((exchanged(order), moved, 0.0))
+        for columns, matrix in chip_axes():
             turned = np.einsum("sij,nsj->nsi", turns, own @ matrix.T)
             where = f"Bx, By and Bz seem to stand in the columns {columns}"
             tried.append((f"{where} of every chip", turned, 0.0))
@@ -250,9 +251,9 @@ class _Mistakes(NamedTuple):
     def of_labels(self) -> Iterator[Suspicion]:
         """Mistakes in places and forces."""
         place, force, extent = self.touches.position, self.touches.force, self.table.basis.extent
-        tried = [(text, place, c * force) for c, text in _FORCES.items()]
+        tried = [(text, place, c * force) for c, text in FORCES.items()]
         if np.abs(force[:, :2]).max() > _DRAGGED:
-            tried += [(text, place, force * [*sign, 1]) for sign, text in _DRAGS.items()]
+            tried += [(text, place, force * [*sign, 1]) for sign, text in DRAGS.items()]
             tried += [("forces along x and y seem exchanged", place, force[:, [1, 0, 2]])]
         tried += [
             ("x seems to run the other way", place * [-1, 1] + extent * [1, 0], force),
@@ -316,7 +317,7 @@ class _Mistakes(NamedTuple):
         return f"{word}s {self.names[i].split()[1]} and {self.names[j].split()[1]}"
 
 
-def _axes() -> Iterator[tuple[str, Floats]]:
+def chip_axes() -> Iterator[tuple[str, Floats]]:
     """Orders and signs of a chip's axes: columns in which x, y and z stand, and what mends it."""
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1, -1), repeat=3):
@@ -330,7 +331,7 @@ def _axes() -> Iterator[tuple[str, Floats]]:
                 yield f"({columns})", matrix
 
 
-def _exchanged(order: tuple[int, ...]) -> str:
+def exchanged(order: tuple[int, ...]) -> str:
     """In words which chips' columns stand in whose place."""
     moved = [chip + 1 for chip, other in enumerate(order) if chip != other]
     if len(moved) == 2:
