@@ -120,7 +120,7 @@ def calibrate(
     if sheet is not None:
         done = work.calibrate(start, sheet, recording=recording, **options)
     else:
-        from smoskin.commands.kept import RememberingRig
+        from smoskin.service.kept import RememberingRig
 
         with progress_bar() as bar, open_rig(rig, skin) as presser:
             options["progress"] = lambda step: bar(step.sentence, step.number / step.asked)

@@ -56,7 +56,7 @@ class CalibrationReport:
 
     design: SkinDesign
     fit: Fit
-    warnings: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
     """What is odd about the touches without being wrong."""
 
     @property
