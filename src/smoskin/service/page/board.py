@@ -41,8 +41,13 @@ def draw_rulers(server: "viser.ViserServer", design: SkinDesign) -> None:
             lines.append([place, place + out * (0.35 if numbered else 0.2)])
             if numbered:
                 _write(server, f"/rulers/{name}{number}", f"{tick:.0f}", place + 0.75 * out)
-        middle = start + along * extent[axis] / 2e3 * UNITS
-        _write(server, f"/rulers/{name}", f"{name}, mm", middle + 1.6 * out)
+        between = (2 * round(extent[axis] / (4 * _TICK)) + 1) * _TICK  # two numbers
+        _write(
+            server,
+            f"/rulers/{name}",
+            f"{name}, mm",
+            start + along * between / 1e3 * UNITS + 1.6 * out,
+        )
     server.scene.add_line_segments("/rulers/lines", np.array(lines), _INK, thickness=0.05)
 
 

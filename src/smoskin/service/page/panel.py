@@ -31,6 +31,8 @@ _HISTORY: Final = 10.0
 _QUIET: Final = 20.0
 """Least that a plot shows to both sides of 0, uT, so that noise looks like noise."""
 _STALE_AFTER: Final = 1.0
+_JUMP: Final = 3.0
+"""s from one moment to the next after which curves begin anew."""
 _GREY, _GREEN, _AMBER, _RED, _BLUE = "#8a919c", "#2b8a5f", "#d08700", "#c92a2a", "#1f6fb5"
 _STATUS: Final = {
     Status.CONTACT: ("Touched", _GREEN),
@@ -164,7 +166,7 @@ class Panel:
         # A chip that gives no numbers keeps its last good ones; its heading says so.
         bad = (reading.flags & _BAD) != 0
         self._field = np.where(bad[:, None], self._field, reading.field)
-        if self._history and not 0.0 < reading.time - self._history[-1][0] <= _STALE_AFTER:
+        if self._history and not 0.0 < reading.time - self._history[-1][0] <= _JUMP:
             self._history.clear()  # a clock set anew, or a jump in a recording
         if not self._history:
             self._start = reading.time
