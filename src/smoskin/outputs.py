@@ -13,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from smoskin.errors import FileError, SmoskinError
+from smoskin.errors import ArgumentError, FileError, SmoskinError
 
 PART: Final = ".part"
 """Ending of the name of a file that is not yet whole."""
@@ -87,8 +87,16 @@ def write_output(path: Given, content: bytes | Callable[[Path], object]) -> None
         raise
 
 
+def path_text(path: object) -> str:
+    """A path as text; an `ArgumentError` for what is none."""
+    if not isinstance(path, str | os.PathLike) or not isinstance(given := os.fspath(path), str):
+        raise ArgumentError(f"path must be text or path-like; got {path!r:.200}")
+    return given
+
+
 def read_input(path: Given, limit: int, error: type[SmoskinError] = FileError) -> bytes:
     """The content of a regular file of at most so many bytes; the `error` for anything else."""
+    path_text(path)
     try:
         facts, content = os.stat(path), b""
         kind = _kind(facts.st_mode)

@@ -5,7 +5,7 @@ from importlib import resources
 
 import numpy as np
 
-from fuzzing import cases, changed_toml, check_answer, command, hold, mutated, working_folder
+from fuzzing import broken, cases, changed_toml, check_answer, command, mutated, working_folder
 
 NAMES = ("planar", "optimised")
 
@@ -35,4 +35,4 @@ def test_a_spoilt_design_is_described_or_refused(count, tmp_path):
             yield f"{k}: {what}", partial(answer, content)
 
     with working_folder(tmp_path):
-        hold(drawn())
+        assert broken(drawn()) == []

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from fuzzing import (
+    broken,
     cases,
     changed_toml,
     check_answer,
     check_error,
     command,
-    hold,
     mutated,
     strict_json,
     working_folder,
@@ -77,7 +77,7 @@ def test_a_spoilt_data_set_is_the_same_or_tells(count, whole, tmp_path):
             yield f"{k}: {file} {what}", partial(same_or_told, file, content, whole)
 
     with working_folder(tmp_path):
-        hold(drawn())
+        assert broken(drawn()) == []
 
 
 def verdict(content: bytes) -> None:
@@ -111,4 +111,4 @@ def test_check_says_what_a_spoilt_file_is(count, tmp_path):
                     content = text.encode()
                 yield f"{k}: {what}", partial(verdict, content)
 
-        hold(drawn())
+        assert broken(drawn()) == []

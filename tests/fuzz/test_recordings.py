@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fuzzing import cases, check_answer, check_error, command, hold, mutated, working_folder
+from fuzzing import cases, check_answer, check_error, command, mutated, working_folder
 from smoskin import open_recording
 from smoskin.errors import RecordingError
 from touch_recordings import moments, record, recorder
@@ -79,10 +79,11 @@ def test_what_is_read_was_recorded_and_what_is_lost_is_told(count, recordings, t
         for content in recordings:
             Path(NAME).write_bytes(content)
             counts.append(open_recording(NAME).reading_count)
-        hold(
+        spoiled = (
             (label, partial(read, content, counts[which]))
             for label, which, content in spoilt(recordings, count, 1)
         )
+        assert broken(spoiled) == []
 
 
 @cases(3, 150)
@@ -91,7 +92,8 @@ def test_a_replay_says_what_is_lost(count, recordings, tmp_path):
         Path(NAME).write_bytes(recordings[0])
         whole = command("run", f"replay:{NAME}?speed=max", "--no-zero", "--json").out.splitlines()
         assert len(whole) == COUNT
-        hold(
+        spoiled = (
             (label, partial(replay, content, whole))
             for label, _, content in spoilt(recordings[:1], count, 2)
         )
+        assert broken(spoiled) == []

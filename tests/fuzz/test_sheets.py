@@ -10,11 +10,11 @@ import pytest
 
 from fuzzing import (
     NUMBERS,
+    broken,
     cases,
     check_answer,
     check_error,
     command,
-    hold,
     mutated,
     working_folder,
 )
@@ -104,7 +104,10 @@ def drawn(sheets: list[str], count: int, seed: int):
 @cases(8, 700)
 def test_a_spoilt_sheet_holds_touches_or_is_refused(count, sheets, tmp_path):
     with working_folder(tmp_path):
-        hold((label, partial(read, content)) for label, content in drawn(sheets, count, 6))
+        assert (
+            broken((label, partial(read, content)) for label, content in drawn(sheets, count, 6))
+            == []
+        )
 
 
 @cases(1, 40)
@@ -118,4 +121,9 @@ def test_programs_take_a_spoilt_sheet_or_refuse_it(count, sheets, tmp_path):
         check_answer(command(*words), as_json=True)
 
     with working_folder(tmp_path):
-        hold((label, partial(plan, content)) for label, content in drawn(sheets[:1], count, 7))
+        assert (
+            broken(
+                (label, partial(plan, content)) for label, content in drawn(sheets[:1], count, 7)
+            )
+            == []
+        )

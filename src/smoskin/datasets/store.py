@@ -27,7 +27,7 @@ from smoskin.datasets.simulation import COLUMNS, Column, Rows, Simulation
 from smoskin.datasets.workers import Engine
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import MissingExtraError, RecordingError
-from smoskin.outputs import check_output, write_output
+from smoskin.outputs import check_output, path_text, write_output
 from smoskin.roles import Progress, unheard
 
 _ROWS_AT_ONCE: Final = 4096
@@ -164,8 +164,8 @@ def open_dataset(path: str | os.PathLike[str]) -> Dataset:
     MissingExtraError
         If h5py is not installed.
     """
+    folder = Path(path_text(path))
     _h5py()
-    folder = Path(path)
     manifest = manifests.read_manifest(folder)
     present = [c for c in range(manifest.sweep.chunks) if _chunk_file(folder, c).exists()]
     return Dataset(path=folder, manifest=manifest, present=tuple(present))

@@ -16,7 +16,7 @@ from typing import Any, Final
 from smoskin.design.skin import Provenance, SkinDesign
 from smoskin.documents import Form, format_toml
 from smoskin.errors import DesignError
-from smoskin.outputs import read_text
+from smoskin.outputs import path_text, read_text
 
 _LARGEST: Final = 2**20
 """Largest document that is read, bytes."""
@@ -68,7 +68,7 @@ def read_design(name_or_path: str | os.PathLike[str]) -> SkinDesign:
     DesignError
         If there is no such design, or the document does not describe a skin.
     """
-    given = os.fspath(name_or_path)
+    given = path_text(name_or_path)
     if given in shipped_designs():
         source = resources.files("smoskin.design").joinpath(f"{given}.toml")
         return parse_design(source.read_text(encoding="utf-8"))

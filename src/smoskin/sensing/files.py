@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from smoskin.arrays import freeze
+from smoskin.arrays import floats, freeze
 from smoskin.errors import ArgumentError, ModelError, SmoskinError, require
 from smoskin.outputs import read_input, write_output
 
@@ -132,7 +132,10 @@ def freeze_model(
 
 def check_within(name: str, value: ArrayLike, least: ArrayLike, most: ArrayLike) -> None:
     """Raise a `ModelError` unless all numbers are finite and lie between these, which broadcast."""
-    given, low, high = np.broadcast_arrays(np.asarray(value, np.float64), least, most)
+    try:
+        given, low, high = np.broadcast_arrays(floats(name, value), least, most)
+    except ValueError as error:
+        raise ModelError(f"{error}") from error
     if not np.isfinite(given).all():
         raise ModelError(f"{name} must be finite")
     wrong = (given < low) | (given > high)

@@ -16,6 +16,7 @@ from typing import BinaryIO, Final
 from smoskin.design.document import parse_design, shipped_design
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import RecordingError
+from smoskin.outputs import path_text
 from smoskin.records import Estimate, Reading
 from smoskin.service import mcap
 from smoskin.service.mcap import Span
@@ -158,8 +159,9 @@ def open_recording(path: str | os.PathLike[str]) -> Recording:
     MissingExtraError
         If mcap or rosbags is not installed.
     """
-    with _opened(Path(path)) as file:
-        return _surveyed(Path(path), file)
+    given = Path(path_text(path))
+    with _opened(given) as file:
+        return _surveyed(given, file)
 
 
 def _surveyed(path: Path, file: BinaryIO) -> Recording:

@@ -120,15 +120,14 @@ class Calibration:
     """Measurements behind it; None for a nominal calibration."""
 
     def __post_init__(self) -> None:
-        chips = len(self.field_factor)
-        for name in ("chip_rotation", "field_offset"):
-            rows = getattr(self, name)
-            if len(rows) != chips or any(len(row) != 3 for row in rows):
-                raise ModelError(f"{name} must hold 3 numbers for each of {chips} chips")
         for name, limits in _LIMITS.items():
             check_within(f"calibration: {name}", getattr(self, name), *limits)
         for name in ("folding_correction_x", "folding_correction_y", "stiffness_variation"):
             check_within(f"calibration: {name}", getattr(self.coefficients, name), 1e-9, 1e9)
+        chips = np.size(self.field_factor)
+        for name in ("chip_rotation", "field_offset"):
+            if np.shape(getattr(self, name)) != (chips, 3):
+                raise ModelError(f"{name} must hold 3 numbers for each of {chips} chips")
 
     @classmethod
     def nominal(cls, design: SkinDesign) -> Self:

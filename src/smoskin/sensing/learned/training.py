@@ -17,7 +17,7 @@ from scipy.linalg.lapack import dpotri
 from scipy.optimize import fmin_l_bfgs_b
 from scipy.spatial.distance import cdist
 
-from smoskin.arrays import Bools, Floats, Ints, assign, floats, freeze
+from smoskin.arrays import Bools, Floats, Ints, assign, floats, freeze, frozen
 from smoskin.errors import ArgumentError
 from smoskin.roles import Progress, unheard
 from smoskin.sensing.learned.gaussian_process import LearnedModel, Metric, Output
@@ -53,7 +53,7 @@ class Examples:
     """(T,): run that the row belongs to; history starts afresh in each."""
 
     def __post_init__(self) -> None:
-        rows = len(self.time)
+        rows = len(frozen("time", self.time, (None,)))
         targets = (rows, len(self.outputs))
         freeze(self, time=(rows,), field=(rows, None, 3), targets=targets)
         for name in ("group", "run"):

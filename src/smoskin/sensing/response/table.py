@@ -19,6 +19,7 @@ from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.nonlinearity import cross_signals
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.origami.geometry import places_to_the_rim
+from smoskin.outputs import path_text
 from smoskin.sensing.files import RESPONSE_TABLE, TensorFile, check_filled, freeze_model
 from smoskin.sensing.response.basis import TouchBasis, touch_arrays
 from smoskin.sensing.response.pairs import mutual_drags
@@ -231,7 +232,7 @@ def load_response_table(name_or_path: str | os.PathLike[str]) -> ResponseTable:
     >>> load_response_table("planar").chips
     (0, 1, 2)
     """
-    given = os.fspath(name_or_path)
+    given = path_text(name_or_path)
     folder = resources.files("smoskin.sensing.response")
     shipped = {f.name[:-6]: f for f in folder.iterdir() if f.name.endswith(".table")}
     names = (*_TENSORS, *_LINES, "exponents")
