@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fuzzing import cases, check_answer, check_error, command, mutated, working_folder
+from fuzzing import broken, cases, check_answer, check_error, command, mutated, working_folder
 from smoskin import open_recording
 from smoskin.errors import RecordingError
 from touch_recordings import moments, record, recorder
