@@ -25,12 +25,13 @@ from smoskin.mechanics.sheet.touches import (
 )
 from smoskin.origami.geometry import geometry
 from smoskin.roles import ContactLaw
+from smoskin.twin.world.strangers import STRANGERS
 
 LAWS: dict[str, Callable[[], ContactLaw]] = {
     "Bilinear": Bilinear,
     "CoverPanels": CoverPanels,
     "ScaleContact": ScaleContact,
-}
+} | {name: (lambda law=law: law) for name, law in STRANGERS.items()}
 
 
 @pytest.fixture(params=LAWS)

@@ -45,6 +45,12 @@ def score(
         str | None, typer.Option(help="Read only these chips, such as 1,2; from 0.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first made skin.")] = 1,
+    world: Annotated[
+        str, typer.Option(help="World of the skins: plain, or hard, with what that leaves out.")
+    ] = "plain",
+    effect: Annotated[
+        str | None, typer.Option(help="A world of this effect alone, such as hysteresis.")
+    ] = None,
     overwrite: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -79,6 +85,8 @@ def score(
             chips=read,
             drag=drag,
             pairs=pairs,
+            world=world,
+            effect=effect,
             out=out,
             progress=progress,
         )

@@ -35,6 +35,7 @@ _RELATIVE = (
     "crease_stiffness",
     "frame_stiffness",
     "remanence",
+    "sector_strength",
     "chip_sensitivity",
     "chip_cross_axis",
 )
@@ -80,6 +81,8 @@ class Tolerances:
     """Zero of each axis of each chip, T; the offset that is left without a field."""
     chip_warmth: float = 1.0
     """Error of each chip's temperature reading, degC."""
+    sector_strength: float = 0.0
+    """Strength of each of a magnet's four sectors apart from the others, relative."""
     contact: float = 0.0
     """Share of the way from the usual contact law (0) to one drawn for each skin (1): a
     `ScaleContact` anywhere in `CONTACTS`, as mould and glue have it."""
@@ -114,6 +117,8 @@ class Deviations:
     """(G, 3), rad: rotation vector off the designed attitude, in the skin's axes."""
     chips: MadeChips
     """Poses and errors of the S chips."""
+    sectors: Floats | None = None
+    """(G, 4): what each sector of a magnet is stronger than the magnet; None: nothing."""
     contact: ContactLaw | None = None
     """Contact law of the made skin; None: the usual one."""
 
@@ -126,6 +131,12 @@ def as_designed(design: SkinDesign) -> Deviations:
     """No deviation at all."""
     nothing = Tolerances(**dict.fromkeys(asdict(Tolerances()), 0.0))
     return draw(design, np.random.default_rng(0), nothing)
+
+
+def drawn_skin(design: SkinDesign, seed: int, tolerances: Tolerances | None = None) -> Deviations:
+    """The skin of a seed, as a twin with this seed has it."""
+    of_skin, _ = np.random.SeedSequence(seed).spawn(2)
+    return draw(design, np.random.default_rng(of_skin), tolerances)
 
 
 def draw(
@@ -170,8 +181,10 @@ def draw(
             warmth=scatter(limits.chip_warmth, chips),
         ),
     )
-    # Last, so that all else is the same with and without it.
-    return replace(made, contact=_drawn_contact(limits.contact, rng))
+    # Last, so that all else is the same with and without them.
+    contact = _drawn_contact(limits.contact, rng)
+    sectors = scatter(limits.sector_strength, magnets, 4) if limits.sector_strength else None
+    return replace(made, contact=contact, sectors=sectors)
 
 
 def _drawn_contact(share: float, rng: np.random.Generator) -> ContactLaw | None:

@@ -14,6 +14,7 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics import mlx90393
 from smoskin.magnetics.arrangement import arrangement_field, rotation_matrix
+from smoskin.magnetics.dipole import dipole_field, sector_dipoles
 from smoskin.magnetics.temperature import (
     REFERENCE_TEMPERATURE,
     check_temperature,
@@ -23,7 +24,7 @@ from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Motion, Reading
 from smoskin.roles import VirtualSkin
 from smoskin.twin.manufacture import Deviations, as_designed
-from smoskin.twin.surroundings import Surroundings
+from smoskin.twin.surroundings import Ambience, Surroundings
 
 
 class Readout:
@@ -49,6 +50,10 @@ class Readout:
         self._to_skin = made.chips.rotations(design.halls)
         self._middle = np.append(geometry(design).extent / 2, 0.0)
         self._earth = around.earth
+        self._uneven: tuple[Floats, Floats] | None = None
+        if made.sectors is not None:
+            pairs = [*map(sector_dipoles, self._magnets, made.sectors)]
+            self._uneven = np.stack([a for a, _ in pairs]), np.stack([m for _, m in pairs])
         self._neighbours = [
             (skin.place + geometry(design).magnets @ rotation.T, rotation)
             for skin in around.neighbours
@@ -59,14 +64,19 @@ class Readout:
         """As `VirtualSkin.field`."""
         return self._field(motion, _yaw(motion), temperature)
 
-    def seen(self, motion: Motion, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
+    def seen(
+        self,
+        motion: Motion,
+        temperature: ArrayLike = REFERENCE_TEMPERATURE,
+        around: Ambience | None = None,
+    ) -> Floats:
         """Readings of chips without noise, steps and limits, (..., S, 3), T, in their own axes.
 
         Where they sit and what their axes get wrong is included.
         """
         board = _yaw(motion)
         to_skin = board[..., None, :, :] @ self._to_skin
-        field = self._field(motion, board, temperature)
+        field = self._field(motion, board, temperature, around)
         turned = np.einsum("...sij,...si->...sj", to_skin, field)
         return self._made.answers(turned)
 
@@ -84,10 +94,12 @@ class Readout:
         motion: Motion,
         rng: np.random.Generator,
         temperature: ArrayLike = REFERENCE_TEMPERATURE,
+        around: Ambience | None = None,
     ) -> mlx90393.HallSample:
-        """As `VirtualSkin.sample`."""
+        """As `VirtualSkin.sample`, with what is round the chips in each of (T,) states."""
         warmth = np.asarray(temperature, dtype=np.float64)[..., None] + self._made.warmth
-        seen = self.seen(motion, temperature)
+        warmth = warmth if around is None else warmth + around.chips
+        seen = self.seen(motion, temperature, around)
         return mlx90393.measure(seen, self._design.hall_setting, temperature=warmth, rng=rng)
 
     def read(
@@ -116,7 +128,13 @@ class Readout:
             flags=sample.flags,
         )
 
-    def _field(self, motion: Motion, board: Floats, temperature: ArrayLike) -> Floats:
+    def _field(
+        self,
+        motion: Motion,
+        board: Floats,
+        temperature: ArrayLike,
+        around: Ambience | None = None,
+    ) -> Floats:
         """Field of all magnets and the surroundings, with the board's rotation at hand."""
         moved = motion.magnets
         shift = np.zeros((*motion.board.shape[:-1], 1, 3))
@@ -134,11 +152,17 @@ class Readout:
             board[..., None, :, :] @ rotation_matrix(moved[..., 3:]) @ self._turns,
         )
         total = arrangement_field(self._magnets, places, turns, chips)
+        if self._uneven is not None:
+            total = total + _uneven_field(*self._uneven, places, turns, chips)
         for places, rotation in self._neighbours:
             turns = np.broadcast_to(rotation, (len(self._design.magnets), 3, 3))
             total = total + arrangement_field(self._design.magnets, places, turns, chips)
-        factor = temperature_factor(check_temperature(temperature))
-        return np.asarray(total * factor[..., None, None] + self._earth)
+        if around is None:
+            factor = temperature_factor(check_temperature(temperature))
+            return np.asarray(total * factor[..., None, None] + self._earth)
+        warmth = np.asarray(temperature, dtype=np.float64)[..., None] + around.magnets
+        factor = temperature_factor(check_temperature(warmth))
+        return np.asarray(total * factor[..., None] + self._earth + around.field)
 
     def _over_base(self, places: Floats, board: Floats, shift: Floats) -> Floats:
         """Places on the board, (..., P, 3), as the base sees them."""
@@ -166,15 +190,26 @@ class MagneticSkin(VirtualSkin):
         rng: np.random.Generator,
         *,
         temperature: ArrayLike = REFERENCE_TEMPERATURE,
+        around: Ambience | None = None,
     ) -> mlx90393.HallSample:
-        """As `VirtualSkin.sample`."""
-        return self.readout.sample(motion, rng, temperature)
+        """As `VirtualSkin.sample`, with what is round the chips in each of (T,) states."""
+        return self.readout.sample(motion, rng, temperature, around)
 
     def sense(
         self, motion: Motion, *, time: float = 0.0, temperature: float = REFERENCE_TEMPERATURE
     ) -> Reading:
         """As `VirtualSkin.sense`."""
         return self.readout.read(motion, self.noise, time=time, temperature=temperature)
+
+
+def _uneven_field(
+    offsets: Floats, moments: Floats, places: Floats, turns: Floats, chips: Floats
+) -> Floats:
+    """Field at chips (..., S, 3), m, of dipoles (G, D, 3) that go with magnets, (..., S, 3), T."""
+    middles = places[..., :, None, :] + np.einsum("...gij,gdj->...gdi", turns, offsets)
+    turned = np.einsum("...gij,gdj->...gdi", turns, moments)
+    away = chips[..., :, None, None, :] - middles[..., None, :, :, :]
+    return np.asarray(dipole_field(turned[..., None, :, :, :], away).sum(axis=(-3, -2)))
 
 
 def _yaw(motion: Motion) -> Floats:

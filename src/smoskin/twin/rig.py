@@ -4,7 +4,7 @@ Decides how long a touch is held and how often chips are read meanwhile, and how
 stage and gauge are off. Hides the memory that a skin and its chips keep from touch to touch.
 """
 
-from typing import Final, final
+from typing import Final, cast, final
 from urllib.parse import parse_qsl
 
 import numpy as np
@@ -17,7 +17,10 @@ from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, check_temperatu
 from smoskin.records import Contact, HeldTouch, Motion, Reading
 from smoskin.roles import Rig, VirtualSkin
 from smoskin.twin.creep import Creep
+from smoskin.twin.readout import MagneticSkin
+from smoskin.twin.surroundings import Ambience
 from smoskin.twin.whole import Twin
+from smoskin.twin.world.effect import Run
 
 _RIG: Final = 7
 """Tells a rig's randomness from all else that a seed begins."""
@@ -47,6 +50,8 @@ class VirtualRig(Rig):
         Random walk of each axis of the chips in a second, T.
     stage, gauge : float
         Standard deviations of where the stage stands, m, and what the gauge reads, N.
+    run : Run, optional
+        What a world does to the skin meanwhile; by default nothing.
 
     Raises
     ------
@@ -75,6 +80,7 @@ class VirtualRig(Rig):
         drift: float = 0.3e-6,
         stage: float = 20e-6,
         gauge: float = 2e-3,
+        run: Run | None = None,
     ) -> None:
         check_temperature(temperature)
         for name, value in (("drift", drift), ("stage", stage), ("gauge", gauge)):
@@ -85,7 +91,7 @@ class VirtualRig(Rig):
         self._rng = np.random.default_rng([seed, _RIG]) if rng is None else rng
         self._temperature = temperature
         self._creep = Creep(twin.design) if creep else None
-        self._drift = drift
+        self._drift, self._run = drift, run
         self._stage, self._gauge = stage, gauge
         self._walked: Floats = np.zeros((len(twin.design.halls), 3))
         self._begun = 0
@@ -135,6 +141,7 @@ class VirtualRig(Rig):
         self._time = float(times[-1])
         still = Motion.rest(len(motion.magnets))
         states = Motion.stack([still, motion])[pressed.astype(int)]
+        states = states if self._run is None else self._run.moved(times, states)
         readings, self._walked = drifting_readings(
             self._twin,
             states if self._creep is None else self._creep.steps(steps, states),
@@ -144,6 +151,7 @@ class VirtualRig(Rig):
             temperature=self._temperature,
             drift=self._drift,
             walked=self._walked,
+            around=None if self._run is None else self._run.around(times),
         )
         return readings
 
@@ -158,21 +166,27 @@ def drifting_readings(
     temperature: float,
     drift: float,
     walked: Floats | float = 0.0,
+    around: Ambience | None = None,
 ) -> tuple[tuple[Reading, ...], Floats]:
     """Readings of a skin's chips in T states, one after the other, while they drift.
 
     `times`, (T,), s, are those of the readings, `durations`, (T,), s, those since the one before.
     Skin and chips have a temperature, degC; each axis walks at random by `drift` in a second, T.
-    The walk before the first reading is `walked`, (S, 3), T; that by the last is returned too.
+    The walk before the first reading is `walked`, (S, 3), T; that by the last is returned too. What
+    is `around` needs a skin that is a `smoskin.twin.readout.MagneticSkin`.
     """
-    sample = twin.sample(motion, rng, temperature=np.full(len(times), temperature))
+    degrees = np.full(len(times), temperature)
+    if around is None:
+        sample = twin.sample(motion, rng, temperature=degrees)
+    else:
+        sample = cast(MagneticSkin, twin).sample(motion, rng, temperature=degrees, around=around)
     field = mlx90393.tesla(sample.counts, twin.design.hall_setting)
     steps = drift * np.sqrt(durations)[:, None, None] * rng.normal(size=field.shape)
     walk = walked + np.cumsum(steps, axis=0)
-    degrees = mlx90393.degrees(sample.temperature_counts)
+    reported = mlx90393.degrees(sample.temperature_counts)
     readings = tuple(
         Reading(time=float(t), field=f, temperature=d, flags=g)
-        for t, f, d, g in zip(times, field + walk, degrees, sample.flags, strict=True)
+        for t, f, d, g in zip(times, field + walk, reported, sample.flags, strict=True)
     )
     return readings, walk[-1]
 

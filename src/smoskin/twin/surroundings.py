@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smoskin.arrays import Floats, assign, frozen
+from smoskin.arrays import Floats, assign, freeze, frozen
 from smoskin.errors import ArgumentError
 
 _NONE = (0.0, 0.0, 0.0)
@@ -40,6 +40,36 @@ class Surroundings:
 
     def __init__(self, *, earth: object = _NONE, neighbours: tuple[Neighbour, ...] = ()) -> None:
         assign(self, earth=_finite("earth", earth), neighbours=tuple(neighbours))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ambience:
+    """Things round S chips that change from state to state, one of T in each row."""
+
+    field: Floats
+    """(T, S, 3), T: field besides the skin's own, in the skin's frame."""
+    magnets: Floats
+    """(T, S), K: what is warmer than the skin at each chip's magnet."""
+    chips: Floats
+    """(T, S), K: what is warmer at the chip itself."""
+
+    def __post_init__(self) -> None:
+        freeze(self, field=(None, None, 3))
+        shape = self.field.shape[:2]
+        freeze(self, magnets=shape, chips=shape)
+
+    @classmethod
+    def none(cls, states: int, chips: int) -> "Ambience":
+        """Nothing at all."""
+        still = np.zeros((states, chips))
+        return cls(field=np.zeros((states, chips, 3)), magnets=still, chips=still)
+
+    def __add__(self, other: "Ambience") -> "Ambience":
+        return Ambience(
+            field=self.field + other.field,
+            magnets=self.magnets + other.magnets,
+            chips=self.chips + other.chips,
+        )
 
 
 def _finite(name: str, value: object) -> Floats:

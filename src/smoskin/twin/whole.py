@@ -22,7 +22,13 @@ from smoskin.mechanics.sheet.holders import holder_matrix
 from smoskin.mechanics.sheet.touches import Grip, Sticking, Touches, check_on_skin, touches_of
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Motion
-from smoskin.twin.manufacture import Tolerances, as_designed, draw, made_mechanics
+from smoskin.twin.manufacture import (
+    Deviations,
+    Tolerances,
+    as_designed,
+    drawn_skin,
+    made_mechanics,
+)
 from smoskin.twin.readout import MagneticSkin, Readout
 from smoskin.twin.surroundings import Surroundings
 
@@ -62,6 +68,8 @@ class Twin(MagneticSkin):
         limits.
     manufactured : bool
         Whether to draw one skin from the tolerances, `Tolerances()` by default.
+    deviations : Deviations, optional
+        A skin that is drawn already, which goes before both.
     grip : Grip, optional
         How touches hold on to the skin; by default they stick.
     contact : ContactLaw, optional
@@ -96,16 +104,18 @@ class Twin(MagneticSkin):
         grip: Grip | None = None,
         contact: ContactLaw | None = None,
         surroundings: Surroundings | None = None,
+        deviations: Deviations | None = None,
     ) -> None:
         if manufactured and seed is None:
             raise ArgumentError("seed must be a whole number to draw a manufactured skin; got None")
-        of_skin, of_noise = np.random.SeedSequence(seed).spawn(2)
+        _, of_noise = np.random.SeedSequence(seed).spawn(2)
         self.design = design
-        self.deviations = (
-            draw(design, np.random.default_rng(of_skin), tolerances)
-            if manufactured
-            else as_designed(design)
-        )
+        if deviations is not None:
+            self.deviations = deviations
+        elif manufactured and seed is not None:
+            self.deviations = drawn_skin(design, seed, tolerances)
+        else:
+            self.deviations = as_designed(design)
         _LOG.info("%s skin of %r, seed %s", "made" if manufactured else "ideal", design.name, seed)
         self.noise = None if seed is None else np.random.default_rng(of_noise)
         self.readout = Readout(design, self.deviations, surroundings)

@@ -1,5 +1,6 @@
 """Judging estimators in sessions of touches, and tables from presses of the twin."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +11,7 @@ from smoskin.commands.score.evaluate import Session, _matched, judge, readings
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.twin.readout import Readout
+from smoskin.twin.world.effect import Effect, World
 from tables_of_response import motions, plain, presses, reduced_table
 
 
@@ -75,7 +77,7 @@ def test_another_number_of_touches_is_an_error_of_count_and_no_place(skin, twin)
 def test_creep_and_drift_spoil_readings(skin, twin):
     one = session(skin, 2)
     calm, crept, drifted = (
-        np.stack([r.field for r in readings(twin, one, np.random.default_rng(4), **how)])
+        np.stack([r.field for r in readings(twin, one, np.random.default_rng(4), **how).readings])
         for how in (
             {"creep": False, "drift": 0.0},
             {"creep": True, "drift": 0.0},
@@ -86,3 +88,32 @@ def test_creep_and_drift_spoil_readings(skin, twin):
     rise = np.linalg.norm(calm[22] - calm[19])
     assert 0.02 * rise < np.linalg.norm(crept[22] - calm[22]) < 0.1 * rise
     assert np.abs(drifted[-1] - calm[-1]).max() > 20e-6
+
+
+def test_in_other_worlds_readings_come_as_a_stream(skin, twin):
+    plain = session(skin, 3)
+    other = replace(plain, world=World(name="stream", effects=(Effect(),)), seed=(1,))
+    one, many = (readings(twin, s, np.random.default_rng(0)) for s in (plain, other))
+    assert (len(one.readings), len(many.readings)) == (20 + 3 * 4, 29 + 3 * 12)
+    for heard in (one, many):
+        assert heard.idle.sum() == heard.judged.sum() == 3
+        at = [heard.readings[k].time for k in np.flatnonzero(heard.judged)]
+        assert np.allclose(at, [1.3, 2.3, 3.3])
+        assert heard.row[heard.judged].tolist() == heard.row[heard.idle].tolist() == [0, 1, 2]
+    assert np.diff([reading.time for reading in many.readings]).max() < 0.11
+
+
+def test_a_reading_that_does_not_arrive_leaves_the_answer_before_it(skin, twin):
+    class Losing(Effect):
+        """Loses the readings at which touches count, and all of the last touch."""
+
+        def arrived(self, readings, rng):
+            lost = [29 + 12 * k + 4 for k in range(3)] + list(range(29 + 24 + 1, 29 + 36))
+            return [None if k in lost else one for k, one in enumerate(readings)]
+
+    lossy = replace(session(skin, 3), world=World(name="lossy", effects=(Losing(),)), seed=(1,))
+    estimator = BayesEstimator(skin, reduced_table(skin))
+    found = judge(estimator, twin, lossy, np.random.default_rng(0))
+    assert found.count.tolist() == [1, 1, -1]
+    assert found.idle.tolist() == [0, 0, 0]
+    assert (found.distance[:2] < 5e-3).all()

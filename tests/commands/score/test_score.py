@@ -20,10 +20,12 @@ from smoskin.commands.score.report import (
     regions,
 )
 from smoskin.errors import ArgumentError, ModelError
+from smoskin.mechanics.sheet.contact import CoverPanels
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.files import TensorFile
 from smoskin.sensing.network.model import Layer, NetworkModel
 from smoskin.twin.reduced import ReducedTwin
+from smoskin.twin.world.worlds import HARD, PLAIN, world_of
 from tables_of_response import plain, reduced_table
 
 EXTENT = np.array([0.12, 0.16])
@@ -185,6 +187,7 @@ def test_the_same_exam_gives_the_same_json(skin):
     assert first == again
     told = json.loads(first)
     assert told["exam"]["seeds"] == [1, 2]
+    assert (told["exam"]["world"], told["exam"]["contact"]) == ("plain", None)
     assert told["design"]["sha256"] == skin.content_hash
     straight = told["cases"][0]
     assert np.array(straight["map"]["location_mm"], dtype=float).shape == (4, 5)
@@ -339,6 +342,10 @@ def test_the_exit_code_is_1_where_a_target_is_missed(skin, sheet, tmp_path, monk
     assert run(True).exit_code == 0
     assert asked["out"] is None
     assert asked["skins"] == range(1, 3)
+    assert (asked["world"], asked["effect"]) == ("plain", None)
+    assert run(True, "--world", "hard").exit_code == 0
+    assert run(True, "--effect", "earth").exit_code == 0
+    assert asked["effect"] == "earth"
     assert run(False).exit_code == 1
     told = run(False, "--json", "--skins", "3", "--seed", "7", "--out", str(tmp_path))
     assert told.exit_code == 1
@@ -363,8 +370,17 @@ def test_what_is_scored_may_be_a_model_or_any_estimator(skin, planar, monkeypatc
     )
     score(network(skin), skin)
     score(ClosedFormEstimator(skin), skin, skins=[4, 9], places=(5, 7), drag=0.3, pairs=2)
-    score(reduced_table(planar), touches=0, chips=[1, 2], count=7)
+    score(reduced_table(planar), touches=0, chips=[1, 2], count=7, effect="earth")
     (_, first, usual), (_, second, other), (design, third, last) = exams
+    assert (usual.world, usual.contact) == (PLAIN, None)
+    assert last.world == world_of(effect="earth")
+    score(ClosedFormEstimator(skin), skin, world="hard", contact=CoverPanels())
+    hard = exams[-1][2]
+    assert (hard.world, hard.contact) == (HARD, CoverPanels())
+    told = hard.as_json()
+    assert (told["world"], told["contact"]) == ("hard", "CoverPanels")
+    with pytest.raises(ArgumentError, match="world must be one of plain, hard; got 'soft'"):
+        score(ClosedFormEstimator(skin), skin, world="soft")
     assert (first.kind, first.chips) == ("network", (1, 2))
     assert usual == Exam(skins=(1, 2, 3, 4, 5), pairs=0)
     assert (usual.touches, usual.count, usual.places, usual.drag) == (60, 200, (25, 33), 0.0)
@@ -402,3 +418,19 @@ def test_a_table_is_scored_on_made_skins(planar, tmp_path):
     assert names == {
         "score.json", "score_maps.svg", "score_confidence.svg", "score_histograms_straight.svg"
     }  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_table_is_scored_in_the_hard_world_by_a_law_of_ones_own(planar):
+    for module in ("safetensors", "jax"):
+        pytest.importorskip(module)
+    from smoskin.sensing.response.table import load_response_table
+
+    table = load_response_table("planar")
+    few = {"skins": (1,), "touches": 10, "count": 1}
+    plain, hard = (score(table, planar, **few, world=world) for world in ("plain", "hard"))
+    assert (
+        plain.case("straight").headline.location.mean < hard.case("straight").headline.location.mean
+    )
+    again = score(table, planar, **few, world="hard")
+    assert json.dumps(again.as_json()) == json.dumps(hard.as_json())

@@ -23,7 +23,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.feasibility import load_design
 from smoskin.outputs import check_output, write_output
-from smoskin.roles import Estimator, Progress, unheard
+from smoskin.roles import ContactLaw, Estimator, Progress, unheard
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.bayes.priors import TouchPriors
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
@@ -36,6 +36,8 @@ from smoskin.sensing.response.calibrate import Target, TouchPlanner, calibrate_t
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.whole import Twin
+from smoskin.twin.world.effect import World
+from smoskin.twin.world.worlds import PLAIN, world_of
 
 __all__ = ["Exam", "ScoreSheet", "candidate", "examine", "score"]
 
@@ -59,6 +61,9 @@ def score(
     chips: Sequence[int] | None = None,
     drag: float = 0.0,
     pairs: int = 0,
+    world: str | World = "plain",
+    effect: str | None = None,
+    contact: ContactLaw | None = None,
     out: Path | None = None,
     progress: Progress = unheard,
 ) -> ScoreSheet:
@@ -75,6 +80,13 @@ def score(
     count : int, optional
         Places that are pressed with each force; by default 200 of a grid of 25 x 33, or all
         `places`.
+    world : str or World
+        World in which skins are made, calibrated and pressed: `plain`, the twin's own assumptions;
+        `hard`, with all that those leave out; or one of your own.
+    effect : str, optional
+        A world of this effect alone.
+    contact : ContactLaw, optional
+        Contact law of all the skins; by default the world's.
     out : Path, optional
         Folder for score.json and the figures, which replace those of an earlier score there.
     progress : Progress, optional
@@ -90,7 +102,10 @@ def score(
     ModelError
         If the file cannot be examined, or is of another design.
     ArgumentError
-        If a number is out of its range, or the file does not read the chips.
+        If a number is out of its range, the file does not read the chips, or there is no such world
+        or effect.
+    ContractError
+        If the contact law breaks its role.
     FileError
         If the folder cannot be written.
     MissingExtraError
@@ -105,6 +120,8 @@ def score(
         drag=drag,
         pairs=pairs,
         chips=None if chips is None else tuple(chips),
+        world=world if isinstance(world, World) else world_of(world, effect),
+        contact=contact,
     )
     subject = candidate(file_or_model, skin, exam)
     if out is None:
@@ -134,7 +151,7 @@ class Candidate:
     """Hash of the file, if any."""
 
     def enter(
-        self, twin: Twin, rng: np.random.Generator
+        self, twin: Twin, rng: np.random.Generator, world: World = PLAIN
     ) -> tuple[ResponseTable | None, tuple[Estimator, Estimator]]:
         """Table of a made skin, if any, and estimators: of straight touches, and of dragged ones.
 
@@ -144,7 +161,16 @@ class Candidate:
         if isinstance(table, Estimator):
             return None, (table, table)
         if self.plan:
-            labels = label(twin, self.plan, rng, temperature=_ROOM, chips=table.chips)
+            bench = (int(rng.integers(1 << 31)),) if not world.plain else ()
+            labels = label(
+                twin,
+                self.plan,
+                rng,
+                temperature=_ROOM,
+                chips=table.chips,
+                world=world,
+                seed=bench,
+            )
             table = calibrate_touches(table, labels, signal_noise(twin.design, table.chips))
         straight = BayesEstimator(twin.design, table, priors=TouchPriors(drag_spread=0.0))
         return table, (straight, BayesEstimator(twin.design, table))
@@ -201,15 +227,15 @@ def examine(
 ) -> ScoreSheet:
     """The sheet that a candidate fills on skins of a design.
 
-    `make` makes the skin of a seed; by default it is manufactured with the usual tolerances.
+    `make` makes the skin of a seed; by default the exam's world does.
     """
     answers: dict[str, list[Answers]] = {}
     whole, done = len(exam.skins) * exam.sessions, 0
     noise = signal_noise(design, subject.chips)
     for seed in exam.skins:
         progress(f"skin {seed}: calibration", done / whole)
-        twin = make(seed) if make else Twin(design, seed=seed, manufactured=True)
-        table, estimators = subject.enter(twin, np.random.default_rng([seed, 0]))
+        twin = make(seed) if make else exam.world.skin(design, seed, exam.contact)
+        table, estimators = subject.enter(twin, np.random.default_rng([seed, 0]), exam.world)
         for case, session in _sessions(twin, exam, seed):
             progress(f"skin {seed}: {case}", done / whole)
             drags = case in ("undragged", "dragged")
@@ -236,12 +262,21 @@ def _sessions(twin: Twin, exam: Exam, seed: int) -> Iterator[tuple[str, Session]
     drags = {"straight": 0.0} | ({"dragged": exam.drag} if exam.drag else {})
     for k, (case, drag) in enumerate(drags.items(), start=1):
         rng = np.random.default_rng([seed, k])
-        for session in grid_sessions(twin, rng, places=exam.places, drag=drag, count=exam.count):
+        for session in grid_sessions(
+            twin,
+            rng,
+            places=exam.places,
+            drag=drag,
+            count=exam.count,
+            world=exam.world,
+            seed=(seed, k),
+        ):
             yield case, session
             if case == "straight" and exam.drag:
                 yield "undragged", session
     if exam.pairs:
-        yield "pairs", pair_session(twin, np.random.default_rng([seed, 3]), exam.pairs)
+        rng = np.random.default_rng([seed, 3])
+        yield "pairs", pair_session(twin, rng, exam.pairs, exam.world, (seed, 3))
 
 
 def _bounds(

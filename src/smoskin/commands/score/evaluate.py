@@ -7,25 +7,27 @@ which moment a touch is judged. Nothing here knows what is inside an estimator.
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
-from typing import Final
+from dataclasses import asdict, dataclass, replace
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from smoskin.arrays import Floats, Ints
+from smoskin.arrays import Bools, Floats, Ints
 from smoskin.commands.score.errors import Answers
 from smoskin.datasets.patterns import far_pairs
 from smoskin.errors import ArgumentError
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.origami.geometry import geometry, places_to_the_rim
-from smoskin.records import Contact, Motion, Reading, Status
-from smoskin.roles import Estimator
+from smoskin.records import Contact, Estimate, Motion, Reading, Status
+from smoskin.roles import ContactLaw, Estimator
 from smoskin.sensing.response.calibrate import LabelledTouches, Target
 from smoskin.sensing.response.labels import Labeller, labelled_touches
 from smoskin.twin.creep import Creep
 from smoskin.twin.rig import VirtualRig, drifting_readings
 from smoskin.twin.whole import Twin
+from smoskin.twin.world.effect import World
+from smoskin.twin.world.worlds import PLAIN
 
 FORCES: Final = tuple(k / 10 for k in range(1, 11))
 """Normal forces of an exam, N."""
@@ -40,8 +42,9 @@ _HOLD: Final = 0.3
 _PERIOD: Final = 1.0
 """Time from touch to touch, s."""
 _MOMENTS: Final = (0.0, _RAMP, _HOLD, _HOLD + _RAMP)
-_JUDGED: Final = 2
-"""Place among the moments at which a touch is read of the one at which it counts."""
+"""Times at which a touch is read in the plain world, where nothing happens between touches, s."""
+_STREAM: Final = (0.0, _RAMP, 0.1, 0.2, _HOLD, _HOLD + _RAMP, *(k / 10 for k in range(4, 10)))
+"""Likewise in others: a stream in which what surrounds the skin can be followed."""
 _ZEROS: Final = 20
 """Readings of the untouched skin before the first touch."""
 _TEMPERATURES: Final = (15.0, 35.0)
@@ -70,6 +73,10 @@ class Exam:
     """Pairs of straight touches at once on each skin, 0.3 to 1 N, at least 40 mm apart."""
     chips: tuple[int, ...] | None = None
     """Chips that are read; None: all that the file has."""
+    world: World = PLAIN
+    """World in which the skins are made, calibrated and pressed."""
+    contact: ContactLaw | None = None
+    """Contact law of all the skins; None: the world's."""
 
     def __post_init__(self) -> None:
         if not self.skins or self.touches < 0 or self.pairs < 0:
@@ -99,7 +106,9 @@ class Exam:
 
     def as_json(self) -> dict[str, object]:
         """Plain values for machines."""
-        settings = asdict(self)
+        settings = asdict(replace(self, world=PLAIN, contact=None))
+        settings["world"] = self.world.name
+        settings["contact"] = self.contact and type(self.contact).__name__
         settings["drag_N"] = settings.pop("drag")
         seeds = list(self.skins)
         counts = {"skins": len(seeds), "seed": seeds[0], "seeds": seeds}
@@ -130,12 +139,23 @@ class Session:
     """Elastic motions, (P,)."""
     temperature: float
     """Temperature of skin and chips, degC."""
+    world: World = PLAIN
+    """World in which it takes place."""
+    seed: tuple[int, ...] = ()
+    """Seed of what happens in it."""
 
 
-def press(twin: Twin, touches: Touches, temperature: float) -> Session:
-    """A session of these touches in this order."""
+def press(
+    twin: Twin,
+    touches: Touches,
+    temperature: float,
+    world: World = PLAIN,
+    seed: tuple[int, ...] = (),
+) -> Session:
+    """A session of these touches in this order, by fingers of this world."""
+    touches = world.fingers(touches, seed)
     motion = twin.motions(touches, temperature=temperature)
-    return Session(touches=touches, motion=motion, temperature=temperature)
+    return Session(touches=touches, motion=motion, temperature=temperature, world=world, seed=seed)
 
 
 def grid_sessions(
@@ -146,6 +166,8 @@ def grid_sessions(
     forces: Sequence[float] = FORCES,
     drag: float = 0.0,
     count: int | None = None,
+    world: World = PLAIN,
+    seed: tuple[int, ...] = (),
 ) -> Iterator[Session]:
     """A session a force, N: places from rim to rim once, in random order, at 15 to 35 degC.
 
@@ -153,21 +175,40 @@ def grid_sessions(
     `drag`, N, are of any direction and evenly spread.
     """
     grid = places_to_the_rim(geometry(twin.design).extent, places)[:, None]
-    for force in forces:
+    for number, force in enumerate(forces):
         push = np.zeros((len(grid), 1, 3))
         push[..., 2] = -force
         size, angle = rng.uniform(0, drag, len(grid)), rng.uniform(0, 2 * np.pi, len(grid))
         push[:, 0, 0], push[:, 0, 1] = size * np.cos(angle), size * np.sin(angle)
         touches = Touches(position=rng.permutation(grid)[:count], force=push[:count])
-        yield press(twin, touches, float(rng.uniform(*_TEMPERATURES)))
+        yield press(twin, touches, float(rng.uniform(*_TEMPERATURES)), world, (*seed, number))
 
 
-def pair_session(twin: Twin, rng: np.random.Generator, count: int) -> Session:
+def pair_session(
+    twin: Twin,
+    rng: np.random.Generator,
+    count: int,
+    world: World = PLAIN,
+    seed: tuple[int, ...] = (),
+) -> Session:
     """Pairs of straight touches of 0.3 to 1 N, anywhere but 40 mm apart, at 25 degC."""
     position = far_pairs(geometry(twin.design).extent, 0.04, count, rng)
     push = np.zeros((count, 2, 3))
     push[..., 2] = -rng.uniform(0.3, 1.0, (count, 2))
-    return press(twin, Touches(position=position, force=push), 25.0)
+    return press(twin, Touches(position=position, force=push), 25.0, world, seed)
+
+
+class Heard(NamedTuple):
+    """What arrives of a session's readings, and what it is asked of each."""
+
+    readings: Sequence[Reading | None]
+    """None for one that does not arrive."""
+    row: Ints
+    """(T,): touch during or before whose time each is read; -1 before the first."""
+    idle: Bools
+    """(T,): whether it is the one just before its touch."""
+    judged: Bools
+    """(T,): whether it is the one at which its touch counts."""
 
 
 def readings(
@@ -177,53 +218,77 @@ def readings(
     *,
     creep: bool = True,
     drift: float = 0.3e-6,
-) -> list[Reading]:
-    """All that the chips read in a session: first untouched, then four times a touch.
+) -> Heard:
+    """All that the chips read in a session: first untouched, then some times a touch.
 
     The rubber may creep; each axis of the chips walks at random by `drift` in a second, T.
     """
-    moments, count = len(_MOMENTS), len(session.touches)
+    world = session.world
+    moments = np.array(_MOMENTS if world.plain else _STREAM)
+    count = len(session.touches)
     starts = _PERIOD * np.arange(1, count + 1)
-    times = np.concatenate([np.linspace(-1.0, 0.0, _ZEROS), np.add.outer(starts, _MOMENTS).ravel()])
+    before = np.linspace(-1.0, 0.0, _ZEROS)
+    if not world.plain:
+        before = np.append(before, np.arange(0.1, _PERIOD, 0.1))
+    times = np.concatenate([before, np.add.outer(starts, moments).ravel()])
     steps = np.diff(times, prepend=times[0])
-    state = np.full((count, moments), -1)
-    state[:, 1 : _JUDGED + 1] = np.arange(count)[:, None]
+    held = (moments > 0.0) & (moments <= _HOLD)
+    state = np.where(held, np.arange(count)[:, None], -1)
     rest = Motion.rest(len(twin.design.magnets), (1,))
     motion = Motion.concatenate([session.motion, rest])
-    motion = motion[np.concatenate([np.full(_ZEROS, -1), state.ravel()])]
+    untouched = np.full(len(before), -1)
+    motion = motion[np.concatenate([untouched, state.ravel()])]
+    run = None if world.plain else world.run(twin, session.seed)
+    motion = motion if run is None else run.moved(times, motion)
     if creep:
         motion = Creep(twin.design).steps(steps, motion)
-    walk = {"temperature": session.temperature, "drift": drift}
-    return list(drifting_readings(twin, motion, times, steps, rng, **walk)[0])
+    around = None if run is None else run.around(times)
+    read, _ = drifting_readings(
+        twin, motion, times, steps, rng, temperature=session.temperature, drift=drift, around=around
+    )
+    return Heard(
+        readings=read if run is None else run.arrived(read),
+        row=np.append(untouched, np.repeat(np.arange(count), len(moments))),
+        idle=np.append(untouched, np.tile(moments == 0.0, count)) > 0,
+        judged=np.append(untouched, np.tile(moments == _HOLD, count)) > 0,
+    )
 
 
 def judge(estimator: Estimator, twin: Twin, session: Session, rng: np.random.Generator) -> Answers:
-    """Answers of an estimator in a session, against the truth; it is zeroed first."""
+    """Answers of an estimator in a session, against the truth; it is zeroed first.
+
+    Where the reading that counts does not arrive, the last answer before it does.
+    """
     stream = readings(twin, session, rng)
     estimator.reset()
-    estimator.zero(stream[:_ZEROS], force=True)
+    zeros = [reading for reading in stream.readings[:_ZEROS] if reading is not None]
+    estimator.zero(zeros, force=True)
     touches = session.touches
     truth = np.concatenate([touches.position, touches.force], axis=-1)
     presses, places = truth.shape[:2]
     error = np.full((presses, places, 5), np.nan)
     spread = np.full((presses, places, 5, 5), np.nan)
     count, idle = np.full(presses, -1), np.full(presses, -1)
-    for k, reading in enumerate(stream):
-        estimate = estimator.step(reading)
-        row, moment = divmod(k - _ZEROS, len(_MOMENTS))
-        answered = estimate.status in (Status.CONTACT, Status.NO_CONTACT)
-        number = len(estimate.contacts) if answered else -1
-        if row >= 0 and moment == 0:
+    estimate: Estimate | None = None
+    for k, reading in enumerate(stream.readings):
+        row = int(stream.row[k])
+        estimate = estimate if reading is None else estimator.step(reading)
+        if not (stream.idle[k] or stream.judged[k]):
+            continue
+        answered = estimate is not None and estimate.status in (Status.CONTACT, Status.NO_CONTACT)
+        contacts = estimate.contacts if estimate is not None and answered else ()
+        number = len(contacts) if answered else -1
+        if stream.idle[k]:
             idle[row] = number
-        elif row >= 0 and moment == _JUDGED:
+        else:
             count[row] = number
-            if number == places:
-                values = np.array(
-                    [[*contact.position, *contact.force] for contact in estimate.contacts]
-                )
-                order = _matched(values, truth[row])
-                error[row] = values[order] - truth[row]
-                spread[row] = estimate.covariance[order]
+        if stream.judged[k] and estimate is not None and number == places:
+            values = np.array([[*contact.position, *contact.force] for contact in contacts])
+            order = _matched(values, truth[row])
+            error[row] = values[order] - truth[row]
+            spread[row] = estimate.covariance[order]
+        # What was told of a touch tells nothing of the next.
+        estimate = None
     return Answers(
         extent=geometry(twin.design).extent,
         truth=truth.reshape(-1, 5),
@@ -242,16 +307,19 @@ def label(
     *,
     temperature: float = 25.0,
     chips: Sequence[int] | None = None,
+    world: World = PLAIN,
+    seed: tuple[int, ...] = (),
 ) -> LabelledTouches:
     """The labelled touches that a rig would make of a plan, on this skin at a temperature, degC.
 
     Signals are of these chips, all by default; touches under which a chip reaches the end of its
-    range are left out.
+    range are left out. Of a world, what acts on a bench does, and the rig's tip is no finger.
     """
     position = np.stack([target.position for target in plan])[:, None]
     force = np.stack([target.force for target in plan])[:, None]
     motion = twin.motions(Touches(position=position, force=force), temperature=temperature)
-    rig = VirtualRig(twin, rng, temperature=temperature)
+    run = None if world.plain else world.run(twin, seed, bench=True)
+    rig = VirtualRig(twin, rng, temperature=temperature, run=run)
     labeller = Labeller(twin.design, elastomer_prony(twin.design.columns.material))
     held = (
         rig.hold(Contact(position=target.position, force=target.force), motion[row])

@@ -1,0 +1,114 @@
+"""An arm that carries the skin: how it turns, and how the skin's own weight then moves it."""
+
+import math
+from dataclasses import dataclass
+from typing import Final, final
+
+import numpy as np
+
+from smoskin.arrays import Floats
+from smoskin.magnetics.arrangement import rotation_matrix
+from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
+from smoskin.mechanics.reduced.stiffness import board_stiffness
+from smoskin.mechanics.sheet.holders import holder_matrix
+from smoskin.origami.geometry import geometry
+from smoskin.records import Motion
+from smoskin.twin.manufacture import made_mechanics
+from smoskin.twin.whole import Twin
+from smoskin.twin.world.effect import Effect, History
+
+ARM: Final = "arm"
+"""Name of the randomness of all that an arm does: its axis is drawn first."""
+GRAVITY: Final = 9.81
+"""m/s^2."""
+_ACRYLIC, _MAGNET, _BOARD = 1190.0, 5500.0, 1850.0
+"""Densities, kg/m^3: panels, bonded magnets, the board."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arm:
+    """How the arm turns once a session has begun: to and fro about an axis."""
+
+    angle: float = math.pi / 2
+    """Farthest turn, rad."""
+    period: float = 20.0
+    """Time of one turn to and fro, s: 14 degrees a second at its fastest."""
+
+    def sway(self, times: Floats) -> Floats:
+        """Share of the farthest turn at (T,) times, s; none before the session."""
+        return np.asarray(0.5 - 0.5 * np.cos(2 * math.pi * np.maximum(times, 0.0) / self.period))
+
+    def turns(self, axis: Floats, times: Floats) -> Floats:
+        """Rotations from the skin's frame to the room's about an axis, (T, 3, 3)."""
+        return rotation_matrix(self.angle * self.sway(times)[:, None] * axis)
+
+
+TURNING: Final = Arm()
+"""The usual arm."""
+
+
+def level_axis(rng: np.random.Generator) -> Floats:
+    """A level axis of any direction, (3,)."""
+    bearing = rng.uniform(0, 2 * math.pi)
+    return np.array([math.cos(bearing), math.sin(bearing), 0.0])
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gravity(Effect):
+    """The weight of sheet, magnets and board, as the arm turns the skin from face up.
+
+    Columns bear sheet and magnets, the shear layer all of it; rubber's own weight is left out.
+    """
+
+    on_bench = False
+    chance = ARM
+    arm: Arm = TURNING
+
+    def history(self, twin: Twin, rng: np.random.Generator) -> History:
+        """As `Effect.history`."""
+        return _Weight(twin, self.arm, level_axis(rng))
+
+
+class _Weight:
+    """Motions by weight, added to those by touches: u = A (g(t) - g(0)), small loads."""
+
+    def __init__(self, twin: Twin, arm: Arm, axis: Floats) -> None:
+        self._arm, self._axis = arm, axis
+        self._magnets, self._board = _motion_by_acceleration(twin)
+
+    def steps(self, times: Floats, motion: Motion) -> Motion:
+        """As `History.steps`."""
+        down = np.array([0.0, 0.0, -GRAVITY])
+        pull = np.swapaxes(self._arm.turns(self._axis, times), -1, -2) @ down - down
+        board = motion.board.copy()
+        board[:, :2] += pull[:, :2] * self._board
+        return Motion(
+            magnets=motion.magnets + np.einsum("gpd,td->tgp", self._magnets, pull), board=board
+        )
+
+
+def _motion_by_acceleration(twin: Twin) -> tuple[Floats, float]:
+    """Motions of the magnets over the board, (G, 6, 3), and of the board, by 1 m/s^2."""
+    from smoskin.mechanics.sheet.tangent import Tangent
+
+    design = twin.design
+    made, lattice = made_mechanics(design, twin.deviations, REFERENCE_TEMPERATURE)
+    sheet = geometry(design).sheet
+    corners = sheet.vertices[sheet.facets]
+    sides = corners[:, [1, 3]] - corners[:, :1]
+    areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    panel = _ACRYLIC * design.panels.thickness * areas
+    masses = np.bincount(sheet.facets.ravel(), np.repeat(panel / 4, 4), len(lattice.nodes))
+    loads = masses[:, None, None] * np.eye(3)
+    holders = holder_matrix(design).reshape(len(design.magnets), 6, -1, 3)
+    weights = [
+        _MAGNET * math.pi * magnet.radius**2 * magnet.height if magnet.mount == "sheet" else 0.0
+        for magnet in design.magnets
+    ]
+    loads = loads + np.einsum("g,gdva->vad", weights, holders[:, :3])
+    tangent = Tangent(lattice)
+    moved = tangent.solve(tangent.at(np.zeros_like(lattice.nodes)), loads)
+    board = _BOARD * design.board.thickness * float(np.prod(geometry(design).extent))
+    whole = masses.sum() + sum(weights) + board
+    return np.einsum("gpva,vad->gpd", holders, moved), whole / board_stiffness(made)
