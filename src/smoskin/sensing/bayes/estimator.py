@@ -22,7 +22,6 @@ from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.bayes.starts import TYPICAL
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.estimator import SignalEstimator
-from smoskin.sensing.signals.signals import signal_noise
 from smoskin.sensing.signals.zero import ZeroTracking
 
 _WARMER: Final = 0.25
@@ -92,9 +91,7 @@ class BayesEstimator(SignalEstimator):
         self.table = table
         self._priors = priors or TouchPriors()
         self._solver = TouchSolver(
-            _with_creep_left(table, design, self.creep),
-            signal_noise(design, table.chips),
-            self._priors,
+            _with_creep_left(table, design, self.creep), self.noise, self._priors
         )
         self._solved_at = np.nan
         self._last: Floats | None = None

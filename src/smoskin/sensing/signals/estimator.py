@@ -78,6 +78,10 @@ class SignalEstimator(Estimator):
         self.design = design
         self.creep = elastomer_prony(design.columns.material) if creep is None else creep
         """Solid whose creep is undone."""
+        prompt = 1 - float(self.creep.retardation_shares.sum())
+        self.noise = signal_noise(design, chips) / prompt**2
+        """Covariance N of an untouched skin's signals, (C, C), T^2: undoing creep raises what
+        changes from reading to reading by what is missing of a prompt answer."""
         self._chips = list(chips)
         self._most = _HARDER * most
         self._rim: list[float] = (geometry(design).extent + _BEYOND).tolist()
@@ -86,7 +90,7 @@ class SignalEstimator(Estimator):
             correction=correction,
             creep=self.creep,
             tracking=tracking or FOLLOWING,
-            idle=idle or IdleNoise(signal_noise(design, chips), chips, false_alarms),
+            idle=idle or IdleNoise(self.noise, chips, false_alarms),
             zeroed=zeroed,
         )
 
