@@ -91,7 +91,7 @@ def test_a_zero_asked_for_at_any_moment_makes_no_touch(planar, cycles):
     rest = Motion.rest(len(planar.magnets))
     places = rng.uniform(0.1, 0.9, (cycles, 2)) * [0.12, 0.16]
     estimator = ZeroFirst(smo.BayesEstimator(planar, skin_table(planar), creep=ELASTIC))
-    time, latest, refusals, phantoms, missed, away = 0.0, [], 0, 0, 0, 0
+    time, latest, refusals, phantoms, missed = 0.0, [], 0, 0, 0
     for place in places:
         motion = twin.motion([Contact(position=place, force=(0.0, 0.0, -0.5))])
         asked = rng.integers(0, 400)
@@ -107,7 +107,5 @@ def test_a_zero_asked_for_at_any_moment_makes_no_touch(planar, cycles):
                 assert ("let go first" in refusal) == touched
             phantoms += not held and status is Status.CONTACT
             missed += held and status is not Status.CONTACT
-            away += not held
     assert (phantoms, missed) == (0, 0)
-    assert away == 300 * cycles
     assert cycles < 50 or 5 <= refusals <= 25

@@ -108,6 +108,22 @@ def test_by_default_creep_of_the_columns_is_undone_and_drift_followed(planar, re
     assert (FOLLOWING.widening_rate, FOLLOWING.widening_limit) == (0.1e-6, 10e-6)
 
 
+@pytest.mark.parametrize("creep", [ELASTIC, Prony(moduli=[0.2, 0.2], times=[0.3, 5.0])])
+def test_its_noise_is_that_of_signals_with_creep_undone(planar, rest, creep):
+    rng = np.random.default_rng(4)
+    factor = np.linalg.cholesky(signal_noise(planar))
+    # All readings past the first limit of false alarms are read, which are nearly all of them.
+    estimator = Counting(planar, creep=creep, false_alarms=1 - 1e-9)
+    estimator.zero([rest])
+    for k in range(1, 2001):
+        noise = (factor @ rng.normal(size=9)).reshape(3, 3)
+        estimator.step(raised(planar, rest, 0.01 * k, noise))
+    read = np.array([signals for signals, _ in estimator.read])
+    assert len(read) > 1990
+    lengths = np.einsum("kc,cd,kd->k", read, np.linalg.inv(estimator.noise), read)
+    assert lengths.mean() == pytest.approx(9, rel=0.05)
+
+
 def test_after_a_touch_idleness_holds_anew(planar, rest):
     """The zero stays until the skin has been idle for `hold` after the touch."""
     estimator = Counting(planar, tracking=ZeroTracking(hold=1.0, time_constant=0.1))

@@ -20,9 +20,6 @@ from smoskin.errors import ArgumentError
 EARTH: Final = 100e-6
 """Spread u along each axis, T, of what a skin that turns in the Earth's field sees change at all of
 its chips alike: a field of 25 to 65 uT turned over changes by twice as much."""
-_ASKEW: Final = 0.03
-"""Share of a field that chips of one skin read differently: tilts of 1 degree and sensitivities of
-2 %, each way."""
 _TURNED: Final = 8e-6
 """Change of the field at all chips alike, T, past which the zero follows at once."""
 _TURNING: Final = 0.05
@@ -123,11 +120,10 @@ class IdleNoise:
 
     Notes
     -----
-    Idle where s^T (N + (v^2 + w^2) I + u^2 (1 1^T) x I)^-1 s is below the quantile of chi-square
-    that only `false_alarms` exceed; v is how far the zero may have moved unseen, u the spread of a
-    field that is the same at all chips (`EARTH`), and w what chips that are not quite alike make of
-    the one that is read. It leaves nothing to tell along three of the C directions of two or more
-    chips; a single chip's u and w are 0.
+    Idle where s^T (N + v^2 I + u^2 (1 1^T) x I)^-1 s is below the quantile of chi-square that only
+    `false_alarms` exceed; v is how far the zero may have moved unseen, u the spread of a field that
+    is the same at all chips (`EARTH`). It leaves nothing to tell along three of the C directions of
+    two or more chips; a single chip's u is 0.
     """
 
     def __init__(self, noise: Floats, chips: Sequence[int], false_alarms: float) -> None:
@@ -146,15 +142,8 @@ class IdleNoise:
 
     def __call__(self, change: Floats, unseen: float) -> bool:
         """Whether noise, and what moved unseen, explain a change, (S, 3), T."""
-        own = change[self._chips]
-        along, unseen_too = self._axes @ own.ravel(), self._variances + unseen**2
-        if float(along @ (along / unseen_too)) < self._limit:
-            return True
-        if len(own) == 1:
-            return False
-        common = own.mean(axis=0)
-        askew = _ASKEW**2 * min(float(common @ common), EARTH**2)
-        return float(along @ (along / (unseen_too + askew))) < self._limit
+        along = self._axes @ change[self._chips].ravel()
+        return float(along @ (along / (self._variances + unseen**2))) < self._limit
 
 
 class Zero:
