@@ -153,5 +153,7 @@ def train(
         return
     show(training.figure_rows(trained))
     typer.echo(f"Training ended: {trained.ended}.")
+    if trained.warning:
+        typer.echo(f"warning: {trained.warning}", err=True)
     for file in files:
         typer.echo(str(file))

@@ -11,7 +11,7 @@ from networks import TINY, random_network, tiny_network
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.sensing.network.samples import Lessons, TouchSource, TouchSpread, TrainingEffort
-from smoskin.sensing.network.training import likelihood_loss, train_network
+from smoskin.sensing.network.training import Trained, likelihood_loss, train_network
 from smoskin.sensing.signals.signals import signal_noise
 from tables_of_response import plain, reduced_table, table_with_modes
 
@@ -82,6 +82,25 @@ def test_some_seconds_of_training_find_touches(skin):
     assert [metric.unit for metric in model.metrics] == ["m", "1", "1"]
     assert model.metrics[0].value < 10e-3
     assert (said.novelty < 1).all()
+
+
+def test_a_network_far_worse_than_can_be_is_warned_of(skin):
+    model = tiny_network(skin)
+    error = model.metrics[0].value
+    fine, poor = Trained(model, (), "", error / 2), Trained(model, (), "", error / 4)
+    assert fine.warning == ""
+    text = f"held-out touches are {1e3 * error:.2f} mm off, where noise and the spread of skins "
+    assert poor.warning == f"{text}leave {250 * error:.2f} mm; train longer"
+
+
+@pytest.mark.slow
+def test_what_is_attainable_is_the_bound_of_noise_and_spread(skin):
+    table, effort = table_with_modes(skin), replace(SHORT, epochs=1)
+    wide = train_network(skin, table, effort=effort)
+    close = train_network(skin, reduced_table(skin), effort=effort)
+    dragged = train_network(skin, table, spread=TouchSpread(drag=0.3), effort=effort)
+    assert 1e-5 < close.attainable < wide.attainable < dragged.attainable < 0.05
+    assert wide.as_json()["attainable_place_error_mm"] == round(1e3 * wide.attainable, 4)
 
 
 def test_stated_regions_hold_what_they_state(skin):

@@ -21,6 +21,7 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import MissingExtraError, ModelError
 from smoskin.mechanics.viscoelasticity import Prony
+from smoskin.origami.geometry import places_to_the_rim
 from smoskin.outputs import write_output
 from smoskin.roles import Progress, unheard
 from smoskin.sensing.files import TensorFile
@@ -49,6 +50,7 @@ _HOLDS: Final = 0.9  # share of truths that stated regions shall hold
 _BEYOND: Final = 1.3  # distance that is believed, over the largest of held-out touches
 _FIRM: Final = 0.3  # N; normal force from which touches count for the figures
 _MEMORY: Final = 0.99  # share of the running mean of squared gradients that a step keeps
+_POOR: Final = 3.0  # ratio of errors to what is attainable from which people are warned
 _STEP: Final = 0.2  # root mean square of a step of Muon's, over the rate; Adam's is about 1
 _AVERAGED: Final = 0.98  # share of the running average of weights that a step keeps
 
@@ -74,6 +76,19 @@ class Trained(NamedTuple):
     """Learning curve, a point an epoch."""
     ended: str
     """Why it ended, in words."""
+    attainable: float = 0.0
+    """Error of the place, root mean square, m, that noise and the spread of skins leave a touch."""
+
+    @property
+    def warning(self) -> str:
+        """What people are warned of: a network far worse than can be; empty where it is not."""
+        error = self.model.metrics[0].value if self.model.metrics else 0.0
+        if error <= _POOR * self.attainable:
+            return ""
+        return (
+            f"held-out touches are {1e3 * error:.2f} mm off, where noise and the spread of skins "
+            f"leave {1e3 * self.attainable:.2f} mm; train longer"
+        )
 
     def save(self, path: Path | str) -> None:
         """Write the network's file, as `NetworkModel.save` does."""
@@ -92,6 +107,8 @@ class Trained(NamedTuple):
             "ended": self.ended,
             "held_out_nats": min(point.held_out for point in self.curve),
             "metrics": [metric._asdict() for metric in self.model.metrics],
+            "attainable_place_error_mm": round(1e3 * self.attainable, 4),
+            "warning": self.warning or None,
         }
 
 
@@ -133,7 +150,9 @@ def train_network(
             course.save(checkpoint, curve)
         coming.cancel()
         progress(f"stopped: {ended}", 1.0)
-        return Trained(_finished(lessons, course.best), tuple(course.curve), ended)
+        finished = _finished(lessons, course.best)
+        attainable = _attainable(table, signal_noise(design, table.chips), finished)
+        return Trained(finished, tuple(course.curve), ended, attainable)
 
 
 class _Course:
@@ -281,6 +300,22 @@ def _finished(lessons: Lessons, weights: State) -> NetworkModel:
     model = replace(lessons.model, layers=layers, whitener=whitener, reach=reach)
     model = replace(model, stretch=_stretch(model, lessons.held_out(1)))
     return replace(model, metrics=_metrics(model, lessons.held_out(2)))
+
+
+def _attainable(table: ResponseTable, noise: Floats, model: NetworkModel) -> float:
+    """Root mean square error of the place that a touch of 0.5 N leaves at best, m.
+
+    It is that of the bound with the covariance N + E |F|^2 + sum_k m_k m_k^T of the signals, drags
+    being anywhere in the disc of training.
+    """
+    rows = list(model.rows)
+    place = places_to_the_rim(table.basis.extent, (7, 9)).reshape(-1, 2)
+    force = np.tile([0.0, 0.0, -0.5], (len(place), 1))
+    slopes, modes = table.slopes(place, force)[..., rows], table.mode_signals(place, force)
+    spread = noise + 0.25 * table.misfit + np.einsum("bkc,bkd->bcd", modes, modes)
+    before = np.diag([4 / model.drag**2 if row in (2, 3) else 0.0 for row in rows])
+    bound = np.linalg.inv(before + slopes.swapaxes(1, 2) @ np.linalg.solve(spread, slopes))
+    return float(np.sqrt((bound[:, 0, 0] + bound[:, 1, 1]).mean()))
 
 
 def _stretch(model: NetworkModel, drawn: Drawn) -> Floats:
