@@ -241,6 +241,14 @@ def test_breaking_off_closes_everything() -> None:
     assert (source.closed, sink.closings) == (True, 1)
 
 
+def test_the_log_tells_of_a_loop_once(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO", "smoskin")
+    with Loop(ListSource([]), FlagEstimator()) as loop:
+        list(loop)
+        loop.close()
+    assert len(caplog.messages) == 1
+
+
 def test_the_context_closes_even_a_loop_that_never_ran() -> None:
     source, sink = ListSource(ticks(5)), ListSink()
     with Loop(source, FlagEstimator(), sinks=[sink]):

@@ -94,6 +94,7 @@ class Loop(Resource):
         self._sinks = tuple(sinks)
         self._deadline = deadline
         self._clock = clock
+        self._closed = False
         self._lock = threading.Lock()
         self._statuses: Counter[Status] = Counter()
         self._arrivals: deque[float] = deque(maxlen=_WINDOW)
@@ -134,12 +135,13 @@ class Loop(Resource):
 
     def close(self) -> None:
         """Close the source and every sink, whatever any of them raises."""
-        if _LOG.isEnabledFor(logging.INFO):
+        if not self._closed and _LOG.isEnabledFor(logging.INFO):
             done = self.counters
             _LOG.info(
                 "%d readings at %.1f Hz, %.2f ms to the sinks, %d dropped",
                 *(done.readings, done.rate, 1e3 * done.latency_median, done.dropped),
             )
+        self._closed = True
         with ExitStack() as stack:
             for sink in reversed(self._sinks):
                 stack.callback(sink.close)
