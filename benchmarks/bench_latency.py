@@ -91,7 +91,7 @@ def main() -> None:
         for drag in (0.0, 0.5)
     )
     said = {
-        name: readings(twin, session, rng)
+        name: readings(twin, session, rng).readings
         for name, session in (
             ("straight", straight),
             ("dragged", dragged),

@@ -63,7 +63,7 @@ def tell_latency(design: SkinDesign, model: NetworkModel, twin: Twin) -> None:
     """Of the network alone and of a whole step, beside an addition and the chips' conversion."""
     estimator = NetworkEstimator(design, model)
     session = next(iter(grid_sessions(twin, np.random.default_rng(1), forces=(0.5,), count=300)))
-    stream = readings(twin, session, np.random.default_rng(2))
+    stream = readings(twin, session, np.random.default_rng(2)).readings
     estimator.zero(stream[:UNTOUCHED])
     taken = []
     for reading in stream[UNTOUCHED:]:
