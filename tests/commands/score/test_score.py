@@ -215,7 +215,15 @@ def test_people_see_every_force_region_and_target(sheet):
     for table in sheet.tables():
         console.print(table)
     text = console.export_text()
-    for word in ("0.3 to 1 N", "0.1 N", "rim", "inside", "Targets", "bound by noise"):
+    for word in (
+        "plain world",
+        "0.3 to 1 N",
+        "0.1 N",
+        "rim",
+        "inside",
+        "Targets",
+        "bound by noise",
+    ):
         assert word in text
     assert "…" not in text
 

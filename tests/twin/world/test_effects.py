@@ -227,6 +227,20 @@ def test_fingers_are_as_wide_as_hertz_has_them():
     assert wide.max() == pytest.approx(3.91e-3, rel=0.02)
 
 
+def test_fingers_drag_no_more_than_friction_lets_them():
+    rng = np.random.default_rng(1)
+    force = np.concatenate(
+        [rng.uniform(-0.4, 0.4, (300, 1, 2)), -rng.uniform(0.1, 1, (300, 1, 1))], -1
+    )
+    asked = Touches(position=np.zeros((300, 1, 2)), force=force)
+    made = Fingers().fingers(asked, rng).force
+    assert_array_equal(made[..., 2], force[..., 2])
+    before, after = (np.hypot(f[..., 0], f[..., 1]) for f in (force, made))
+    assert (after <= np.minimum(before, -0.8 * force[..., 2]) + 1e-12).all()
+    assert_array_equal(made[before <= -0.2 * force[..., 2]], force[before <= -0.2 * force[..., 2]])
+    assert_allclose(made[..., 0] * force[..., 1], made[..., 1] * force[..., 0], atol=1e-12)
+
+
 def test_worlds_are_known_by_name():
     assert world_of() is PLAIN
     assert world_of("hard") is HARD

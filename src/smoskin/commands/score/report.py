@@ -281,10 +281,11 @@ class ScoreSheet:
 
     def tables(self) -> "list[Table]":
         """Figures of each case, and the targets, for people."""
+        of = f"{len(self.exam.skins)} unseen skins, {self.exam.world.name} world"
         return [
             *(
                 _table(
-                    f"{case.name}: {len(self.exam.skins)} unseen skins",
+                    f"{case.name}: {of}",
                     [_row(part) for part in (case.headline, *case.levels, *case.regions)],
                 )
                 for case in self.cases

@@ -12,6 +12,9 @@ from smoskin.twin.manufacture import Deviations, Tolerances
 from smoskin.twin.world.effect import Effect
 from smoskin.twin.world.strangers import STRANGERS
 
+_HELD = 0.2
+"""Share of a press by which a finger holds the sheet where it presses straight."""
+
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,20 +43,27 @@ class Cover(Effect):
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fingers(Effect):
-    """Fingers of several sizes, by Hertz on the rubber; one table knows a single patch of 4 mm.
+    """Fingers of several sizes, by Hertz on the rubber, that drag no more than friction lets them.
 
-    They stick: 0.12 to 0.19 of friction is enough for it, and a dry finger has 0.5 and more.
+    One table knows a single patch of 4 mm. Straight presses stick: what they hold by themselves
+    takes 0.12 to 0.19 of friction, and a finger has more.
     """
 
     radii: tuple[float, float] = (2e-3, 8e-3)
     """Least and largest radius of a fingertip, m: a probe's, and a thumb's."""
     modulus: float = 1.0e5
     """E*, Pa: Ecoflex 00-30's 75 kPa over 1 - nu^2."""
+    friction: tuple[float, float] = (0.4, 1.0)
+    """Least and largest friction of a fingertip: greased, and dry."""
 
     def fingers(self, touches: Touches, rng: np.random.Generator) -> Touches:
         """As `Effect.fingers`: patches under a newton, ``(3 R F / (4 E*))^(1/3)``."""
         radius = rng.uniform(*self.radii, touches.radius.shape)
-        return replace(touches, radius=np.cbrt(0.75 * radius / self.modulus))
+        most = (rng.uniform(*self.friction, touches.radius.shape) - _HELD) * -touches.force[..., 2]
+        drag = np.hypot(touches.force[..., 0], touches.force[..., 1])
+        share = np.divide(most, drag, out=np.ones_like(drag), where=drag > most)
+        force = touches.force * np.stack([share, share, np.ones_like(share)], axis=-1)
+        return replace(touches, force=force, radius=np.cbrt(0.75 * radius / self.modulus))
 
 
 @final
