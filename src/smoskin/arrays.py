@@ -63,6 +63,30 @@ def frozen(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Floats
     return copy
 
 
+def wholes(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Ints:
+    """A read-only copy of `value`, whole numbers with exactly this shape."""
+    try:
+        given = np.asarray(value)
+        copy = given.astype(np.int64)
+        exact = given.dtype.kind in "iub" and bool((copy == given).all())
+    except (TypeError, ValueError, OverflowError):
+        exact = False
+    if not exact:
+        raise ArgumentError(f"{name} must be whole numbers; got {value!r:.100}")
+    if copy.shape != shape:
+        raise ArgumentError(f"{name} must have shape {shape}; got {copy.shape}")
+    copy.flags.writeable = False
+    return copy
+
+
+def each(name: str, value: ArrayLike, count: int) -> Floats:
+    """`value` as one number for each of so many rows, (count,); one alone stands for all."""
+    given = floats(name, value)
+    if given.shape not in ((), (1,), (count,)):
+        raise ArgumentError(f"{name} must be one number or {count}; got shape {given.shape}")
+    return np.broadcast_to(given, count)
+
+
 def _real(value: ArrayLike) -> ArrayLike:
     """The value itself, which must not be complex: NumPy would drop its imaginary part."""
     if getattr(getattr(value, "dtype", None), "kind", "f") == "c":

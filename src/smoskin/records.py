@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Bools, Floats, Ints, assign, freeze, frozen
+from smoskin.arguments import typed
+from smoskin.arrays import Bools, Floats, Ints, assign, freeze, frozen, wholes
 from smoskin.errors import ArgumentError
 
 
@@ -83,23 +84,12 @@ class Reading:
         values = frozen("field", field, (None, 3))
         chips = len(values)
         degrees = np.full(chips, np.nan) if temperature is None else temperature
-        marks = np.zeros(chips, np.int64) if flags is None else _flags(flags)
-        if marks.shape != (chips,):
-            raise ArgumentError(f"flags must have shape ({chips},); got {marks.shape}")
-        marks.setflags(write=False)
+        marks = wholes("flags", np.zeros(chips, int) if flags is None else flags, (chips,))
         assign(self, time=seconds, field=values, temperature=degrees, flags=marks)
         freeze(self, temperature=(chips,))
 
     def __eq__(self, other: object) -> bool:
         return _same(self, other)
-
-
-def _flags(flags: ArrayLike) -> Ints:
-    """Flags as whole numbers of our own."""
-    try:
-        return np.array(flags, np.int64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise ArgumentError(f"flags must be whole numbers; got {flags!r:.100}") from error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -132,6 +122,7 @@ class Contact:
         return _same(self, other)
 
 
+@typed
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimate:
     """Touches that an estimator finds in one reading."""
@@ -153,6 +144,7 @@ class Estimate:
         return _same(self, other)
 
 
+@typed
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HeldTouch:
     """A touch of known place and force, with what the chips read before it and during it.

@@ -13,6 +13,7 @@ from typing import Self, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from smoskin.arguments import typed
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.mlx90393 import HallSample
@@ -232,6 +233,7 @@ class VirtualSkin(ABC):
     ) -> Reading:
         """What the chips read in one state at a time, s; `ChipFlag.INVALID` in an invalid one."""
 
+    @typed
     def read(
         self,
         contacts: Sequence[Contact] = (),

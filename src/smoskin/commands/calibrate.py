@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from smoskin.arguments import typed
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, RecordingError
 from smoskin.feasibility import load_design
@@ -173,6 +174,7 @@ class TouchCalibration:
         return [shown, judged]
 
 
+@typed
 def calibrate(
     table: ResponseTable,
     touches: Touches,

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from smoskin.arguments import typed
 from smoskin.arrays import Floats
 from smoskin.datasets.patterns import Repeated, Sweep
 from smoskin.datasets.store import Dataset, write_dataset
@@ -70,6 +71,7 @@ class Effort:
             raise ArgumentError(f"force must rise from above 0; got {self.force} and {self.drag} N")
 
 
+@typed
 def make_table(
     design: SkinDesign,
     effort: Effort | None = None,

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from smoskin.arguments import Seed, typed
 from smoskin.design.document import shipped_design
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
@@ -24,11 +25,12 @@ if TYPE_CHECKING:
     from smoskin.sensing.network.training import Trained
 
 
+@typed
 def train(
     table: ResponseTable | Path | str,
     *,
     minutes: float | None = None,
-    seed: int = 0,
+    seed: Seed = 0,
     design: SkinDesign | str | None = None,
     chips: Sequence[int] | None = None,
     drag: float = 0.0,

@@ -10,6 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from smoskin.arguments import typed
 from smoskin.arrays import Floats
 from smoskin.design.document import shipped_design
 from smoskin.design.skin import SkinDesign
@@ -30,6 +31,7 @@ _FAULTS: Final = (Status.CHIP_MISSING, Status.SATURATED, Status.STALE)
 """Answers to readings that tell of the chips, not of the skin."""
 
 
+@typed
 def load_estimator(
     path: str | os.PathLike[str],
     design: SkinDesign | None = None,
@@ -97,6 +99,7 @@ class ZeroFirst(Estimator):
     positive.
     """
 
+    @typed
     def __init__(self, estimator: Estimator, *, count: int = 20) -> None:
         if count < 1:
             raise ArgumentError(f"count must be at least 1; got {count}")
@@ -116,6 +119,7 @@ class ZeroFirst(Estimator):
         self._untouched.clear()
         self.zeroed = False
 
+    @typed
     def zero(self, readings: Sequence[Reading], *, force: bool = False) -> None:
         """Take these readings of the untouched skin as the zero, and wait for no others."""
         self.estimator.zero(readings, force=force)
@@ -126,6 +130,7 @@ class ZeroFirst(Estimator):
         """Return to the zero before the last; `ArgumentError` if there is none."""
         self.estimator.unzero()
 
+    @typed
     def step(self, reading: Reading) -> Estimate:
         """The other estimator's answer, once it is zeroed."""
         estimate = self.estimator.step(reading)
@@ -140,10 +145,10 @@ class ZeroFirst(Estimator):
 
 def _holds_arrays(path: Path) -> bool:
     """Whether a file begins as tensor files do, with a length in binary: text holds no zeros."""
-    if not path.is_file():
-        return False  # whoever reads it says why it cannot be read
-    with suppress(OSError), path.open("rb") as file:
-        return b"\0" in file.read(8)
+    with suppress(OSError):  # whoever reads it says why it cannot be read
+        if path.is_file():
+            with path.open("rb") as file:
+                return b"\0" in file.read(8)
     return False
 
 

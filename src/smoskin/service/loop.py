@@ -17,6 +17,7 @@ from typing import Final, final
 
 import numpy as np
 
+from smoskin.arguments import typed
 from smoskin.errors import ArgumentError
 from smoskin.records import Estimate, Status
 from smoskin.roles import Estimator, Resource, Sink, Source
@@ -78,6 +79,7 @@ class Loop(Resource):
             print(loop.counters.rate)
     """
 
+    @typed
     def __init__(
         self,
         source: Source,

@@ -15,6 +15,7 @@ from io import BufferedWriter
 from pathlib import Path
 from typing import Any, Final, final
 
+from smoskin.arguments import typed
 from smoskin.design.document import format_design
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, MissingExtraError, RecordingError
@@ -78,6 +79,7 @@ class Recorder(Sink):
         If mcap or rosbags is not installed.
     """
 
+    @typed
     def __init__(
         self,
         path: str | os.PathLike[str],

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from smoskin.arguments import Seed, typed
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, check_temperature
@@ -63,8 +64,9 @@ class ReducedTwin(MagneticSkin):
     (3, 3)
     """
 
+    @typed
     def __init__(
-        self, design: SkinDesign, *, seed: int | None = 0, deviations: Deviations | None = None
+        self, design: SkinDesign, *, seed: Seed | None = 0, deviations: Deviations | None = None
     ) -> None:
         self.design = design
         self.noise = None if seed is None else np.random.default_rng(seed)

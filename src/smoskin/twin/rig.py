@@ -9,6 +9,7 @@ from urllib.parse import parse_qsl
 
 import numpy as np
 
+from smoskin.arguments import Seed, typed
 from smoskin.arrays import Bools, Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, SourceError
@@ -69,12 +70,13 @@ class VirtualRig(Rig):
     26
     """
 
+    @typed
     def __init__(
         self,
         skin: SkinDesign | VirtualSkin,
         rng: np.random.Generator | None = None,
         *,
-        seed: int = 0,
+        seed: Seed = 0,
         temperature: float = REFERENCE_TEMPERATURE,
         creep: bool = True,
         drift: float = 0.3e-6,
@@ -107,6 +109,7 @@ class VirtualRig(Rig):
         """Standard deviation of the gauge's forces, along each axis, N."""
         return self._gauge
 
+    @typed
     def press(self, contact: Contact, timeout: float = 30.0) -> HeldTouch:
         """As `Rig.press`; `timeout` is in seconds of the skin's time."""
         if timeout < _PERIOD:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, final
 
 import numpy as np
 
+from smoskin.arguments import Seed, typed
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
@@ -94,11 +95,12 @@ class Twin(MagneticSkin):
     (3, 3)
     """
 
+    @typed
     def __init__(
         self,
         design: SkinDesign,
         *,
-        seed: int | None = 0,
+        seed: Seed | None = 0,
         manufactured: bool = False,
         tolerances: Tolerances | None = None,
         grip: Grip | None = None,

@@ -209,7 +209,7 @@ def test_wrong_examples_are_refused():
         train_model(replace(examples, targets=np.ones((81, 2))), encoding)
     with pytest.raises(ArgumentError, match=r"targets must have shape \(..., 81, 2\)"):
         replace(examples, targets=np.ones((81, 3)))
-    with pytest.raises(ArgumentError, match="group must be 81 whole numbers; got float64"):
+    with pytest.raises(ArgumentError, match=r"group must be whole numbers; got array\(\[0\."):
         replace(examples, group=np.zeros(81))
     with pytest.raises(ArgumentError, match="field and time must be finite"):
         replace(examples, field=np.full((81, 3, 3), np.nan))

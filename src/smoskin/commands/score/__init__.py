@@ -15,6 +15,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
+from smoskin.arguments import typed
 from smoskin.arrays import Floats
 from smoskin.commands.score.errors import Answers, together
 from smoskin.commands.score.evaluate import Exam, Session, grid_sessions, judge, label, pair_session
@@ -50,6 +51,7 @@ _ROOM: Final = 22.0
 """Temperature at which skins are calibrated, degC."""
 
 
+@typed
 def score(
     file_or_model: Scored,
     design: SkinDesign | str = "planar",

@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from smoskin.arguments import typed
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.nonlinearity import field_curvature, straightened
@@ -69,6 +70,7 @@ class BayesEstimator(SignalEstimator):
     (`TouchPriors.slide`) and comes first.
     """
 
+    @typed
     def __init__(
         self,
         design: SkinDesign,

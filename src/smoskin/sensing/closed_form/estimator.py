@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from smoskin.arguments import typed
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
@@ -66,6 +67,7 @@ class ClosedFormEstimator(SignalEstimator):
     ('CONTACT', [0.05, 0.067])
     """
 
+    @typed
     def __init__(
         self,
         design: SkinDesign,

@@ -13,13 +13,14 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from smoskin.arguments import typed
 from smoskin.arrays import Floats, floats, frozen
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.files import TensorFile, freeze_model
 from smoskin.sensing.learned.inputs import Encoding, Form, History, Past
-from smoskin.sensing.signals.guards import ChipGuard, Clock, check_reading
+from smoskin.sensing.signals.guards import ChipGuard, Clock
 from smoskin.sensing.signals.signals import LET_GO
 from smoskin.sensing.signals.zero import IdleBand, Zero, ZeroTracking
 
@@ -252,6 +253,7 @@ class LearnedEstimator(Estimator):
         If the zero is not finite, or the model tells several touches by their spread.
     """
 
+    @typed
     def __init__(
         self,
         model: LearnedModel,
@@ -291,6 +293,7 @@ class LearnedEstimator(Estimator):
             drift[self._chips] = self._zero.drift.reshape(-1, 3)
         return drift
 
+    @typed
     def zero(self, readings: Sequence[Reading], *, force: bool = False) -> None:
         """Take the mean of these readings, made while nothing touches, as the zero.
 
@@ -323,6 +326,7 @@ class LearnedEstimator(Estimator):
         self._zero, self._before = self._before, None
         self._rest()
 
+    @typed
     def step(self, reading: Reading) -> Estimate:
         """The touch that one reading shows.
 
@@ -372,7 +376,6 @@ class LearnedEstimator(Estimator):
 
     def _check_chips(self, reading: Reading) -> None:
         """Raise unless the reading has the model's number of chips."""
-        check_reading(reading)
         if len(reading.field) != self.model.chips_in_reading:
             raise ArgumentError(
                 f"reading must come from {self.model.chips_in_reading} chips, as the model's "

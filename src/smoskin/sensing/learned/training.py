@@ -17,7 +17,8 @@ from scipy.linalg.lapack import dpotri
 from scipy.optimize import fmin_l_bfgs_b
 from scipy.spatial.distance import cdist
 
-from smoskin.arrays import Bools, Floats, Ints, assign, floats, freeze, frozen
+from smoskin.arguments import Seed, typed
+from smoskin.arrays import Bools, Floats, Ints, assign, floats, freeze, frozen, wholes
 from smoskin.errors import ArgumentError
 from smoskin.roles import Progress, unheard
 from smoskin.sensing.learned.gaussian_process import LearnedModel, Metric, Output
@@ -29,6 +30,7 @@ _BELIEVED_SHARE: Final = 0.99  # of the held-out examples, which decide how far 
 _BEYOND: Final = 2.0  # distance that is believed, over that which holds the believed share
 
 
+@typed
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Examples:
     """Readings with known answers.
@@ -57,14 +59,7 @@ class Examples:
         targets = (rows, len(self.outputs))
         freeze(self, time=(rows,), field=(rows, None, 3), targets=targets)
         for name in ("group", "run"):
-            value = np.asarray(getattr(self, name))
-            if value.shape != (rows,) or not np.issubdtype(value.dtype, np.integer):
-                raise ArgumentError(
-                    f"{name} must be {rows} whole numbers; got {value.dtype} of shape {value.shape}"
-                )
-            value = value.astype(np.int64)
-            value.setflags(write=False)
-            assign(self, **{name: value})
+            assign(self, **{name: wholes(name, getattr(self, name), (rows,))})
         if not (np.isfinite(self.field).all() and np.isfinite(self.time).all()):
             raise ArgumentError("field and time must be finite; drop the rows that are not")
 
@@ -114,11 +109,12 @@ class FittingEffort:
                 raise ArgumentError(f"{name} must be at least 1; got {getattr(self, name)}")
 
 
+@typed
 def train_model(
     examples: Examples,
     encoding: Encoding,
     *,
-    seed: int = 0,
+    seed: Seed = 0,
     effort: FittingEffort | None = None,
     place: ArrayLike = (0.0, 0.0),
     touch_field: float = 30e-6,

@@ -5,6 +5,7 @@ Decides whether the model may be believed: up to a novelty of 1. Needs NumPy and
 
 import numpy as np
 
+from smoskin.arguments import typed
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.mechanics.viscoelasticity import Prony
@@ -39,6 +40,7 @@ class NetworkEstimator(SignalEstimator):
         If the chance does not lie in (0, 1).
     """
 
+    @typed
     def __init__(
         self,
         design: SkinDesign,

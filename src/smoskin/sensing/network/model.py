@@ -14,6 +14,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from smoskin.arguments import typed
 from smoskin.arrays import Floats, assign, floats
 from smoskin.errors import ModelError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
@@ -139,6 +140,7 @@ class NetworkModel:
         """Number of networks, M."""
         return len(self.layers[0].weights)
 
+    @typed
     def predict(self, signals: ArrayLike, temperature: float = REFERENCE_TEMPERATURE) -> Prediction:
         """The touches behind signals (B, 3 S), T, of the model's chips, on rubber at so many degC.
 

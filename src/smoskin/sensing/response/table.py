@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Floats, floats
+from smoskin.arrays import Floats, each, floats
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.magnetics.nonlinearity import cross_signals
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
@@ -130,8 +130,7 @@ class ResponseTable:
         rubber's temperature, (B,) or (), is in degC.
         """
         place, push = touch_arrays(position, force)
-        warmer = floats("temperature", temperature) - REFERENCE_TEMPERATURE
-        warmer = np.broadcast_to(warmer, len(place))[:, None]
+        warmer = (each("temperature", temperature, len(place)) - REFERENCE_TEMPERATURE)[:, None]
         both = np.concatenate([self.mean, self.warmth], axis=-1)
         out = self.basis.sums(both, place, push / (1 + self.softening * warmer))
         return np.asarray(out[:, : self.count] + warmer * out[:, self.count :])

@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from smoskin.arguments import typed
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
@@ -106,6 +107,7 @@ class SignalEstimator(Estimator):
         """How far the zero has followed since it was set, shape (S, 3), T."""
         return self._signals.drift
 
+    @typed
     def zero(self, readings: Sequence[Reading], *, force: bool = False) -> None:
         """Take the mean of these readings of the untouched skin as its zero; all chips count.
 
@@ -130,6 +132,7 @@ class SignalEstimator(Estimator):
         self._signals.reset()
         self._forget()
 
+    @typed
     def step(self, reading: Reading) -> Estimate:
         """What one reading shows."""
         signal = self._signals.step(reading)

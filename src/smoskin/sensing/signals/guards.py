@@ -14,7 +14,6 @@ from typing import Final
 import numpy as np
 
 from smoskin.design.skin import HallSetting
-from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
 from smoskin.records import ChipFlag, Reading, Status
 
@@ -36,12 +35,6 @@ _STILL: Final = 10
 """Readings that a chip repeats to count as frozen, if the others have moved meanwhile."""
 _MOVED: Final = 60e-6
 """Change of another chip's field along an axis, T, that no noise makes."""
-
-
-def check_reading(reading: object) -> None:
-    """Raise `ArgumentError` unless this is a `Reading`."""
-    if not isinstance(reading, Reading):
-        raise ArgumentError(f"reading must be a Reading; got {reading!r:.100}")
 
 
 class Clock:

@@ -21,7 +21,7 @@ from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, temperature_fac
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.origami.geometry import geometry
 from smoskin.records import Reading, Status
-from smoskin.sensing.signals.guards import PLAUSIBLE, ChipGuard, Clock, check_reading
+from smoskin.sensing.signals.guards import PLAUSIBLE, ChipGuard, Clock
 from smoskin.sensing.signals.settling import Settling
 from smoskin.sensing.signals.zero import IdleTest, Zero, ZeroTracking
 
@@ -266,7 +266,6 @@ class Signals:
 
     def _check_chips(self, reading: Reading) -> None:
         """Raise unless the reading has the design's number of chips."""
-        check_reading(reading)
         if reading.field.shape != self.rest_field.shape:
             raise ArgumentError(
                 f"reading must come from {len(self.rest_field)} chips, as the design has; "
