@@ -250,3 +250,20 @@ def test_a_table_of_another_design_does_not_run(planar, own_table):
 def test_a_calibration_that_is_not_there_is_named(tmp_path):
     with pytest.raises(ModelError, match=r"nowhere\.toml"):
         next(iter(Watch(REDUCED, calibration=tmp_path / "nowhere.toml")))
+
+
+def test_what_is_sought_again_on_the_page_counts_once(planar, tmp_path):
+    twin = ReducedTwin(planar, seed=1)
+    touch = Contact(position=(0.05, 0.0667), force=(0.0, 0.0, -0.5))
+    with Recorder(tmp_path / "a.mcap", planar) as recorder:
+        for k in range(60):
+            recorder.write(twin.read([touch] * (30 <= k < 50), time=0.02 * k))
+    with Watch(f"replay:{tmp_path / 'a.mcap'}?speed=max", view=True) as watch:
+        for number, _ in enumerate(watch):
+            if number in (40, 60):
+                watch._played.seek(0.5)
+            if number == 90:
+                break
+    summary = watch.summary
+    assert summary.touches == 1
+    assert summary.readings == sum(summary.statuses.values()) == 55  # and 36 again

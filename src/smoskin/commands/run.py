@@ -8,6 +8,7 @@ import json
 import math
 import os
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
@@ -127,7 +128,10 @@ class Watch(Resource):
         if record is not None:
             check_output(record, force=force)
         self._seconds = seconds
-        self._touches = 0
+        self._begun: set[int] = set()
+        """Readings with which touches began that were shown."""
+        self._shown: dict[int, Status] = {}
+        """Answers to readings of a recording that is sought in, each once."""
         with ExitStack() as stack:
             if str(url).startswith("twin:"):
                 say(f"Making the skin of {url}.")
@@ -143,9 +147,10 @@ class Watch(Resource):
             )
             self._estimator = ZeroFirst(estimator) if zero else estimator
             self._page: _Page | None = None
+            self._seekable = view and record is None and self._played is not None
             if view:
                 # A recording of one that is sought in would hold what nobody did.
-                seekable = self._played if record is None else None
+                seekable = self._played if self._seekable else None
                 self._page = stack.enter_context(_Page(skin, port, self._source, seekable))
                 if seekable is not None:
                     seekable.on_rewind = self._estimator.reset
@@ -163,13 +168,18 @@ class Watch(Resource):
     def __iter__(self) -> Iterator[Estimate]:
         """Estimates, one for each reading, until the source ends or the time is over."""
         first: float | None = None
-        touched = False
-        for estimate in self._loop:
+        touched, began = False, 0
+        for count, estimate in enumerate(self._loop):
+            number = count if self._played is None else self._played.number
+            began = began if touched else number
+            touched = bool(estimate.contacts)
             if self._played is not None and self._played.goal is not None:
                 continue  # what is sought lies ahead
             first = estimate.time if first is None else first
-            self._touches += bool(estimate.contacts) and not touched
-            touched = bool(estimate.contacts)
+            if touched:
+                self._begun.add(began)
+            if self._seekable:
+                self._shown[number] = estimate.status
             yield estimate
             # Not while something touches: it would be the zero.
             if self._page is not None and self._page.zero_asked.is_set() and not touched:
@@ -189,16 +199,17 @@ class Watch(Resource):
 
     @property
     def summary(self) -> Summary:
-        """What has been read so far."""
+        """What has been read so far; what is shown again on the page counts once."""
         counters, recorder = self._loop.counters, self._recorder
+        statuses = Counter(self._shown.values()) if self._seekable else counters.statuses
         played = None if self._played is None else self._played.recording
         return Summary(
-            readings=counters.readings,
+            readings=sum(statuses.values()),
             rate_hz=_rounded(counters.rate, 2),
             latency_ms_median=_rounded(counters.latency_median * 1e3, 3),
             latency_ms_p99=_rounded(counters.latency_p99 * 1e3, 3),
-            statuses={status.name: n for status, n in counters.statuses.items() if n},
-            touches=self._touches,
+            statuses={status.name: n for status in Status if (n := statuses[status])},
+            touches=len(self._begun),
             skipped=self._source.missed if isinstance(self._source, TwinSource) else 0,
             lost=0 if played is None else played.lost_readings,
             damage=self._damage,

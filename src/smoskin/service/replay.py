@@ -58,6 +58,7 @@ class ReplaySource(Source):
         self._reached: float | None = None
         self._start: float | None = None
         self._position = 0.0
+        self._number = -1
         self._asked: deque[float] = deque(maxlen=1)
         self._goal: float | None = None
         self._paused = self._ended = False
@@ -97,6 +98,11 @@ class ReplaySource(Source):
     def position(self) -> float:
         """Time of the last reading since that of the first, s."""
         return self._position
+
+    @property
+    def number(self) -> int:
+        """Place of the last reading in the recording, from 0."""
+        return self._number
 
     @property
     def goal(self) -> float | None:
@@ -148,6 +154,7 @@ class ReplaySource(Source):
         reading, self._waiting = self._waiting, None
         self._start = reading.time if self._start is None else self._start
         self._position = reading.time - self._start
+        self._number += 1
         if self._goal is not None and self._position >= self._goal - _SAME:
             self._goal = None
             self._pace.restart()
@@ -178,7 +185,7 @@ class ReplaySource(Source):
         if self._start is None or self._goal > self._position:
             return
         self._readings = self._recording.readings()
-        self._reached, self._position = None, 0.0
+        self._reached, self._position, self._number = None, 0.0, -1
         self.on_rewind()
 
     def _next(self) -> Reading | None:

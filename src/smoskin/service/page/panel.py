@@ -20,7 +20,7 @@ from smoskin.records import ChipFlag, Contact, Status
 from smoskin.service.page.parts import css, html
 from smoskin.service.page.player import Player
 from smoskin.service.page.scene import CREASE, ESTIMATED, SUNK, TRUE, Moment
-from smoskin.service.page.tally import Tally
+from smoskin.service.page.tally import JUMP, Tally
 from smoskin.service.replay import ReplaySource
 
 if TYPE_CHECKING:
@@ -31,8 +31,6 @@ _HISTORY: Final = 10.0
 _QUIET: Final = 20.0
 """Least that a plot shows to both sides of 0, uT, so that noise looks like noise."""
 _STALE_AFTER: Final = 1.0
-_JUMP: Final = 3.0
-"""s from one moment to the next after which curves begin anew."""
 _GREY, _GREEN, _AMBER, _RED, _BLUE = "#8a919c", "#2b8a5f", "#d08700", "#c92a2a", "#1f6fb5"
 _STATUS: Final = {
     Status.CONTACT: ("Touched", _GREEN),
@@ -85,7 +83,7 @@ class Panel:
         self._start = 0.0
         self._scale = _QUIET
         self._history: deque[tuple[float, Floats]] = deque()
-        self.tally = Tally(geometry(design).extent)
+        self.tally = Tally(geometry(design).extent, once=played is not None)
         self.end = ""
         """Last sentence of the page, empty while it goes on."""
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 111, 181))
@@ -166,7 +164,7 @@ class Panel:
         # A chip that gives no numbers keeps its last good ones; its heading says so.
         bad = (reading.flags & _BAD) != 0
         self._field = np.where(bad[:, None], self._field, reading.field)
-        if self._history and not 0.0 < reading.time - self._history[-1][0] <= _JUMP:
+        if self._history and not 0.0 < reading.time - self._history[-1][0] <= JUMP:
             self._history.clear()  # a clock set anew, or a jump in a recording
         if not self._history:
             self._start = reading.time

@@ -4,6 +4,7 @@ Decides what one touch is (from the first estimate of a contact to the first wit
 error is the median over it. Hides the open touch.
 """
 
+import math
 from collections import deque
 from typing import Final
 
@@ -14,16 +15,27 @@ from smoskin.records import Status
 from smoskin.service.page.parts import html
 from smoskin.service.page.scene import ESTIMATED, Moment
 
+JUMP: Final = 3.0
+"""s from one moment to the next past which it does not follow it."""
 _TRAIL: Final = 150
 _BINS: Final = 12
 """Squares of the map along each side of the skin."""
 
 
 class Tally:
-    """The touches so far on a skin of this extent (2,), m."""
+    """The touches so far on a skin of this extent (2,), m.
 
-    def __init__(self, extent: Floats) -> None:
+    Where moments are counted `once`, by their times, one that is shown again adds nothing, nor does
+    the rest of a touch of which a part is shown again.
+    """
+
+    def __init__(self, extent: Floats, *, once: bool = False) -> None:
         self._extent = extent
+        self._once = once
+        self._seen: set[float] = set()
+        self._last = math.nan
+        self._counted = False
+        """Whether the touch that is shown is one of those counted."""
         self._counts = np.zeros((_BINS, _BINS), dtype=int)
         self._errors: list[float] = []
         self._open: list[tuple[Floats, float]] = []
@@ -37,12 +49,20 @@ class Tally:
 
     def add(self, moment: Moment) -> None:
         """Take note of what a moment shows."""
-        estimate = moment.estimate
+        estimate, time = moment.estimate, moment.reading.time
+        if not 0.0 < time - self._last <= JUMP:
+            self._finish()
+        again, self._last = time in self._seen, time
+        if self._once:
+            self._seen.add(time)
         if estimate is None or estimate.status is not Status.CONTACT:
             self._finish()
             return
         places = [contact.position for contact in estimate.contacts]
         self._trail.extend(places)
+        if again or self._counted:
+            self._counted, self._open = True, []
+            return
         for place in places:
             offs = [float(np.linalg.norm(place - true.position)) for true in moment.truth]
             self._open.append((place, min(offs, default=np.nan)))
@@ -74,6 +94,7 @@ class Tally:
 
     def _finish(self) -> None:
         """Count the touch that has ended, if one was open."""
+        self._counted = False
         if not self._open:
             return
         places, errors = zip(*self._open, strict=True)
