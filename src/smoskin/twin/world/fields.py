@@ -65,7 +65,7 @@ class Steel(Effect):
     """A steel part that passes by as the arm moves: a sphere, as dipole in its middle.
 
     Its moment is ``M V + 4 pi a^3 B / mu_0``: what it keeps, and the image of the Earth's field B
-    in iron. The image of the skin's own magnets, which have no dipole, is left out: below 1 nT.
+    in iron. The image of the skin's own magnets, which have no dipole, is left out: some 10 nT.
     """
 
     on_bench = False

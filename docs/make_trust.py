@@ -1,0 +1,136 @@
+"""Writes the table and the figure of docs/trust.md: what each effect of the hard world costs.
+
+Run ``python docs/make_trust.py`` after changing trust.json; ``python docs/make_trust.py NAME ...``
+measures worlds or effects anew first, with `smo.score`, some minutes each (``--skins 31,32
+--count 20``). A test compares page and figures.
+"""
+
+import argparse
+import json
+import re
+from pathlib import Path
+
+FIGURES = Path(__file__).parent / "trust.json"
+PAGE = Path(__file__).parent / "trust.md"
+PLOT = Path(__file__).parent / "trust.svg"
+TOLD = {
+    "plain": "the plain world",
+    "stream": "the same, read as a stream",
+    "contact": "laws outside the family in turn: smoothstep-half, half-lever, tight, smoothstep",
+    "cover": "an elastomer cover by finite elements, drawn for each skin",
+    "smoothstep-half": "shares half a smoothstep between vertices",
+    "smoothstep": "shares a smoothstep between vertices",
+    "tight": "a vertex takes everything on a sixth of its way to the next",
+    "half-lever": "half of the lever past the rim",
+    "no-lever": "none: the rim is blind",
+    "gaussian": "Gaussian shares, 10 mm: the rim is all but blind",
+    "fingers": "fingertips of 2 to 8 mm",
+    "hysteresis": "loops of 2 to 3 % of each motion",
+    "debonded": "one column off its base",
+    "glue": "magnets, columns and chips placed and glued twice as badly",
+    "sectors": "sectors of a magnet that differ by 5 %",
+    "earth": "60 uT, turned by a quarter and back in 20 s",
+    "motor": "a dipole of 0.06 A m^2 that goes round beside the skin",
+    "steel": "a steel ball of 30 mm that passes by",
+    "gravity": "own weight as the arm turns by a quarter: the board slides by 0.4 mm",
+    "warmth": "chips that warm by 1 to 3 K, magnets by half of that",
+    "arrival": "readings 5 ms late, 5 % lost",
+    "hard without gravity": "all of the hard world but the skin's weight",
+    "hard": "the hard world",
+}
+"""What each row is, in the page's order."""
+
+
+def rows(figures: dict[str, dict[str, float]]) -> str:
+    """The page's table."""
+    lines = [
+        "| effect | mean error of place | of force | 90 % regions hold | idle | what it is |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, what in TOLD.items():
+        if name in figures:
+            found = figures[name]
+            few = (
+                ""
+                if found["touches"] >= 1000
+                else f" ({found['touches']:.0f} touches on {found['skins']:.0f} skins)"
+            )
+            lines.append(
+                f"| {name} | {found['location_mm']:.2f} mm | {found['force_percent']:.1f} % | "
+                f"{found['held_percent']:.0f} % | {found['idle_percent']:.0f} % | {what}{few} |"
+            )
+    return "\n".join(lines)
+
+
+def page(text: str, figures: dict[str, dict[str, float]]) -> str:
+    """The page with these figures."""
+    marks = "<!-- rows -->", "<!-- end of rows -->"
+    made = f"{marks[0]}\n\n{rows(figures)}\n\n{marks[1]}"
+    return re.sub(f"{marks[0]}.*{marks[1]}", lambda _: made, text, flags=re.S)
+
+
+def measure(name: str, skins: list[int], count: int) -> dict[str, float]:
+    """Figures of the shipped table in a world, or in that of one effect."""
+    import smoskin as smo
+    from smoskin.twin.world.effect import World
+    from smoskin.twin.world.worlds import EFFECTS, HARD, PLAIN, world_of
+
+    worlds = {one.name: one for one in (PLAIN, HARD)}
+    if name == "hard without gravity":
+        few = tuple(effect for effect in HARD.effects if effect != EFFECTS["gravity"])
+        worlds[name] = World(name=name, effects=few)
+    world = worlds.get(name) or world_of(effect=name)
+    table = smo.load_response_table("planar")
+    case = smo.score(table, skins=skins, count=count, world=world).case("straight")
+    assert case is not None
+    chief = case.headline
+    return {
+        "skins": len(skins),
+        "touches": 10 * count * len(skins),
+        "location_mm": round(1e3 * chief.location.mean, 3),
+        "force_percent": round(100 * chief.force, 2),
+        "held_percent": round(100 * chief.held.place, 1),
+        "idle_percent": round(100 * case.idle.right, 1),
+        "found_percent": round(100 * chief.found, 1),
+    }
+
+
+def draw(figures: dict[str, dict[str, float]]) -> None:
+    """A bar for each effect, on a logarithmic scale."""
+    from matplotlib.figure import Figure
+
+    from smoskin.plots import BLUE, ORANGE, Plate, styled
+
+    names = [name for name in TOLD if name in figures][::-1]
+    means = [figures[name]["location_mm"] for name in names]
+    with styled():
+        figure = Figure(figsize=(6.4, 0.22 * len(names) + 0.8), layout="constrained")
+        axes = figure.subplots()
+        plain = figures["plain"]["location_mm"]
+        colours = [BLUE if mean < 2 * plain else ORANGE for mean in means]
+        axes.barh(names, means, color=colours)
+        axes.axvline(plain, color="black", linewidth=0.6)
+        axes.set(xscale="log", xlabel="mean error of place (mm)", xlim=(0.1, 100))
+    Plate(name=PLOT.stem, title="What each effect costs", caption="", figure=figure).write(
+        PLOT.parent
+    )
+
+
+def main() -> None:
+    """Measure what is asked for, then write page and figure."""
+    asked = argparse.ArgumentParser(description=__doc__)
+    asked.add_argument("names", nargs="*", metavar="NAME", help=", ".join(TOLD))
+    asked.add_argument("--skins", default="31,32", help="seeds of the made skins")
+    asked.add_argument("--count", type=int, default=20, help="places for each of ten forces")
+    given = asked.parse_args()
+    figures = json.loads(FIGURES.read_text()) if FIGURES.exists() else {}
+    for name in given.names:
+        figures[name] = measure(name, [int(one) for one in given.skins.split(",")], given.count)
+        print(name, figures[name], flush=True)
+        FIGURES.write_text(json.dumps(figures, indent=1) + "\n")
+    PAGE.write_text(page(PAGE.read_text(encoding="utf-8"), figures), encoding="utf-8")
+    draw(figures)
+
+
+if __name__ == "__main__":
+    main()
