@@ -130,6 +130,7 @@ RELATIVE = {
     "frame_stiffness",
     "remanence",
     "chip_sensitivity",
+    "sector_strength",
     "chip_cross_axis",
 }
 

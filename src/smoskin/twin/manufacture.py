@@ -125,6 +125,8 @@ class Deviations:
     def __post_init__(self) -> None:
         freeze(self, columns=(None, None), creases=(None,), remanence=(None,))
         freeze(self, magnet_place=(None, 3), magnet_turn=(None, 3))
+        if self.sectors is not None:
+            freeze(self, sectors=(len(self.magnet_place), 4))
 
 
 def as_designed(design: SkinDesign) -> Deviations:
