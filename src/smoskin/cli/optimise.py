@@ -11,9 +11,6 @@ from smoskin.cli.frame import Design, Force, Json, app, examples, progress_bar, 
 from smoskin.errors import require
 from smoskin.outputs import check_output
 
-_COMPARISON = 25.0
-"""s kept of the asked time for rounding, made skins and the comparison, which come last."""
-
 
 @app.command(epilog=examples("optimise planar --out better.toml --minutes 10"))
 def optimise(
@@ -22,7 +19,7 @@ def optimise(
     ],
     design: Design = "planar",
     minutes: Annotated[
-        float | None, typer.Option(min=0.1, help="Take the best that is found in this time.")
+        float | None, typer.Option(min=0.1, help="Time for search and comparison.")
     ] = None,
     force: Annotated[
         float, typer.Option("--force-N", min=0.05, max=1.0, help="Force of the touches.")
@@ -45,7 +42,7 @@ def optimise(
     for file in (out, out.with_suffix(".json")):
         check_output(file, force=overwrite)
     require("writing a design", "cli", "tomli_w")
-    seconds = math.inf if minutes is None else max(60 * minutes - _COMPARISON, 30 * minutes)
+    seconds = math.inf if minutes is None else 60 * minutes
     with progress_bar() as progress:
         found = vary(
             load_design(design),

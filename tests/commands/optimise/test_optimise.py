@@ -126,7 +126,7 @@ def test_the_command_writes_both_files_and_exits_with_1_where_a_limit_is_broken(
     assert told["kept"] is kept
     assert told["gain"] == 2.0
     assert {one["path"] for one in told["changes"]} >= {"magnets.0.corner", "columns.radius"}
-    assert asked["effort"] == SearchEffort(seconds=95, seed=3)
+    assert asked["effort"] == SearchEffort(seconds=120, seed=3)
     assert asked["objective"] == Objective(force=0.4)
     assert asked["limits"] == Limits(rate=150.0)
     assert asked["name"] == "found"

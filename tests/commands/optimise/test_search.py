@@ -10,7 +10,15 @@ from searches_of_designs import AIM, PLACED, WITHIN, ticking
 from smoskin.commands.optimise import Limits, SearchEffort
 from smoskin.commands.optimise.limits import alone_over
 from smoskin.commands.optimise.pressed import design_information
-from smoskin.commands.optimise.search import Search, _point, _varied, exchange, try_design, worth
+from smoskin.commands.optimise.search import (
+    Search,
+    _OutOfTime,
+    _point,
+    _varied,
+    exchange,
+    try_design,
+    worth,
+)
 from smoskin.sensing.response.bound import bound_of_information, figures
 
 
@@ -123,3 +131,18 @@ def test_broken_limits_weigh_on_a_design(planar, sheet):
     )
     both = [one.mean + AIM.worst_weight * one.worst for one in (straight, free)]
     assert trial.value == pytest.approx(np.mean(both))
+
+
+@pytest.mark.parametrize(("pressing", "end"), [(1.0, 53.0), (10.0, 30.0), (0.1, 86.3)])
+def test_the_search_leaves_time_by_the_measured_speed(planar, monkeypatch, pressing, end):
+    """Of 90 s the rest, 37 presses, but two thirds at most."""
+    now, effort = [0.0], SearchEffort(seconds=90.0)
+    search = Search(planar, AIM, WITHIN, effort, lambda *told: None, lambda: now[0], 37.0)
+    monkeypatch.setattr(search, "_took", [99.0, pressing, pressing])
+    monkeypatch.setattr(search, "_fitted", lambda design: search._best)
+    assert search.left == pytest.approx(90 / pressing)
+    now[0] = end - 0.1
+    search._try(planar, "in time")
+    now[0] = end + 0.1
+    with pytest.raises(_OutOfTime):
+        search._try(planar, "too late")

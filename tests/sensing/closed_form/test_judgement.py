@@ -63,6 +63,10 @@ WRONG = {
         lambda t, d: replace(t, force=102 * t.force),
         "forces seem to be 102 times too large: in gf",
     ),
+    "tens": (
+        lambda t, d: replace(t, force=10 * t.force),
+        "forces seem to be 1?[0-9] times too large",
+    ),
     "kilograms": (
         lambda t, d: replace(t, force=t.force / 9.8),
         "forces seem to be 9.8 times too small: in kgf",
@@ -102,7 +106,7 @@ WRONG = {
     "turned": (lambda t, d: places(t, d, [-1, -1], [1, 1]), "turned by 180 degrees"),
     "mirrored": (lambda t, d: places(t, d, [-1, 1], [1, 0]), "x seems to run the other way"),
 }
-FAST = ("millitesla", "kilograms")
+FAST = ("millitesla",)
 
 
 @pytest.mark.parametrize(
@@ -139,10 +143,12 @@ def test_the_cross_validated_residual_is_that_of_a_fit_without_the_touch(planar,
     whole = sheets[0]
     odd = 60
     depth = np.array(whole.depth)
-    depth[odd] *= 1.2
+    depth[odd] *= 1.4
     table = replace(whole, depth=depth)
     fit, warnings = judged_fit(planar, table, **STATED)
-    assert warnings == (f"row {odd + 1} does not fit the others: 5 deviations off",) or not warnings
+    assert warnings == (
+        f"row {odd + 1} does not fit the others: {fit.oddness[odd]:.0f} deviations off",
+    )
     assert fit.oddness.argmax() == odd
     others = fit_calibration(planar, table.rows(np.arange(len(depth)) != odd), **STATED)
     assert others.noise[1] < fit.noise[1]

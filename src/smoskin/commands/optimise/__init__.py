@@ -47,6 +47,10 @@ _MADE: Final = 3
 """Made skins over which their bounds are averaged."""
 _SEED: Final = 500_000
 """Seed of the first made skin: far from those of judgements and of response tables."""
+_AFTER: Final = 37.0
+"""Presses of the search that take as long as what follows it: rounding, made skins, comparison."""
+_COMPARING: Final = 27.0
+"""Presses of these that the comparison takes; on every other place along each axis a quarter."""
 _HIGHER: Final = "super-resolution"
 """Quantities of which more is better."""
 
@@ -183,7 +187,8 @@ def optimise(
     objective, limits, effort : optional
         What is made small, what is kept, and how long is searched.
     places : tuple of int
-        Numbers of places along x and y of the maps that are compared.
+        Numbers of places along x and y of the maps that are compared; half as many where the time
+        is too short.
     clock : callable
         Seconds, rising.
 
@@ -195,11 +200,14 @@ def optimise(
         If the extra ``twin`` is not installed.
     """
     aim, within = objective or Objective(), limits or Limits()
-    new = Search(design, aim, within, effort or SearchEffort(), progress, clock).run().design
+    search = Search(design, aim, within, effort or SearchEffort(), progress, clock, _AFTER)
+    new = search.run().design
     progress("made skins", 1.0)
     sheet = PressedSheet(new, force=aim.force, places=(2, 2), rated_places=coarser(places))
     new, made = _widened(new, sheet, within)
     progress("comparison", 1.0)
+    if search.left < _COMPARING:
+        places = coarser(places)
     changes = changes_of(design, new)
     return Optimised(
         before=design,

@@ -7,6 +7,7 @@ of location counts: with drags unknown and known to be none, over the mean and t
 """
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
@@ -84,7 +85,7 @@ class SearchEffort:
     rounds: int = 2
     """Most rounds of such a search and then of magnets' places."""
     seconds: float = math.inf
-    """Time after which the best design so far is taken, s."""
+    """Time for all, s: the best design is taken when what follows the search needs the rest."""
     seed: int = 0
     """Seed of the placements from which magnets are moved."""
 
@@ -142,7 +143,9 @@ class Search:
     """One search from a design; remembers the sheets last pressed and the best design.
 
     Cells, creases, panels, board and shear layer stay as they are. The same seed finds the same
-    design, unless the time runs out by the clock, which tells rising seconds.
+    design, unless the time runs out by the clock, which tells rising seconds: it ends when
+    all that is left is the `rest` in presses at their measured speed, two thirds of the time at
+    most.
     """
 
     def __init__(
@@ -153,10 +156,14 @@ class Search:
         effort: SearchEffort,
         progress: Progress,
         clock: Callable[[], float],
+        rest: float = 0.0,
     ) -> None:
         self._objective, self._limits, self._effort = objective, limits, effort
         self._progress, self._clock = progress, clock
         self._end = clock() + effort.seconds
+        self._rest = rest
+        self._took: list[float] = []
+        """Time of each press, s; the first one compiles."""
         self._total = (effort.rounds + len(limits.rubbers) / 2) * effort.steps
         self._done = 0
         self._pressed = lru_cache(maxsize=2)(self._press)
@@ -188,9 +195,21 @@ class Search:
         self._progress("rounding", 1.0)
         return self._round()
 
+    @property
+    def left(self) -> float:
+        """Presses for which there is time left."""
+        return (self._end - self._clock()) / self._pressing if self._pressing else math.inf
+
+    @property
+    def _pressing(self) -> float:
+        """Median time of a press, s; 0 while it is not known."""
+        return float(np.median(self._took[1:])) if len(self._took) > 1 else 0.0
+
     def _try(self, design: SkinDesign, what: str) -> Trial:
         """One design with its gaps fitted; the best is remembered."""
-        if self._clock() > self._end:
+        if self._clock() > self._end - min(
+            self._rest * self._pressing, 2 * self._effort.seconds / 3
+        ):
             raise _OutOfTime
         self._progress(what, min(self._done / self._total, 1.0))
         trial = self._fitted(design)
@@ -212,7 +231,10 @@ class Search:
     def _press(self, columns: Columns, frame: Frame) -> PressedSheet:
         """The start's sheet on these columns and in this frame."""
         design = replace(self._start, columns=columns, frame=frame)
-        return PressedSheet(design, force=self._objective.force, places=self._objective.places)
+        begun = time.perf_counter()
+        sheet = PressedSheet(design, force=self._objective.force, places=self._objective.places)
+        self._took.append(time.perf_counter() - begun)
+        return sheet
 
     def _refine(self, design: SkinDesign, steps: int) -> None:
         """A search with constraints from a design, its rubber and corners kept."""

@@ -57,9 +57,13 @@ def judged_fit(
     """
     if _misfit(design, _few(touches)) > _WELL:
         _refuse(_mistake(design, touches))
-    fit = fit_calibration(
-        design, touches, date=date, data_sha256=data_sha256, attenuation=attenuation
-    )
+    try:
+        fit = fit_calibration(
+            design, touches, date=date, data_sha256=data_sha256, attenuation=attenuation
+        )
+    except ModelError:
+        _refuse(_exchanged_rows(design, touches))
+        raise
     force, _, field = fit.noise
     worse = 0.0 if np.isnan(field) else field / float(chip_noise(design)[0])
     warnings = []
@@ -99,7 +103,15 @@ def _sideways_stiffness(design: SkinDesign, calibration: Calibration) -> float:
 
 def _force_scale(stiffness: float) -> str:
     """The mistake of forces that explains stiffnesses so many times the design's."""
-    return FORCES[min(FORCES, key=lambda factor: abs(np.log(factor * stiffness)))]
+    nearest = min(FORCES, key=lambda factor: abs(np.log(factor * stiffness)))
+    if max(nearest * stiffness, 1 / (nearest * stiffness)) < _STIFF[0]:
+        return FORCES[nearest]
+    much = (
+        f"{stiffness:.2g} times too large"
+        if stiffness > 1
+        else f"{1 / stiffness:.2g} times too small"
+    )
+    return f"forces seem to be {much}"
 
 
 def _few(touches: TouchTable) -> TouchTable:
