@@ -38,10 +38,10 @@ def code_lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
 
 
 def test_the_wheel_stays_one_that_can_be_read_in_a_week():
-    # 24,000 lines held all that skins are made, judged and read with; 3,870 more keep bad sheets,
+    # 24,000 lines held all that skins are made, judged and read with; 3,910 more keep bad sheets,
     # wrong arguments, damaged files, failing chips and visitors of the page from going wrong in
     # silence; 1,500 are laws of contact and worlds to be judged in.
-    assert sum(text.count("\n") for text in FILES.values()) <= 29_420
+    assert sum(text.count("\n") for text in FILES.values()) <= 29_460
 
 
 def test_no_file_has_over_450_lines():

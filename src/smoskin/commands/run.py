@@ -128,10 +128,7 @@ class Watch(Resource):
         if record is not None:
             check_output(record, force=force)
         self._seconds = seconds
-        self._begun: set[int] = set()
-        """Readings with which touches began that were shown."""
-        self._shown: dict[int, Status] = {}
-        """Answers to readings of a recording that is sought in, each once."""
+        self._begun, self._shown = set[int](), dict[int, Status]()  # readings, by their numbers
         with ExitStack() as stack:
             if str(url).startswith("twin:"):
                 say(f"Making the skin of {url}.")
