@@ -19,6 +19,7 @@ PAGE = ROOT / "docs" / "architecture.md"
 PACKAGE = Path(smo.__file__).parent
 RECORDS = (
     "__init__",
+    "arguments",
     "arrays",
     "errors",
     "records",

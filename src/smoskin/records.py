@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from enum import Enum, IntFlag
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -122,7 +122,6 @@ class Contact:
         return _same(self, other)
 
 
-@typed
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimate:
     """Touches that an estimator finds in one reading."""
@@ -138,10 +137,22 @@ class Estimate:
     unknown."""
 
     def __post_init__(self) -> None:
+        # By hand: one is made for every reading.
+        for name, kind, what in _ESTIMATED:
+            if not isinstance(value := getattr(self, name), kind):
+                raise ArgumentError(f"{name} must be {what}; got {value!r:.100}")
         freeze(self, covariance=(len(self.contacts), 5, 5))
 
     def __eq__(self, other: object) -> bool:
         return _same(self, other)
+
+
+_ESTIMATED: Final = (
+    ("time", (float, int), "a number"),
+    ("status", Status, "a Status"),
+    ("contacts", tuple, "a tuple of contacts"),
+)
+"""Fields of an estimate, with their types and these in words."""
 
 
 @typed

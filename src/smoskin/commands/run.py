@@ -137,11 +137,8 @@ class Watch(Resource):
             if self._damage:
                 say(self._damage)
             skin = _design_of(self._source, str(url), design)
-            estimator = (
-                ClosedFormEstimator(skin)
-                if calibration is None
-                else load_estimator(calibration, skin)
-            )
+            estimator = load_estimator(calibration, skin) if calibration else None
+            estimator = estimator or ClosedFormEstimator(skin)
             self._estimator = ZeroFirst(estimator) if zero else estimator
             self._page: _Page | None = None
             self._seekable = view and record is None and self._played is not None

@@ -130,7 +130,6 @@ class ZeroFirst(Estimator):
         """Return to the zero before the last; `ArgumentError` if there is none."""
         self.estimator.unzero()
 
-    @typed
     def step(self, reading: Reading) -> Estimate:
         """The other estimator's answer, once it is zeroed."""
         estimate = self.estimator.step(reading)

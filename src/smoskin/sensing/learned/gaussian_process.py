@@ -20,7 +20,7 @@ from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.files import TensorFile, freeze_model
 from smoskin.sensing.learned.inputs import Encoding, Form, History, Past
-from smoskin.sensing.signals.guards import ChipGuard, Clock
+from smoskin.sensing.signals.guards import ChipGuard, Clock, check_chips
 from smoskin.sensing.signals.signals import LET_GO
 from smoskin.sensing.signals.zero import IdleBand, Zero, ZeroTracking
 
@@ -301,7 +301,7 @@ class LearnedEstimator(Estimator):
         by more than noise or, to the present zero, are a touch: unless `force` says they are none.
         """
         for reading in readings:
-            self._check_chips(reading)
+            check_chips(reading, self.model.chips_in_reading, "model")
         good = [self._used(one.field) for one in readings if self._guard.bad(one) is None]
         if not good:
             raise ArgumentError(
@@ -326,7 +326,6 @@ class LearnedEstimator(Estimator):
         self._zero, self._before = self._before, None
         self._rest()
 
-    @typed
     def step(self, reading: Reading) -> Estimate:
         """The touch that one reading shows.
 
@@ -374,17 +373,9 @@ class LearnedEstimator(Estimator):
         """Field of the used chips in a row."""
         return np.asarray(field[self._chips].reshape(-1))
 
-    def _check_chips(self, reading: Reading) -> None:
-        """Raise unless the reading has the model's number of chips."""
-        if len(reading.field) != self.model.chips_in_reading:
-            raise ArgumentError(
-                f"reading must come from {self.model.chips_in_reading} chips, as the model's "
-                f"examples did; got {len(reading.field)}"
-            )
-
     def _condition(self, reading: Reading) -> Floats | Status:
         """Inputs (D,) of one reading, or why there are none."""
-        self._check_chips(reading)
+        check_chips(reading, self.model.chips_in_reading, "model")
         if self._clock.stale(reading.time):
             if self._clock.anew:
                 self._rest()

@@ -132,7 +132,6 @@ class SignalEstimator(Estimator):
         self._signals.reset()
         self._forget()
 
-    @typed
     def step(self, reading: Reading) -> Estimate:
         """What one reading shows."""
         signal = self._signals.step(reading)

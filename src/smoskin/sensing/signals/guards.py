@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from smoskin.design.skin import HallSetting
+from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
 from smoskin.records import ChipFlag, Reading, Status
 
@@ -35,6 +36,16 @@ _STILL: Final = 10
 """Readings that a chip repeats to count as frozen, if the others have moved meanwhile."""
 _MOVED: Final = 60e-6
 """Change of another chip's field along an axis, T, that no noise makes."""
+
+
+def check_chips(reading: object, chips: int, owner: str) -> None:
+    """Raise an `ArgumentError` unless this is a `Reading` of so many chips, as its owner has."""
+    if not isinstance(reading, Reading):
+        raise ArgumentError(f"reading must be a Reading; got {reading!r:.100}")
+    if len(reading.field) != chips:
+        raise ArgumentError(
+            f"reading must come from {chips} chips, as the {owner} has; got {len(reading.field)}"
+        )
 
 
 class Clock:

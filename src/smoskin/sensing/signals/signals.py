@@ -21,7 +21,7 @@ from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, temperature_fac
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.origami.geometry import geometry
 from smoskin.records import Reading, Status
-from smoskin.sensing.signals.guards import PLAUSIBLE, ChipGuard, Clock
+from smoskin.sensing.signals.guards import PLAUSIBLE, ChipGuard, Clock, check_chips
 from smoskin.sensing.signals.settling import Settling
 from smoskin.sensing.signals.zero import IdleTest, Zero, ZeroTracking
 
@@ -195,7 +195,7 @@ class Signals:
 
     def step(self, reading: Reading) -> Signal:
         """Signals of the next reading; the zero follows those of an idle skin."""
-        self._check_chips(reading)
+        check_chips(reading, len(self.rest_field), "design")
         if self.clock.stale(reading.time):
             if self.clock.anew:
                 self._rest()
@@ -233,7 +233,7 @@ class Signals:
     def _offsets(self, readings: Sequence[Reading]) -> Floats:
         """Fields of the good ones of these readings less the design's, (N, S, 3), T."""
         for reading in readings:
-            self._check_chips(reading)
+            check_chips(reading, len(self.rest_field), "design")
         good = [reading for reading in readings if self._guard.bad(reading) is None]
         if not good:
             raise ArgumentError(
@@ -263,14 +263,6 @@ class Signals:
 
     def _refused(self, status: Status) -> Signal:
         return Signal(np.full_like(self.rest_field, np.nan), self._thermometer.rubber, status)
-
-    def _check_chips(self, reading: Reading) -> None:
-        """Raise unless the reading has the design's number of chips."""
-        if reading.field.shape != self.rest_field.shape:
-            raise ArgumentError(
-                f"reading must come from {len(self.rest_field)} chips, as the design has; "
-                f"got {len(reading.field)}"
-            )
 
     def _own_field(self, reading: Reading) -> Floats:
         """Fields B + X + e of the chips, (S, 3), turned as designed, at reference temperature."""
