@@ -1,5 +1,6 @@
 """Stated confidence against how often noise misleads, on the twin and on the reduced model."""
 
+import inspect
 from dataclasses import replace
 
 import numpy as np
@@ -151,3 +152,9 @@ def test_wrong_use_is_named(planar):
         ambiguities(planar, error_rate=0.5)
     with pytest.raises(ArgumentError, match=r"least_confidence must lie in \[0, 1\]; got 2"):
         ClosedFormEstimator(planar, least_confidence=2.0)
+
+
+def test_by_default_pairs_that_half_a_newton_tells_apart_are_left_out(planar):
+    assert ambiguities(planar, force=1e-3)
+    assert ambiguities(planar) == ambiguities(planar, force=0.5)
+    assert inspect.signature(ambiguities).parameters["force"].default == 0.5

@@ -115,6 +115,18 @@ def test_wrong_sheets_are_refused_by_name(planar, table, drawn, kind):
     assert len(str(caught.value)) <= 300
 
 
+def test_the_gain_of_a_mistake_is_what_mending_it_brings(planar, table, drawn):
+    noise, wrong = signal_noise(planar), np.array(drawn.signals)
+    wrong[:, 1] = wrong[:, 1][:, [1, 0, 2]]
+    judged = judge_touches(table, replace(drawn, signals=wrong), noise)
+    evidence = Evidence(table, drawn, noise)
+    given, mended = (
+        evidence.of(signals.reshape(1, 15, 9)).max() for signals in (wrong, drawn.signals)
+    )
+    assert judged.suspicion.sentence.endswith("(By, Bx, Bz) of chip 2")
+    assert judged.suspicion.gain == pytest.approx(mended - given)
+
+
 def test_a_good_sheet_is_not_refused_and_tells_its_errors(planar, table, drawn):
     judged = judge_touches(table, drawn, signal_noise(planar))
     judged.check()

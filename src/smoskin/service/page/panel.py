@@ -56,6 +56,18 @@ _QUANTITIES: Final = (
 """Rows of a touch's table, and the digits that each shows; F is the whole force."""
 
 
+def round_scale(change: float) -> float:
+    """The least round end of an axis that holds this change.
+
+    Examples
+    --------
+    >>> [round_scale(change) for change in (20, 21, 104, 999)]
+    [20.0, 30.0, 150.0, 1000.0]
+    """
+    power = 10.0 ** math.floor(math.log10(change))
+    return next(power * step for step in (1, 1.5, 2, 3, 4, 5, 6, 8, 10) if power * step >= change)
+
+
 class Panel:
     """The page's panels, of chips in the order of every reading.
 
@@ -203,9 +215,7 @@ class Panel:
         """Give all curves one scale that holds this change, uT; it shrinks when half is idle."""
         if 0.45 * self._scale < change <= self._scale or change <= self._scale == _QUIET:
             return
-        power = 10.0 ** math.floor(math.log10(max(change, _QUIET)))
-        steps = (power * step for step in (1, 1.5, 2, 3, 4, 5, 6, 8, 10))
-        self._scale = next(step for step in steps if step >= max(change, _QUIET))
+        self._scale = round_scale(max(change, _QUIET))
         for plot in self._plots:
             plot.scales = _scales(self._scale)
 
