@@ -108,17 +108,18 @@ class Bench:
 def test_a_table_is_made_of_the_presses_that_its_effort_names(planar, monkeypatch, tmp_path):
     bench = Bench(monkeypatch, reduced_table(planar))
     effort = Effort(presses=4000, pairs=500, skins=3, draws=2, presses_a_skin=70, seed=4)
-    tolerances, told = Tolerances(remanence=0.01), []
+    tolerances, engine, told = Tolerances(remanence=0.01), Engine(2), []
     table = make_table(
         planar,
         effort,
         tolerances=tolerances,
         folder=tmp_path,
-        engine="e",
+        engine=engine,
         progress=lambda task, share: told.append((task, share)),
     )
     assert table.origin == {"smoskin": version("smoskin"), "effort": asdict(effort)}
-    assert [(path, engine) for path, _, engine in bench.sweeps.values()] == [(tmp_path, "e")] * 4
+    given = [(path, engine) for path, _, engine in bench.sweeps.values()]
+    assert given == [(tmp_path, engine)] * 4
     assert [task for task, _ in told] == [
         "designed: 5 rows", "pairs: 5 rows", "warmth: 5 rows", "skins: 5 rows"
     ]  # fmt: skip

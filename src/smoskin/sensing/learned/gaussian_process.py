@@ -31,7 +31,7 @@ _LIMITS: Final = {
     **dict.fromkeys(("support", "weights", "slope"), (-1e9, 1e9)),
     "place": (-10.0, 10.0),
     "scale": (1e-12, 1e9),
-    "residual": (-1e4, 1e4),
+    "residual": (-1e9, 1e9),  # in variances of what a fit states, huge where that is tiny
     "noise": (0.0, 1e9),
     "touch_field": (0.0, 1.0),
     "reach": (1e-9, 1e9),
