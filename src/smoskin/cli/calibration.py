@@ -208,8 +208,9 @@ def fit_paper(
     """Fit the paper's own model to touches of a bench, with uncertainties.
 
     A coefficient that the touches cannot determine is refused by name, as is a wrong unit, sign,
-    chip, axis or row that explains a sheet which fits badly. The paper's estimator reads the file;
-    `smoskin calibrate` locates touches better.
+    chip, axis or row that explains a sheet which fits badly. Folded sheets as this package models
+    them are refused too: `virtual-bench --sheet reduced` measures one that the paper's model fits.
+    The paper's estimator reads the file; `smoskin calibrate` locates touches better.
     """
     import datetime as dt
 
@@ -236,7 +237,7 @@ def fit_paper(
         typer.echo(f"warning: {warning}", err=True)
 
 
-@app.command(epilog=examples("virtual-bench touches.csv --seed 2"))
+@app.command(epilog=examples("virtual-bench touches.csv --seed 2 --sheet reduced"))
 def virtual_bench(
     out: Annotated[Path, Argument(help="CSV of touches to write.")] = Path("touches.csv"),
     design: Annotated[str, Option(help="Design that the virtual skin scatters about.")] = (
