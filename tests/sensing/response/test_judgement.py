@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 from smoskin.errors import CalibrationError
 from smoskin.magnetics import mlx90393
 from smoskin.mechanics.viscoelasticity import elastomer_prony
+from smoskin.records import Contact
 from smoskin.sensing.response.calibrate import LabelledTouches, TouchPlanner
 from smoskin.sensing.response.evidence import Evidence
 from smoskin.sensing.response.judgement import judge_touches
@@ -185,7 +186,8 @@ def made_touches(table, design, seed, hand, degrees=25.0):
     ).plan(60)  # fmt: skip
     rig = VirtualRig(design, seed=seed, temperature=degrees, stage=place, gauge=force)
     labeller = Labeller(design, elastomer_prony(design.columns.material))
-    labels = [labeller.label(rig.press(target)) for target in plan]
+    presses = [Contact(position=target.position, force=target.force) for target in plan]
+    labels = [labeller.label(rig.press(press)) for press in presses]
     return labelled_touches(labels, table.chips, place_spread=place, force_spread=force)
 
 
