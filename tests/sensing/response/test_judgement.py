@@ -216,9 +216,9 @@ def test_wrong_sheets_of_made_skins_are_refused(planar, table, kind):
         for variant in range(20):
             rng = np.random.default_rng([seed, variant, list(NAMES).index(kind)])
             touches = made_touches(table, planar, seed, variant % 2 == 1)
-            wrong = spoilt(kind, touches, rng, table.basis.extent)
             if variant // 2 % 2:
-                wrong = some_of(wrong, rng.permutation(len(wrong))[:15])
+                touches = some_of(touches, rng.permutation(len(touches))[:15])
+            wrong = spoilt(kind, touches, rng, table.basis.extent)
             judged = judge_touches(table, wrong, signal_noise(planar), turns=turns)
             refused.append(judged.refusal is not None)
     assert np.mean(refused) >= 0.99
@@ -230,10 +230,13 @@ def test_good_sheets_of_made_skins_are_not(planar, table):
     pytest.importorskip("jax")
     refused = []
     for number in range(50):
-        touches = made_touches(
-            table, planar, 201 + number, number % 2 == 1, (25.0, 12.0, 38.0)[number % 3]
-        )
+        degrees = (25.0, 12.0, 38.0)[number % 3]
+        try:
+            touches = made_touches(table, planar, 201 + number, number % 2 == 1, degrees)
+        except ArgumentError:  # in the cold a chip of some skins stands at its rail untouched
+            continue
         for count in (15, 60):
             judged = judge_touches(table, some_of(touches, slice(count)), signal_noise(planar))
             refused.append(judged.refusal is not None)
+    assert len(refused) >= 90
     assert np.mean(refused) <= 0.01
