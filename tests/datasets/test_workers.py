@@ -145,6 +145,7 @@ def test_workers_end_with_a_killed_parent(tmp_path):
         parent.kill()
         parent.wait()
     until(lambda: not any(alive(pid) for _, pid in work.begun(tmp_path)))
+    assert len(work.begun(tmp_path)) == 2
 
 
 def test_a_crowd_of_workers_is_refused_by_name(tmp_path):

@@ -93,9 +93,9 @@ def calibrate(
     """Calibrate a skin from a few touches and write its own response table.
 
     A rig touches the skin where it tells most; its touches are kept where no table comes of them.
-    Without one, `smoskin touches plan` writes a sheet
-    of touches to make by hand, and --sheet reads it once it is filled in. Touches that fit no skin
-    of the design are refused, and a wrong unit, sign, order or origin is named.
+    Without one, `smoskin touches plan` writes a sheet of touches to make by hand, and --sheet reads
+    it once it is filled in. Touches that fit no skin of the design are refused, and a wrong unit,
+    sign, order or origin is named.
     """
     from smoskin.commands import calibrate as work
 

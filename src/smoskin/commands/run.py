@@ -18,7 +18,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.outputs import check_output
 from smoskin.records import Contact, Estimate, Reading, Status
-from smoskin.roles import Resource, Sink, Source
+from smoskin.roles import Estimator, Resource, Sink, Source
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst, load_estimator
 from smoskin.service.loop import Loop
@@ -137,8 +137,7 @@ class Watch(Resource):
             if self._damage:
                 say(self._damage)
             skin = _design_of(self._source, str(url), design)
-            estimator = load_estimator(calibration, skin) if calibration else None
-            estimator = estimator or ClosedFormEstimator(skin)
+            estimator = _estimator_of(skin, calibration)
             self._estimator = ZeroFirst(estimator) if zero else estimator
             self._page: _Page | None = None
             self._seekable = view and record is None and self._played is not None
@@ -214,6 +213,13 @@ class Watch(Resource):
     @property
     def _damage(self) -> str:
         return "" if self._played is None else self._played.recording.damage
+
+
+def _estimator_of(skin: SkinDesign, calibration: str | os.PathLike[str] | None) -> Estimator:
+    """What reads a skin: by its calibration, else as the paper does one that is as designed."""
+    if calibration is None:
+        return ClosedFormEstimator(skin)
+    return load_estimator(calibration, skin)
 
 
 class _Page(Sink):

@@ -23,7 +23,14 @@ from smoskin.sensing.closed_form.fitting import (
     fit_calibration,
     rough_fit,
 )
-from smoskin.sensing.response.judgement import DRAGS, FIELDS, FORCES, chip_axes, exchanged
+from smoskin.sensing.response.judgement import (
+    DRAGS,
+    FIELDS,
+    FORCES,
+    chip_axes,
+    exchanged,
+    turned_places,
+)
 from smoskin.sensing.signals.signals import chip_noise
 
 _WELL: Final = 12.0
@@ -55,8 +62,9 @@ def judged_fit(
     It raises a `CalibrationError` that names the mistake which explains a sheet that fits badly,
     else as `fit_calibration`.
     """
-    if _misfit(design, _few(touches)) > _WELL:
-        _refuse(_mistake(design, touches))
+    few = _few(touches)
+    if (misfit := _misfit(design, few)) > _WELL:
+        _refuse(_exchanged_rows(design, touches) or _mistake(design, few, misfit))
     try:
         fit = fit_calibration(
             design, touches, date=date, data_sha256=data_sha256, attenuation=attenuation
@@ -135,12 +143,9 @@ def _misfit(design: SkinDesign, touches: TouchTable) -> float:
     return np.inf if found is None else float(found.misfit.mean())
 
 
-def _mistake(design: SkinDesign, touches: TouchTable) -> str | None:
-    """What seems wrong with a sheet; None where nothing that is known explains it."""
-    if (rows := _exchanged_rows(design, touches)) is not None:
-        return rows
-    few = _few(touches)
-    limit = min(_WELL, _misfit(design, few) / _FAR)
+def _mistake(design: SkinDesign, few: TouchTable, misfit: float) -> str | None:
+    """The mistake of all touches, by few that misfit so; None where none that is known does it."""
+    limit = min(_WELL, misfit / _FAR)
     for sentence, meant in _mistakes(design, few):
         found = _rough(design, meant)
         if found is None or found.misfit.mean() > limit:
@@ -186,12 +191,7 @@ def _mistakes(design: SkinDesign, touches: TouchTable) -> Iterator[tuple[str, To
     for (x, y), text in DRAGS.items():
         yield text, replace(touches, force=force * [x, y, 1])
     yield "forces along x and y seem exchanged", replace(touches, force=force[:, [1, 0, 2]])
-    extent = geometry(design).extent
-    for text, turned in (
-        ("x seems to run the other way", place * [-1, 1] + extent * [1, 0]),
-        ("y seems to run the other way", place * [1, -1] + extent * [0, 1]),
-        ("places seem to be turned by 180 degrees", extent - place),
-    ):
+    for text, turned in turned_places(place, geometry(design).extent):
         yield text, replace(touches, position=turned)
     for factor, text in ((1e3, "too small"), (1e-3, "too large")):
         yield f"depths seem to be 1000 times {text}", replace(touches, depth=factor * touches.depth)

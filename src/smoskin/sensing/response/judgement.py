@@ -255,10 +255,8 @@ class _Mistakes(NamedTuple):
         if np.abs(force[:, :2]).max() > _DRAGGED:
             tried += [(text, place, force * [*sign, 1]) for sign, text in DRAGS.items()]
             tried += [("forces along x and y seem exchanged", place, force[:, [1, 0, 2]])]
+        tried += [(text, turned, force) for text, turned in turned_places(place, extent)]
         tried += [
-            ("x seems to run the other way", place * [-1, 1] + extent * [1, 0], force),
-            ("y seems to run the other way", place * [1, -1] + extent * [0, 1], force),
-            ("places seem to be turned by 180 degrees", extent - place, force),
             ("x and y of the places seem exchanged", place[:, ::-1], force),
             ("places seem to be 10 times too small: in cm where mm must stand?", 10 * place, force),
         ]
@@ -315,6 +313,13 @@ class _Mistakes(NamedTuple):
     def _both(self, i: int, j: int) -> str:
         word = self.names[i].split()[0].replace("touch", "touche")
         return f"{word}s {self.names[i].split()[1]} and {self.names[j].split()[1]}"
+
+
+def turned_places(place: Floats, extent: Floats) -> Iterator[tuple[str, Floats]]:
+    """Places (N, 2), m, that were meant where axes run the other way on a skin of this extent."""
+    yield "x seems to run the other way", place * [-1, 1] + extent * [1, 0]
+    yield "y seems to run the other way", place * [1, -1] + extent * [0, 1]
+    yield "places seem to be turned by 180 degrees", extent - place
 
 
 def chip_axes() -> Iterator[tuple[str, Floats]]:
