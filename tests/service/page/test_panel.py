@@ -220,7 +220,7 @@ def test_the_map_of_touches_has_a_square_where_each_was():
         estimate = Estimate(
             time=k, status=Status.CONTACT, contacts=(contact,), covariance=np.eye(5)[None]
         )
-        off = Contact(position=np.array(place) + (6e-4 * k, 8e-4 * k), force=contact.force)
+        off = Contact(position=(place[0] + 6e-4 * k, place[1] + 8e-4 * k), force=contact.force)
         for part in (0.0, 0.1):
             tally.add(moment(k + part, estimate=estimate, truth=[off]))
         tally.add(moment(k + 0.2))
