@@ -1,6 +1,7 @@
 """Options of the command line: their defaults, and that each reaches the work it names."""
 
 import json
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -15,6 +16,71 @@ import smoskin.commands.demo
 import smoskin.commands.optimise
 from smoskin.cli import app
 
+USUAL = {
+    "calibrate": {"rig": "virtual", "out": "skin.table"},
+    "demo": {"rate": 100.0, "seed": 0, "touches": 15, "port": 0},
+    "fit-paper": {"out": "calibration.toml"},
+    "new-design": {"base": "planar"},
+    "optimise": {"force": 0.5, "rate": 100.0, "seed": 0},
+    "plan": {
+        "count": 15, "force": 0.8, "drag": 0.0, "place_mm": 0.5, "force_mn": 10.0,
+        "out": "touches.csv",
+    },
+    "run": {"source": "twin://planar", "zero": True, "port": 0},
+    "score": {
+        "skins": 2, "touches": 60, "drag": 0.0, "pairs": 40, "seed": 1, "world": "plain",
+    },
+    "simulate": {"temperature": 25.0, "mechanics": "whole", "seed": 0},
+    "sweep": {"kind": "grid", "temperature": "25", "skins": 0, "mechanics": "whole", "seed": 0},
+    "table": {"seed": 0},
+    "train": {"drag": 0.0, "seed": 0, "out": "network.safetensors"},
+    "virtual-bench": {"seed": 0, "sheet": "whole", "out": "touches.csv"},
+}  # fmt: skip
+"""What a command does where nothing is said: people and scripts build on it."""
+ENDS = {
+    ("calibrate", "touches"): (1, 1000),
+    ("calibrate", "until_mm"): (0, None),
+    ("calibrate", "place_mm"): (0, None),
+    ("calibrate", "force_mn"): (0, None),
+    ("demo", "seconds"): (0, None),
+    ("demo", "port"): (0, 65535),
+    ("demo", "seed"): (0, None),
+    ("demo", "touches"): (1, 1000),
+    ("optimise", "minutes"): (0.1, None),
+    ("optimise", "force"): (0.05, 1.0),
+    ("optimise", "rate"): (1.0, None),
+    ("optimise", "seed"): (0, None),
+    ("plan", "count"): (1, 1000),
+    ("plan", "until_mm"): (0, None),
+    ("plan", "place_mm"): (0, None),
+    ("plan", "force_mn"): (0, None),
+    ("run", "seconds"): (0, None),
+    ("run", "port"): (0, 65535),
+    ("run", "every"): (0, None),
+    ("score", "skins"): (1, 1000),
+    ("score", "touches"): (0, 1000),
+    ("score", "count"): (1, 100_000),
+    ("score", "drag"): (0, None),
+    ("score", "pairs"): (0, 10_000),
+    ("score", "seed"): (0, None),
+    ("simulate", "seed"): (0, None),
+    ("sweep", "skins"): (0, 10_000),
+    ("sweep", "seed"): (0, None),
+    ("sweep", "chunk"): (1, None),
+    ("sweep", "workers"): (1, None),
+    ("table", "presses"): (1, 1_000_000),
+    ("table", "pairs"): (0, 1_000_000),
+    ("table", "skins"): (1, 10_000),
+    ("table", "seed"): (0, None),
+    ("table", "workers"): (1, None),
+    ("train", "drag"): (0, None),
+    ("train", "members"): (1, 100),
+    ("train", "minutes"): (0.01, None),
+    ("train", "seed"): (0, None),
+    ("virtual-bench", "seed"): (0, None),
+}
+"""Least and largest values that are taken."""
+
 
 def leaves(command, name="smoskin"):
     """Every command below this one, by its name."""
@@ -25,6 +91,31 @@ def leaves(command, name="smoskin"):
 
 
 COMMANDS = leaves(typer.main.get_command(app))
+
+
+@pytest.mark.parametrize("name", sorted(COMMANDS))
+def test_where_nothing_is_said_the_usual_is_done(name):
+    options = {option.name: option for option in COMMANDS[name].params}
+    usual = {key: option.default for key, option in options.items() if option.default is not None}
+    usual = {key: str(value) if isinstance(value, Path) else value for key, value in usual.items()}
+    if "design" in usual:
+        assert usual.pop("design") == "planar"
+    switches = {key for key, value in usual.items() if value is False}
+    assert {key: value for key, value in usual.items() if key not in switches} == USUAL.get(
+        name, {}
+    )
+    # Switches are off, and each is a flag.
+    assert all(options[key].is_flag for key in switches)
+
+
+@pytest.mark.parametrize("name", sorted(COMMANDS))
+def test_numbers_past_their_ends_are_wrong_use(name):
+    ends = {}
+    for option in COMMANDS[name].params:
+        kind = getattr(option, "type", option)  # typer of its own click knows them itself
+        if getattr(kind, "min", None) is not None:
+            ends[name, option.name] = kind.min, kind.max
+    assert ends == {key: value for key, value in ENDS.items() if key[0] == name}
 
 
 @pytest.mark.parametrize("name", sorted(COMMANDS))

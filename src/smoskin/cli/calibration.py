@@ -37,12 +37,8 @@ Table = Annotated[
 UntilMm = Annotated[
     Number, Option(min=0.0, help="Stop where a touch is expected to be located this well, mm.")
 ]
-PlaceMm = Annotated[
-    Number, Option(min=0.0, help="Standard deviation of the places that are reported, mm.")
-]
-ForceMn = Annotated[
-    Number, Option("--force-mN", min=0.0, help="Standard deviation of the forces, mN.")
-]
+PlaceMm = Option(min=0.0, help="Standard deviation of the places that are reported, mm.")
+ForceMn = Option("--force-mN", min=0.0, help="Standard deviation of the forces, mN.")
 Rig = Annotated[
     str, Option(help="Rig that touches the skin: virtual, virtual?seed=3&temperature=30.")
 ]
@@ -81,8 +77,8 @@ def calibrate(
     until_mm: UntilMm = None,
     force: RigForce = None,
     drag: RigDrag = None,
-    place_mm: PlaceMm = None,
-    force_mn: ForceMn = None,
+    place_mm: Annotated[Number, PlaceMm] = None,
+    force_mn: Annotated[Number, ForceMn] = None,
     table: Table = None,
     out: OwnTable = Path("skin.table"),
     overwrite: Force = False,
@@ -151,8 +147,8 @@ def plan_touches(
     until_mm: UntilMm = None,
     force: Annotated[float, Option("--force-N", help="Largest normal force.")] = 0.8,
     drag: Annotated[float, Option("--drag-N", "--drag", help="Largest sideways force.")] = 0.0,
-    place_mm: PlaceMm = 0.5,
-    force_mn: ForceMn = 10.0,
+    place_mm: Annotated[float, PlaceMm] = 0.5,
+    force_mn: Annotated[float, ForceMn] = 10.0,
     after: Annotated[File, Option(help="A filled sheet of touches that have been made.")] = None,
     table: Table = None,
     overwrite: Force = False,
@@ -176,8 +172,8 @@ def plan_touches(
         force=force,
         drag=drag,
         made=() if filled is None else filled.rows(filled.made).contacts,
-        place_spread=1e-3 * (0.5 if place_mm is None else place_mm),
-        force_spread=1e-3 * (10.0 if force_mn is None else force_mn),
+        place_spread=1e-3 * place_mm,
+        force_spread=1e-3 * force_mn,
     )
     write_plan(out, skin, targets)
     errors = [round(1e3 * target.error, 4) for target in targets]
