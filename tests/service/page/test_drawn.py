@@ -170,6 +170,7 @@ def test_marks_without_force_or_spread_are_discs_alone(scene):
 
 
 def test_the_trail_pales_with_age(scene):
+    assert not len(nodes(scene)["/trail"].points)
     places = np.linspace((0.02, 0.03), (0.08, 0.10), 20)
     dots = draw(scene, trail=places)["/trail"]
     np.testing.assert_allclose(dots.points[:, :2], places * 100, rtol=1e-3)

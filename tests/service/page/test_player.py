@@ -1,16 +1,106 @@
 """A recording on the page: paused, sought in, and played at another speed."""
 
+import asyncio
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from chromium import open_page
 from smoskin.commands.run import Watch
 from smoskin.records import Contact, Estimate
+from smoskin.service.page import player as players
+from smoskin.service.page.player import Player
 from smoskin.service.recorder import Recorder
 from smoskin.twin.reduced import ReducedTwin
 from touch_recordings import DESIGN
+
+
+class Slider(SimpleNamespace):
+    """A widget that holds what it was made with and what listens to it."""
+
+    def on_update(self, listener):
+        self.listener = listener
+
+    on_click = on_update
+
+
+class Server:
+    """Stands for the viewer: keeps the widgets that are added."""
+
+    def __init__(self):
+        self.gui, self.added = self, {}
+
+    def add_folder(self, name):
+        return threading.Lock()  # any context
+
+    def add_slider(self, name, least, most, step, value, **_):
+        self.added[name] = Slider(min=least, max=most, step=step, value=value)
+        return self.added[name]
+
+    def add_button_group(self, name, options):
+        self.added[name] = Slider(options=options)
+        return self.added[name]
+
+
+def source(duration):
+    sought = []
+    return SimpleNamespace(
+        recording=SimpleNamespace(duration=duration), speed=1.0, paused=False, ended=False,
+        goal=None, position=0.0, sought=sought, seek=sought.append,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("duration", "step", "end"), [(0.0, 1e-5, 1e-3), (0.73, 1e-3, 0.73), (9.99, 0.01, 9.99),
+                                  (10.0, 0.1, 10.0), (83.21, 0.1, 83.3), (100.5, 1.0, 101.0)]
+)  # fmt: skip
+def test_a_slider_reaches_the_end_in_100_to_1000_steps(duration, step, end):
+    server = Server()
+    Player(server, source(duration))
+    slider = server.added["Time, s"]
+    assert (slider.min, slider.value) == (0.0, 0.0)
+    assert slider.step == pytest.approx(step)
+    assert slider.max == pytest.approx(end)
+
+
+def test_speeds_are_those_on_the_buttons():
+    server, played = Server(), source(10.0)
+    Player(server, played)
+    buttons = server.added["Speed"]
+    for label in buttons.options:
+        asyncio.run(buttons.listener(SimpleNamespace(target=SimpleNamespace(value=label))))
+        assert played.speed == {"¼": 0.25, "1": 1.0, "4": 4.0}[label.removesuffix(" ×")]
+    assert len(buttons.options) == 3
+
+
+def test_a_hand_on_the_slider_is_left_alone_for_07_s(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(players.time, "monotonic", lambda: now[0])
+    server, played = Server(), source(10.0)
+    player = Player(server, played)
+    slider = server.added["Time, s"]
+    played.position = 2.0
+    assert player.write() is None
+    assert slider.value == 2.0
+    slider.value = 5.0
+    asyncio.run(slider.listener(SimpleNamespace(client=None)))  # moved by the program
+    assert played.sought == []
+    asyncio.run(slider.listener(SimpleNamespace(client="somebody")))
+    assert played.sought == [5.0]
+    for later, value in ((0.65, 5.0), (0.75, 2.0)):
+        now[0] = 100.0 + later
+        player.write()
+        assert slider.value == value
+    played.position = 20.0
+    player.write()
+    assert slider.value == slider.max
+    played.goal = 5.04
+    assert player.write() == ("Seeking", "Reading on to 5.0 s, now at 20.0 s.")
+    for paused, ended in ((True, False), (False, True), (False, False)):
+        played.paused, played.ended = paused, ended
+        assert player.stands == (paused or ended)
 
 
 @pytest.mark.slow

@@ -3,18 +3,21 @@
 import socket
 import threading
 import time
+from dataclasses import replace
+from types import SimpleNamespace
 from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
 
 from pages import NOTHING, PLANAR, SHEET, TOUCH, assert_gone, reading
-from smoskin.errors import ArgumentError
+from smoskin.errors import ArgumentError, SmoskinError
 from smoskin.records import Reading
 from smoskin.roles import Source
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst
 from smoskin.service.loop import Loop
+from smoskin.service.page import view as views
 from smoskin.service.page.view import View
 
 
@@ -83,3 +86,104 @@ def test_a_view_is_a_sink_of_the_loop_and_counts_what_it_passes_over() -> None:
     assert loop.counters.dropped == view.dropped == 3
     assert not view.watched
     view._server.stop()
+
+
+def test_it_draws_25_times_a_second_and_words_every_third_time(monkeypatch) -> None:
+    waits, drawn, slept, flushed = [], [], [], []
+
+    def wait(seconds: float) -> bool:
+        waits.append(seconds)
+        return len(waits) > 7
+
+    monkeypatch.setattr(views.time, "sleep", slept.append)
+    page = SimpleNamespace(
+        _closing=SimpleNamespace(wait=wait),
+        _act=lambda: drawn.append("act"),
+        _draw=lambda *, write: drawn.append(write),
+        _panel=SimpleNamespace(end=""),
+        _server=SimpleNamespace(flush=lambda: flushed.append(len(drawn))),
+        watched=True,
+        _fingers={"left": TOUCH.position},
+    )
+    View._run(page)
+    assert set(waits) == {1 / 25}
+    assert drawn[1::2] == [True, False, False, True, False, False, True]
+    assert set(drawn[::2]) == {"act"}
+    assert (page._fingers, slept) == ({}, [])
+    # A last sentence is drawn, sent, and given a moment to arrive in.
+    drawn.clear()
+    page._panel.end = "It is over."
+    View._run(page)
+    assert drawn == ["act", True]
+    assert flushed == [2]
+    assert 0.2 <= sum(slept) <= 0.5
+    page.watched = False
+    View._run(page)
+    assert drawn[2:] == ["act"]
+
+
+def test_closing_waits_five_seconds_for_a_callback() -> None:
+    view = View(PLANAR)
+    thread, waited = view._thread, []
+    view._thread = SimpleNamespace(join=waited.append, is_alive=lambda: True)
+    with pytest.raises(SmoskinError, match=r"a callback has not returned within 5\.0 s"):
+        view.close()
+    assert waited == [5.0]
+    thread.join(5.0)
+    assert not thread.is_alive()
+
+
+@pytest.mark.parametrize(
+    ("count", "words"),
+    [
+        (1, "One magnetic chip under a folded sheet feels"),
+        (2, "Two magnetic chips under a folded sheet feel "),
+        (3, "Three magnetic chips under a folded sheet feel "),
+        (4, "Four magnetic chips"),
+        (5, "Five magnetic chips"),
+        (6, "Six magnetic chips"),
+        (7, "7 magnetic chips"),
+    ],
+)
+def test_the_first_paint_counts_the_chips(count: int, words: str) -> None:
+    halls = tuple(replace(PLANAR.halls[0], name=f"S{k}") for k in range(count))
+    design = SimpleNamespace(halls=halls)
+    eye = (np.array((0.1, 0.2, 0.3)), np.array((0.06, 0.08, 0.0)), 0.5)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(views, "camera", lambda design, *, narrow: eye if narrow else None)
+        head, body = views._first_paint(design, "a <b>")
+    assert "<title>a &lt;b&gt;</title>" in head
+    assert words in body
+    assert 'data-eye="10.000,20.000,30.000" data-aim="6.000,8.000,0.000"' in body
+
+
+def test_what_people_ask_for_is_called_back_in_their_words() -> None:
+    done: list[object] = []
+    asks = {
+        "on_zero": lambda: done.append("zero"),
+        "on_undo": lambda: done.append("undo"),
+        "on_record": lambda on: done.append(("record", on)),
+    }
+    with View(PLANAR, **asks) as view:
+        view._panel.zero = lambda: done.append("curves")
+        for action in ("Zero", "Undo", "Stop recording", "Record"):
+            view._do(action)
+            begin = time.monotonic()
+            while not view._asked.empty() and time.monotonic() < begin + 5:
+                time.sleep(0.01)
+        time.sleep(0.05)
+        assert done == ["curves", "zero", "undo", ("record", False), ("record", True)]
+        for action, next_label in (("Pause", "Go on"), ("Go on", "Pause")):
+            view._do(action)
+            assert view._paused == (action == "Pause")
+            assert next_label in view._panel.actions.options
+        view._do("Stop recording")
+        assert "Record" in view._panel.actions.options
+
+
+def test_words_may_be_announced_in_place_of_a_status() -> None:
+    with View(PLANAR) as view:
+        view.announce("Calibrating", "Touch 1 of 15.")
+        assert view._announced == ("Calibrating", "Touch 1 of 15.")
+        view.announce()
+        assert view._announced is None
