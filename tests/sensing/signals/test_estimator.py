@@ -7,6 +7,7 @@ from scipy.stats import chi2
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
 from smoskin.mechanics.viscoelasticity import ELASTIC, Prony, elastomer_prony
+from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.sensing.signals.estimator import FOLLOWING, SignalEstimator
 from smoskin.sensing.signals.signals import signal_noise
@@ -179,3 +180,60 @@ def test_the_chance_of_false_alarms_is_one(planar):
     for chance in (0.0, 1.0):
         with pytest.raises(ArgumentError, match=r"false_alarms must lie in \(0, 1\)"):
             Counting(planar, false_alarms=chance)
+
+
+def test_by_default_the_zero_follows_after_02_s_and_with_2_s():
+    assert (
+        ZeroTracking(hold=0.2, time_constant=2.0, widening_rate=0.1e-6, widening_limit=10e-6)
+        == FOLLOWING
+    )
+
+
+class Placed(Counting):
+    """Finds one touch, wherever it is told to."""
+
+    contact = Contact(position=(0.0, 0.0), force=(0.0, 0.0, -1.0))
+
+    def _read(self, time, signals, temperature):
+        return Estimate(
+            time=time,
+            status=Status.CONTACT,
+            contacts=(self.contact,),
+            covariance=np.zeros((1, 5, 5)),
+        )
+
+
+@pytest.mark.parametrize(
+    ("beyond", "force", "believed"),
+    [
+        (4.9e-3, (0.0, 0.0, -1.0), True),
+        (5.1e-3, (0.0, 0.0, -1.0), False),
+        (0.0, (0.0, 0.0, -1.24), True),
+        (0.0, (0.0, 0.0, -1.26), False),
+        (0.0, (1.24, -1.24, -1.24), True),
+        (0.0, (-1.26, 0.0, -0.1), False),
+    ],
+)
+@pytest.mark.parametrize("side", [(-1, 0), (0, -1), (1, 0), (0, 1)])
+def test_touches_5_mm_off_the_skin_or_a_quarter_past_the_known_forces_are_not_believed(
+    planar, rest, side, beyond, force, believed
+):
+    estimator = Placed(planar, most=1.0)
+    estimator.zero([rest])
+    middle = geometry(planar).extent / 2
+    place = middle + np.array(side) * (middle + beyond)
+    estimator.contact = Contact(position=place, force=force)
+    found = estimator.step(raised(planar, rest, 1.0, np.diag([1e-3, -1e-3, 0.5e-3])))
+    assert found.status is (Status.CONTACT if believed else Status.OUT_OF_RANGE)
+
+
+@pytest.mark.parametrize(("change", "refused"), [(59e-6, False), (61e-6, True)])
+def test_a_zero_may_drift_by_60_ut_whatever_it_looks_like(planar, rest, change, refused):
+    estimator = Counting(planar)
+    estimator.zero([rest])
+    # What all chips see alike does not count.
+    moved = raised(planar, rest, 1.0, np.outer([change, 0, -change], [1, 0, 0]) + 30e-6)
+    if refused:
+        with pytest.raises(ArgumentError, match="got what reads as a touch"):
+            estimator.zero([moved])
+    estimator.zero([moved], force=refused)

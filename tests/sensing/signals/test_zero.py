@@ -205,3 +205,35 @@ def test_idle_moments_of_a_real_recording_are_found_among_presses(recordings):
     assert at_rest > 0.99 * len(rest)
     assert pressed == 0
     assert zero.believed
+
+
+@pytest.mark.parametrize(("field", "idle"), [(130e-6, True), (145e-6, True), (155e-6, False)])
+def test_the_earths_field_turned_over_is_idle(field, idle):
+    # 25 to 65 uT, which turning over changes by twice as much.
+    band = IdleBand(10e-6, uniform=True)
+    for axis in range(3):
+        change = np.zeros((3, 3))
+        change[:, axis] = field, field + 9e-6, field - 9e-6
+        assert band(change, 0.0) is idle
+        assert band(-change, 0.0) is idle
+        assert not IdleBand(10e-6)(change, 0.0)
+        change[1, axis] += 3e-6  # past the band of what is not alike
+        assert not band(change, 0.0)
+        assert band(change, 5e-6) is idle
+
+
+def test_a_field_that_changes_alike_is_followed_soon_and_drift_slowly():
+    for change, seconds in ((7.9e-6, 10.0), (8.1e-6, 0.05)):
+        zero = Zero(ZeroTracking(hold=0.0), IdleBand(uniform=True), np.zeros((3, 3)), uniform=True)
+        zero.step(0.0, np.zeros((3, 3)))
+        zero.step(0.02, np.tile([0.0, change, 0.0], (3, 1)))
+        followed = -change * np.expm1(-0.02 / seconds)
+        np.testing.assert_allclose(zero.offset[:, 1], followed, rtol=0.01)
+
+
+def test_after_a_day_without_readings_the_zero_does_not_leap():
+    for gap, share in ((0.9e5, 1.0), (1.1e5, 0.0)):
+        zero = banded(hold=0.0)
+        zero.step(0.0, np.zeros(3))
+        zero.step(gap, np.full(3, 20e-6))
+        np.testing.assert_allclose(zero.offset, share * 20e-6, atol=1e-12)

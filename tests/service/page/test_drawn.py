@@ -59,6 +59,8 @@ def test_a_ruler_beside_the_skin_has_a_tick_every_10_mm_and_a_number_every_20(sc
     beside = line[0, 1 - axis]
     assert beside == line[1, 1 - axis]
     assert LOW[1 - axis] - 0.5 < beside < LOW[1 - axis] - 0.2
+    other = lines[np.abs(lines[:, 0, 1 - axis] - lines[:, 1, 1 - axis]) > 1][0, 0, axis]
+    assert LOW[axis] - other == pytest.approx(LOW[1 - axis] - beside)
     ticks = lines[
         np.isclose(lines[:, 0, 1 - axis], beside) & (lines[:, 0, axis] == lines[:, 1, axis])
     ]
