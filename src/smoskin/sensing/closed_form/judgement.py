@@ -60,7 +60,7 @@ def judged_fit(
     """The calibration of a sheet of touches, and what is odd about it without being wrong.
 
     It raises a `CalibrationError` that names the mistake which explains a sheet that fits badly,
-    else as `fit_calibration`.
+    else as `fit_calibration`. Rows are numbered as in the sheet, from 1, untouched ones counted.
     """
     few = _few(touches)
     if (misfit := _misfit(design, few)) > _WELL:

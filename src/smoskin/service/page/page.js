@@ -31,18 +31,20 @@
     if (event.target instanceof HTMLCanvasElement) event.preventDefault();
   });
 
-  // A box beside a slider shows what the slider holds, whatever was typed.
+  // A box beside a slider shows what the slider holds once it is at rest, whatever was typed.
+  const follow = (box, slider, before, tries) => setTimeout(() => {
+    const held = slider.getAttribute("aria-valuenow");
+    if (held === before && (box.value === "" || Number(box.value) !== Number(held))) {
+      Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(box, held);
+      box.dispatchEvent(new Event("input", { bubbles: true }));
+    }
+    if (tries && document.activeElement !== box) follow(box, slider, held, tries - 1);
+  }, 100);
   addEventListener("focusout", (event) => {
     const box = event.target;
     const slider = box instanceof HTMLInputElement && box.closest(".mantine-NumberInput-root")
       ?.parentElement.querySelector('[role="slider"]');
-    if (!slider) return;
-    setTimeout(() => {
-      const held = slider.getAttribute("aria-valuenow");
-      if (Number(box.value) === Number(held) && box.value !== "") return;
-      Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(box, held);
-      box.dispatchEvent(new Event("input", { bubbles: true }));
-    }, 100);
+    if (slider) follow(box, slider, null, 20);
   });
 
   const said = (name) => document.querySelector(`[data-name="${name}"]`)?.textContent.trim() ?? "";
