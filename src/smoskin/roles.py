@@ -5,6 +5,7 @@ vertices of a simulated sheet take it. Every concrete source and estimator of th
 these, and the contract suites in `tests/contracts` hold each of them to the sentences written here.
 """
 
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
@@ -28,6 +29,12 @@ Progress: TypeAlias = Callable[[str, float], None]
 
 def unheard(what: str, share: float) -> None:
     """Listen to no progress; the default of all that takes long."""
+
+
+def stopwatch() -> Callable[[], float]:
+    """A clock that tells the seconds since now."""
+    begun = time.monotonic()
+    return lambda: time.monotonic() - begun
 
 
 class Resource(ABC):

@@ -2,11 +2,14 @@
 
 import subprocess
 import sys
+import time
+from types import SimpleNamespace
 
 import pytest
 
 pytest.importorskip("typer")
 
+from smoskin import cli
 from smoskin.cli import app, frame
 from smoskin.cli.frame import GroupedCommands
 
@@ -102,3 +105,17 @@ def test_every_command_has_an_example_and_a_whole_first_sentence():
     for name, command in commands.items():
         for one in getattr(command, "commands", {"": command}).values():
             assert "smoskin " in (one.epilog or ""), name
+
+
+def test_minutes_are_counted_from_the_program_s_start(monkeypatch):
+    begun = []
+    monkeypatch.setattr(cli, "_app", lambda: lambda **given: begun.append(given["obj"]))
+    monkeypatch.setattr(cli, "heed_signals", lambda: None)
+    before = time.monotonic()
+    with pytest.raises(SystemExit) as done:
+        cli.main()
+    assert done.value.code == 0
+    assert before <= begun[0] <= time.monotonic()
+    early = frame.clock_of(SimpleNamespace(obj=begun[0] - 100.0))
+    assert 100.0 <= early() < 200.0
+    assert 0.0 <= frame.clock_of(SimpleNamespace(obj=None))() < 100.0

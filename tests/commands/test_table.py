@@ -56,6 +56,11 @@ def test_a_table_is_made_with_the_effort_asked_for(planar, tmp_path, monkeypatch
     assert (tmp_path / "c.table").exists()
 
 
+def test_too_few_presses_are_refused_before_any(planar):
+    with pytest.raises(ArgumentError, match="presses must be at least 3630 of this design; got 40"):
+        make_table(planar, Effort(presses=400))
+
+
 class Bench:
     """Stands for presses, chips and fits: keeps what they are asked, answers with plain numbers."""
 
@@ -160,7 +165,7 @@ def test_a_table_is_made_of_the_presses_that_its_effort_names(planar, monkeypatc
 
 def test_a_table_of_little_effort_has_neither_pairs_nor_modes(planar, monkeypatch):
     bench = Bench(monkeypatch, reduced_table(planar))
-    make_table(planar, Effort(presses=50, pairs=0, skins=1, draws=1, presses_a_skin=5))
+    make_table(planar, Effort(presses=4000, pairs=0, skins=1, draws=1, presses_a_skin=5))
     assert set(bench.fits) == {"fit_response_table", "add_warmth"}
     (folder,) = {path for path, _, _ in bench.sweeps.values()}
     assert not folder.exists()

@@ -62,6 +62,7 @@ def test_minutes_members_and_seed_take_the_place_of_an_efforts(planar, skin, mon
     train(reduced_table(skin), design=skin, minutes=2.0, seed=4, members=3, effort=SHORT, drag=0.2)
     assert asked["effort"] == replace(SHORT, seconds=120.0, seed=4, members=3)
     assert asked["spread"].drag == 0.2
+    assert 0 <= asked["clock"]() < 60
     rubber = elastomer_prony(skin.columns.material)
     assert np.array_equal(asked["creep"].moduli, rubber.moduli)
     train(reduced_table(planar))

@@ -34,7 +34,7 @@ COMMANDS = {
     "demo": ("demo", "--headless", "--seconds", "4", "--record", "r.mcap"),
     "run": ("run", "twin://planar", "--seconds", "8", "--record", "r.mcap"),
     "table": (
-        *("table", "--out", "t.table", "--folder", "p", "--presses", "400", "--pairs", "20"),
+        *("table", "--out", "t.table", "--folder", "p", "--presses", "3640", "--pairs", "20"),
         *("--skins", "2", "--workers", "1"),
     ),
     "sweep": (
@@ -83,6 +83,14 @@ def started(words: tuple[str, ...], folder: Path, *, compiled: bool = True) -> s
             stdout=out,
             stderr=err,
         )
+
+
+@pytest.fixture(autouse=True)
+def ctrl_c():
+    """Programs start with Ctrl-C as a terminal has it: what a shell starts with & ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 def hears(process: subprocess.Popen, number: int) -> bool:

@@ -6,6 +6,8 @@ compiles is kept in the user's cache folder, so that a second run starts at once
 
 import os
 import sys
+import time
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,17 +20,19 @@ if TYPE_CHECKING:
 
 def main() -> None:
     """Run the command line; the console script's entry."""
+    begun = time.monotonic()
     heed_signals()
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # what a terminal cannot show must not end the program
             stream.reconfigure(errors="replace")
-    sys.exit(run_to_end(_run))
+    sys.exit(run_to_end(partial(_run, begun)))
 
 
-def _run() -> None:
+def _run(begun: float) -> None:
+    """Run a command, told when the program began."""
     app = _app()
     keep_compiled()
-    app(prog_name="smoskin")
+    app(prog_name="smoskin", obj=begun)
 
 
 def keep_compiled() -> None:

@@ -118,6 +118,12 @@ def _options(
     """Options before any command."""
 
 
+def clock_of(context: typer.Context) -> Callable[[], float]:
+    """The seconds since the program began, imports included."""
+    begun = time.monotonic() if context.obj is None else float(context.obj)
+    return lambda: time.monotonic() - begun
+
+
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
     """A listener that shows progress on standard error.

@@ -7,13 +7,14 @@ from typing import Annotated
 
 import typer
 
-from smoskin.cli.frame import Design, Force, Json, app, examples, progress_bar, show
+from smoskin.cli.frame import Design, Force, Json, app, clock_of, examples, progress_bar, show
 from smoskin.errors import require
 from smoskin.outputs import check_output
 
 
 @app.command(epilog=examples("optimise planar --out better.toml --minutes 10"))
 def optimise(
+    context: typer.Context,
     out: Annotated[
         Path, typer.Option(help="The new design (TOML); the comparison beside it.", dir_okay=False)
     ],
@@ -51,6 +52,7 @@ def optimise(
             limits=Limits(rate=rate),
             effort=SearchEffort(seed=seed, seconds=seconds),
             progress=progress,
+            clock=clock_of(context),
         )
     document, beside = found.write(out)
     if as_json:
@@ -59,6 +61,8 @@ def optimise(
         for table in found.tables():
             show(table)
         typer.echo(f"{document} and {beside}")
+    if found.warning:
+        typer.echo(f"warning: {found.warning}", err=True)
     typer.echo(found.verdict(), err=True)
     if not found.kept:
         raise typer.Exit(1)

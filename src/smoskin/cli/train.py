@@ -18,6 +18,7 @@ from smoskin.cli.frame import (
     Text,
     Whole,
     app,
+    clock_of,
     examples,
     progress_bar,
     show,
@@ -94,6 +95,7 @@ def _pressed(folder: Path | None) -> str:
     epilog=examples("train skin.table --minutes 5", "train skin.table --minutes 5 --resume")
 )
 def train(
+    context: typer.Context,
     response: Annotated[
         Path, Argument(help="A response table, of a design or of a skin.", dir_okay=False)
     ],
@@ -144,6 +146,7 @@ def train(
             checkpoint=checkpoint,
             curve=curve,
             progress=progress,
+            clock=clock_of(context),
         )
     model, *others = training.write_network(trained, out, onnx)
     files = [model, curve, *others]

@@ -29,7 +29,13 @@ from smoskin.mechanics.sheet.compliance import grip_compliance
 from smoskin.origami.geometry import geometry
 from smoskin.records import Motion
 from smoskin.roles import Progress, unheard
-from smoskin.sensing.response.fit import add_coupling, add_modes, add_warmth, fit_response_table
+from smoskin.sensing.response.fit import (
+    add_coupling,
+    add_modes,
+    add_warmth,
+    fit_response_table,
+    least_presses,
+)
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.twin.manufacture import Tolerances, draw, made_mechanics
 from smoskin.twin.readout import Readout
@@ -97,6 +103,8 @@ def make_table(
 
     Raises
     ------
+    ArgumentError
+        If there are fewer presses than the table needs.
     RecordingError
         If the folder holds presses of another design, effort or version.
     EngineError
@@ -105,6 +113,8 @@ def make_table(
         If the extras `twin` and `data` are not installed.
     """
     work = effort or Effort()
+    if work.presses < (least := least_presses(design)):
+        raise ArgumentError(f"presses must be at least {least} of this design; got {work.presses}")
     sweeps = _plan(design, work, tolerances)
     total, before = sum(sweep.rows for sweep in sweeps.values()), 0
     pressed: dict[str, Dataset] = {}
@@ -207,7 +217,7 @@ def table_rows(table: ResponseTable, title: str) -> "Table":
         ("chips", ", ".join(str(chip) for chip in table.chips)),
         ("normal forces", f"{low:.2f} to {high:.2f} N"),
         ("modes in which made skins differ", str(len(table.modes))),
-        ("misfit of each signal, uT/N", ", ".join(f"{v:.1f}" for v in _misfit_microtesla(table))),
+        ("missed by each signal of presses held out, uT/N", ", ".join(f"{v:.1f}" for v in _misfit_microtesla(table))),
     ):
         shown.add_row(name, value)
     return shown

@@ -3,7 +3,7 @@
 Decides which files stand beside a model while and after it is trained.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.feasibility import load_design
 from smoskin.mechanics.viscoelasticity import elastomer_prony
-from smoskin.roles import Progress, unheard
+from smoskin.roles import Progress, stopwatch, unheard
 from smoskin.sensing.network.model import NetworkModel, load_network
 from smoskin.sensing.network.samples import TouchSpread, TrainingEffort
 from smoskin.sensing.response.table import ResponseTable, load_response_table
@@ -40,6 +40,7 @@ def train(
     checkpoint: Path | None = None,
     curve: Path | None = None,
     progress: Progress = unheard,
+    clock: Callable[[], float] | None = None,
 ) -> "Trained":
     """A network that tells place and force, each with its uncertainty, from a reading.
 
@@ -67,6 +68,8 @@ def train(
         File of the learning curve, a line of JSON for each epoch.
     progress : Progress
         Listener.
+    clock : callable, optional
+        Seconds since the work began; since the call by default.
 
     Raises
     ------
@@ -97,6 +100,7 @@ def train(
         checkpoint=checkpoint,
         curve=curve,
         progress=progress,
+        clock=clock or stopwatch(),
     )
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from searches_of_designs import AIM, COARSE, PLACED, WITHIN, ticking
+from searches_of_designs import AIM, COARSE, PLACED, WITHIN, Told
 from smoskin.commands.optimise import optimise
 from smoskin.commands.optimise.pressed import PressedSheet
 
@@ -14,6 +14,13 @@ def sheet(planar):
 
 @pytest.fixture(scope="module")
 def found(planar):
+    told = Told()
     return optimise(
-        planar, objective=AIM, limits=WITHIN, effort=PLACED, places=COARSE, clock=ticking()
+        planar,
+        objective=AIM,
+        limits=WITHIN,
+        effort=PLACED,
+        places=COARSE,
+        progress=told,
+        clock=told.clock,
     )

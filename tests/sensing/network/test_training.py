@@ -1,5 +1,6 @@
 """Training networks: the loss, what is held out, what a killed training goes on to."""
 
+import itertools
 import json
 from dataclasses import replace
 
@@ -227,21 +228,31 @@ def test_a_checkpoint_of_another_training_is_refused(skin, tmp_path):
     assert len(more.curve) == 3
 
 
-def test_it_ends_when_nothing_is_gained_or_time_is_over(skin):
+def test_it_ends_when_nothing_is_gained(skin):
     flat = replace(SHORT, epochs=50, rate=1e-12, patience=3)
     ended = train_network(skin, reduced_table(skin), effort=flat)
     assert len(ended.curve) < 50
     assert ended.ended == "3 epochs gained nothing on held-out skins"
-    seconds = iter(range(0, 10_000, 10))
-    brief = train_network(
-        skin,
-        reduced_table(skin),
-        effort=replace(SHORT, epochs=50, seconds=25.0),
-        clock=lambda: float(next(seconds)),
-    )
-    assert brief.ended == "its 25 s are over"
-    assert brief.curve[-1].seconds >= 25.0
-    assert brief.curve[-1].rate < brief.curve[0].rate
+
+
+def brief(skin, seconds, **files):
+    """A training whose clock goes on by a second whenever it is looked at."""
+    effort, ticks = replace(SHORT, epochs=50, seconds=seconds), itertools.count()
+    table = reduced_table(skin)
+    return train_network(skin, table, effort=effort, clock=lambda: float(next(ticks)), **files)
+
+
+def test_it_leaves_time_for_its_end_as_its_beginning_took(skin, tmp_path):
+    trained = brief(skin, 10.0, checkpoint=tmp_path / "checkpoint")
+    # Held-out touches took one second, the end takes three, each epoch one.
+    assert [point.seconds for point in trained.curve] == [2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
+    assert trained.ended == "its 10 s are over"
+    assert trained.curve[-1].rate < 0.3 * trained.curve[0].rate
+    more = brief(skin, 15.0, checkpoint=tmp_path / "checkpoint")
+    assert [point.seconds for point in more.curve[6:]] == [9.0, 10.0, 11.0, 12.0]
+    short = brief(skin, 4.0)
+    assert len(short.curve) == 1
+    assert short.ended == "its 4 s are over: the first epoch, which compiles, took most of them"
 
 
 def test_one_goes_on_from_another(skin):

@@ -7,11 +7,11 @@ tables, as JSON, and as reasons in the new design's own document.
 
 import json
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from smoskin.commands.optimise.limits import (
     fit_gaps,
     made_limits,
     own_limits,
+    slowest_setting,
     stood_limits,
 )
 from smoskin.commands.optimise.pressed import Places, PressedSheet, design_bound, unknown_of
@@ -30,7 +31,7 @@ from smoskin.commands.optimise.search import Objective, Search, SearchEffort
 from smoskin.design.document import design_values, format_design
 from smoskin.design.skin import Provenance, SkinDesign
 from smoskin.outputs import write_output
-from smoskin.roles import Progress, unheard
+from smoskin.roles import Progress, stopwatch, unheard
 from smoskin.sensing.response.bound import bound_of_slopes, figures
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.manufacture import draw
@@ -47,12 +48,16 @@ _MADE: Final = 3
 """Made skins over which their bounds are averaged."""
 _SEED: Final = 500_000
 """Seed of the first made skin: far from those of judgements and of response tables."""
-_AFTER: Final = 37.0
-"""Presses of the search that take as long as what follows it: rounding, made skins, comparison."""
-_COMPARING: Final = 27.0
-"""Presses of these that the comparison takes; on every other place along each axis a quarter."""
+_FINE: Final = 40.0
+"""Time of a search over that of a rough comparison from which a finer one is made."""
+_WIDENING: Final = 1.5
+"""Time of widening the gaps over that of checking all made skins once."""
 _HIGHER: Final = "super-resolution"
 """Quantities of which more is better."""
+
+
+Numbers: TypeAlias = dict[tuple[str, str], float]
+"""Numbers of one design by case and quantity."""
 
 
 class Change(NamedTuple):
@@ -96,6 +101,8 @@ class Optimised:
     """Limits on the new design."""
     made: tuple[Reached, ...]
     """Limits on the worst of some made skins of it."""
+    warning: str = ""
+    """Why the design is hardly searched for; empty where it is."""
 
     @property
     def kept(self) -> bool:
@@ -125,6 +132,7 @@ class Optimised:
             "after": {"name": self.after.name, "content_hash": self.after.content_hash},
             "gain": self.gain,
             "kept": self.kept,
+            "warning": self.warning or None,
             "changes": [change._asdict() for change in self.changes],
             "bounds": [{**side._asdict(), "gain": side.gain} for side in self.bounds],
             "limits": [limit.as_json() for limit in self.limits],
@@ -174,7 +182,7 @@ def optimise(
     effort: SearchEffort | None = None,
     places: Places = (25, 33),
     progress: Progress = unheard,
-    clock: Callable[[], float] = time.monotonic,
+    clock: Callable[[], float] | None = None,
 ) -> Optimised:
     """The design of lowest bound that is found from this one, beside it.
 
@@ -188,9 +196,9 @@ def optimise(
         What is made small, what is kept, and how long is searched.
     places : tuple of int
         Numbers of places along x and y of the maps that are compared; half as many where the time
-        is too short.
-    clock : callable
-        Seconds, rising.
+        is short.
+    clock : callable, optional
+        Seconds since the work began; since the call by default.
 
     Raises
     ------
@@ -199,26 +207,60 @@ def optimise(
     MissingExtraError
         If the extra ``twin`` is not installed.
     """
-    aim, within = objective or Objective(), limits or Limits()
-    search = Search(design, aim, within, effort or SearchEffort(), progress, clock, _AFTER)
+    aim, within, work = objective or Objective(), limits or Limits(), effort or SearchEffort()
+    clock = clock or stopwatch()
+    slowest_setting(design, within)  # refuses before anything takes long
+    search = Search(design, aim, within, work, progress, clock)
+    progress("comparison", 0.0)
+    compare = partial(_bounds, force=aim.force, unmodelled=aim.unmodelled)
+    places, old = _judged_first(search, design, within, places, compare, clock)
+    warning = ""
+    if not search.has_time():
+        least = work.seconds - search.left + search.rest
+        warning = f"no time was left to search: compiling and judging alone take {least:.0f} s here"
     new = search.run().design
     progress("made skins", 1.0)
     sheet = PressedSheet(new, force=aim.force, places=(2, 2), rated_places=coarser(places))
     new, made = _widened(new, sheet, within)
     progress("comparison", 1.0)
-    if search.left < _COMPARING:
-        places = coarser(places)
     changes = changes_of(design, new)
     return Optimised(
         before=design,
         after=with_reasons(new, name, changes),
         changes=changes,
-        bounds=compare_bounds(
-            design, new, force=aim.force, unmodelled=aim.unmodelled, places=places
-        ),
+        bounds=_sides(old, compare(new, places)),
         limits=(*own_limits(new, within), *stood_limits(new, sheet, within)),
         made=made,
+        warning=warning,
     )
+
+
+def _judged_first(
+    search: Search,
+    design: SkinDesign,
+    limits: Limits,
+    places: Places,
+    compare: Callable[[SkinDesign, Places], Numbers],
+    clock: Callable[[], float],
+) -> tuple[Places, Numbers]:
+    """The start's bounds at places for which there is time; the search leaves what they took."""
+    if not math.isfinite(search.left):
+        return places, compare(design, places)
+    search.measure()
+    begun = clock()
+    check_made(design, made_sheets(design, replace(limits, made_skins=1)), limits)
+    checking = _WIDENING * limits.made_skins * (clock() - begun)
+    begun = clock()
+    old = compare(design, coarser(places))
+    took = clock() - begun
+    if search.left < _FINE * took:
+        places = coarser(places)
+    else:
+        begun = clock()
+        old = compare(design, places)
+        took = clock() - begun
+    search.rest = checking + _WIDENING * took
+    return places, old
 
 
 def _widened(
@@ -290,20 +332,24 @@ def compare_bounds(
     before: SkinDesign, after: SkinDesign, *, force: float, unmodelled: float, places: Places
 ) -> tuple[Side, ...]:
     """Bounds of both designs, as designed and as made."""
-    old, new = (_bounds(design, force, unmodelled, places) for design in (before, after))
-    return tuple(Side(*case, value, new[case]) for case, value in old.items())
+    return _sides(
+        *(_bounds(one, places, force=force, unmodelled=unmodelled) for one in (before, after))
+    )
 
 
-def _bounds(
-    design: SkinDesign, force: float, unmodelled: float, places: Places
-) -> dict[tuple[str, str], float]:
+def _sides(before: Numbers, after: Numbers) -> tuple[Side, ...]:
+    """The numbers of both designs, side by side."""
+    return tuple(Side(*case, value, after[case]) for case, value in before.items())
+
+
+def _bounds(design: SkinDesign, places: Places, *, force: float, unmodelled: float) -> Numbers:
     """Numbers of one design by case and quantity."""
     sheet = PressedSheet(design, force=force, places=places, rated_places=(2, 2))
     signals, slopes = sheet.slopes(design)
     noise = signal_noise(design)
     sites = list(enumerate(design.halls))
     upper = [s for s, site in sites if design.magnet(site.magnet).mount == "sheet"]
-    numbers: dict[tuple[str, str], float] = {}
+    numbers: Numbers = {}
 
     def note(case: str, slopes: Floats, noise: Floats, *, drags: bool) -> None:
         bound = bound_of_slopes(sheet.x, sheet.y, slopes, noise, drags=drags)

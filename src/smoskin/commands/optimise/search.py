@@ -7,7 +7,6 @@ of location counts: with drags unknown and known to be none, over the mean and t
 """
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
@@ -43,6 +42,12 @@ _TOO_BAD: Final = 10.0
 """Merit, over that of the start, of a design that has no equilibrium."""
 _ENOUGH: Final = 0.005
 """Relative gain of a round below which no other follows."""
+_EXCHANGING: Final = 3.0
+"""Presses that take as long as moving magnets one by one does."""
+_ROUNDING: Final = 4.0
+"""Presses that rounding takes."""
+_LAST: Final = 9
+"""Presses by whose time the next ones are reckoned."""
 _DRAWS: Final = 6
 """Random placements from which magnets are moved one by one, besides the one at hand."""
 
@@ -143,10 +148,11 @@ class Search:
     """One search from a design; remembers the sheets last pressed and the best design.
 
     Cells, creases, panels, board and shear layer stay as they are. The same seed finds the same
-    design, unless the time runs out by the clock, which tells rising seconds: it ends when
-    all that is left is the `rest` in presses at their measured speed, two thirds of the time at
-    most.
+    design, unless the time runs out by the clock, which tells the seconds since the work began.
     """
+
+    rest: float = 0.0
+    """Seconds that are left for what follows the search."""
 
     def __init__(
         self,
@@ -156,12 +162,9 @@ class Search:
         effort: SearchEffort,
         progress: Progress,
         clock: Callable[[], float],
-        rest: float = 0.0,
     ) -> None:
         self._objective, self._limits, self._effort = objective, limits, effort
         self._progress, self._clock = progress, clock
-        self._end = clock() + effort.seconds
-        self._rest = rest
         self._took: list[float] = []
         """Time of each press, s; the first one compiles."""
         self._total = (effort.rounds + len(limits.rubbers) / 2) * effort.steps
@@ -197,19 +200,26 @@ class Search:
 
     @property
     def left(self) -> float:
-        """Presses for which there is time left."""
-        return (self._end - self._clock()) / self._pressing if self._pressing else math.inf
+        """Seconds of its time that are left."""
+        return self._effort.seconds - self._clock()
 
     @property
-    def _pressing(self) -> float:
-        """Median time of a press, s; 0 while it is not known."""
-        return float(np.median(self._took[1:])) if len(self._took) > 1 else 0.0
+    def pressing(self) -> float:
+        """Median time of the last presses, s, but of the first, which compiles."""
+        return float(np.median(self._took[1:][-_LAST:])) if len(self._took) > 1 else 0.0
+
+    def measure(self) -> None:
+        """Press the start twice, so that the time of a press is known."""
+        self._sheet(self._start)
+        self._press(self._start.columns, self._start.frame)
+
+    def has_time(self, presses: float = 1.0) -> bool:
+        """Whether there is time for so many presses and for what follows them."""
+        return self.left >= self.rest + (presses + _ROUNDING) * self.pressing
 
     def _try(self, design: SkinDesign, what: str) -> Trial:
         """One design with its gaps fitted; the best is remembered."""
-        if self._clock() > self._end - min(
-            self._rest * self._pressing, 2 * self._effort.seconds / 3
-        ):
+        if not self.has_time():
             raise _OutOfTime
         self._progress(what, min(self._done / self._total, 1.0))
         trial = self._fitted(design)
@@ -231,9 +241,9 @@ class Search:
     def _press(self, columns: Columns, frame: Frame) -> PressedSheet:
         """The start's sheet on these columns and in this frame."""
         design = replace(self._start, columns=columns, frame=frame)
-        begun = time.perf_counter()
+        begun = self._clock()
         sheet = PressedSheet(design, force=self._objective.force, places=self._objective.places)
-        self._took.append(time.perf_counter() - begun)
+        self._took.append(self._clock() - begun)
         return sheet
 
     def _refine(self, design: SkinDesign, steps: int) -> None:
@@ -276,6 +286,8 @@ class Search:
             setting = replace(design.hall_setting, gain_selection=gain)
             self._try(replace(design, hall_setting=setting), "places of magnets")
         best = self._best.design
+        if not self.has_time(_EXCHANGING):
+            raise _OutOfTime
         placed = exchange(best, self._sheet(best), self._objective, self._limits, self._rng)
         self._try(placed, "places of magnets")
 

@@ -7,7 +7,6 @@ validity. Needs the extra `train`.
 """
 
 import json
-import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -23,7 +22,7 @@ from smoskin.errors import MissingExtraError, ModelError
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.origami.geometry import places_to_the_rim
 from smoskin.outputs import write_output
-from smoskin.roles import Progress, unheard
+from smoskin.roles import Progress, stopwatch, unheard
 from smoskin.sensing.files import TensorFile
 from smoskin.sensing.learned.gaussian_process import Metric, Prediction
 from smoskin.sensing.network.model import SPREADS, Layer, NetworkModel, Singles
@@ -48,6 +47,7 @@ _CHECKPOINT: Final = TensorFile("a training checkpoint", "smoskin_training", 1)
 _CLIP: Final = 5.0  # length of the gradient above which it is shortened
 _HOLDS: Final = 0.9  # share of truths that stated regions shall hold
 _BEYOND: Final = 1.3  # distance that is believed, over the largest of held-out touches
+_FINISHING: Final = 3.0  # time of the end, which draws held-out touches twice, over the beginning's
 _FIRM: Final = 0.3  # N; normal force from which touches count for the figures
 _MEMORY: Final = 0.99  # share of the running mean of squared gradients that a step keeps
 _POOR: Final = 2.0
@@ -125,30 +125,32 @@ def train_network(
     checkpoint: Path | None = None,
     curve: Path | None = None,
     progress: Progress = unheard,
-    clock: Callable[[], float] = time.monotonic,
+    clock: Callable[[], float] | None = None,
 ) -> Trained:
     """A network for skins of a table, which holds the chips that the network shall read.
 
     `smoskin.commands.train.train` says what most arguments mean. `spread` is that of touches and
-    disturbances, `creep` that of the rubber where the estimator undoes it, and `clock` gives the
-    seconds that pass. It raises a `ModelError` if the table or the start belong to another design,
-    or the checkpoint to another training.
+    disturbances, `creep` that of the rubber where the estimator undoes it. It raises a `ModelError`
+    if the table or the start belong to another design, or the checkpoint to another training.
     """
+    clock = clock or stopwatch()
     effort = effort or TrainingEffort()
     design.check_own("table", table.design_hash)
     source = TouchSource(table, signal_noise(design, table.chips), spread, creep)
+    before = clock()
     lessons = Lessons(design, source, effort, start)
+    finishing = _FINISHING * (clock() - before)
     with jax.enable_x64(False), ThreadPoolExecutor(max_workers=1) as ahead:
-        course = _Course(lessons, checkpoint)
-        began = clock() - course.seconds
+        course = _Course(lessons, checkpoint, finishing)
+        earlier = course.seconds
         course.save(checkpoint, curve)
         coming = ahead.submit(lessons.epoch, len(course.curve))
         while not (ended := course.ended()):
-            share = max(len(course.curve) / effort.epochs, course.seconds / effort.seconds)
+            share = max(len(course.curve) / effort.epochs, course.seconds / course.time)
             progress(course.summary(), share)
             examples = coming.result()
             coming = ahead.submit(lessons.epoch, len(course.curve) + 1)
-            course.learn(examples, share, lambda: clock() - began)
+            course.learn(examples, share, lambda: earlier + clock())
             course.save(checkpoint, curve)
         coming.cancel()
         progress(f"stopped: {ended}", 1.0)
@@ -160,8 +162,10 @@ def train_network(
 class _Course:
     """How far a training has come: as a checkpoint left it, from the beginning without one."""
 
-    def __init__(self, lessons: Lessons, checkpoint: Path | None) -> None:
+    def __init__(self, lessons: Lessons, checkpoint: Path | None, finishing: float) -> None:
         self._lessons = lessons
+        self.time = max(lessons.effort.seconds - finishing, finishing)
+        """Seconds that epochs may take, so that spread and figures come in time."""
         weights = [(jnp.asarray(w), jnp.asarray(b)) for w, b in lessons.model.layers]
         self._state: State = (weights, weights, _optimiser(weights).init(weights))
         self.best: State = weights
@@ -189,6 +193,11 @@ class _Course:
         """Time spent so far."""
         return self.curve[-1].seconds if self.curve else 0.0
 
+    @property
+    def _pace(self) -> float:
+        """Time that the last epoch took, s."""
+        return self.seconds - (self.curve[-2].seconds if len(self.curve) > 1 else 0.0)
+
     def learn(self, examples: Examples, share: float, spent: Callable[[], float]) -> None:
         """Take in an epoch's examples, that share of the training being over."""
         rate = self._lessons.effort.rate * 0.5 * (1 + np.cos(np.pi * min(share, 1.0)))
@@ -206,8 +215,9 @@ class _Course:
         losses = [point.held_out for point in self.curve]
         if len(losses) >= effort.epochs:
             return f"all {effort.epochs} epochs are done"
-        if self.seconds >= effort.seconds:
-            return f"its {effort.seconds:.0f} s are over"
+        if self.curve and self.seconds + self._pace > self.time:
+            first = ": the first epoch, which compiles, took most of them"
+            return f"its {effort.seconds:.0f} s are over{first if len(losses) == 1 else ''}"
         if losses and not np.isfinite(losses[-1]):
             return "the loss is no longer finite"
         if losses and len(losses) - 1 - int(np.argmin(losses)) >= effort.patience:

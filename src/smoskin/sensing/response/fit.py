@@ -80,10 +80,9 @@ def fit_response_table(
     values = floats("signals", signals, (chips, 3)).reshape(-1, 3 * chips)
     place, push = touch_arrays(position, force)
     basis = TouchBasis.of(design, radius)
-    functions = int(np.prod(basis.shape))
-    if len(place) != len(values) or len(place) < 2 * functions:
+    if len(place) != len(values) or len(place) < (least := least_presses(design, radius)):
         raise ArgumentError(
-            f"position, force and signals must hold the same presses, at least {2 * functions}; "
+            f"position, force and signals must hold the same presses, at least {least}; "
             f"got {len(place)}, {len(push)} and {len(values)}"
         )
     if not (np.isfinite(values).all() and (push[:, 2] < 0).all()):
@@ -105,6 +104,11 @@ def fit_response_table(
         misfit=misfit,
         pair_misfit=np.zeros((3 * chips, 3 * chips)),
     )
+
+
+def least_presses(design: SkinDesign, radius: float = FINGERTIP) -> int:
+    """Presses that a table needs: two for each function that it is made of."""
+    return 2 * int(np.prod(TouchBasis.of(design, radius).shape))
 
 
 def _first_fit(rows: Floats, values: Floats, strength: Floats) -> tuple[Floats, Floats]:
