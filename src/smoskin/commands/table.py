@@ -217,7 +217,10 @@ def table_rows(table: ResponseTable, title: str) -> "Table":
         ("chips", ", ".join(str(chip) for chip in table.chips)),
         ("normal forces", f"{low:.2f} to {high:.2f} N"),
         ("modes in which made skins differ", str(len(table.modes))),
-        ("missed by each signal of presses held out, uT/N", ", ".join(f"{v:.1f}" for v in _misfit_microtesla(table))),
+        (
+            "missed by each signal of presses held out, uT/N",
+            ", ".join(f"{v:.1f}" for v in _misfit_microtesla(table)),
+        ),
     ):
         shown.add_row(name, value)
     return shown

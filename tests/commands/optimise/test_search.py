@@ -166,9 +166,7 @@ def test_what_follows_is_timed_before_the_search(planar, monkeypatch, minutes, g
     monkeypatch.setattr(search, "_press", press)
     monkeypatch.setattr(commands, "made_sheets", lambda *_: [])
     monkeypatch.setattr(commands, "check_made", check)
-    places, old = commands._judged_first(
-        search, planar, WITHIN, (25, 33), compare, lambda: now[0]
-    )
+    places, old = commands._judged_first(search, planar, WITHIN, (25, 33), compare, lambda: now[0])
     assert (places, old) == (grid, {("case", "quantity"): float(grid[0])})
     # Two made skins of a second each, and the comparison, half as long again.
     assert search.rest == pytest.approx(1.5 * (2 * 1.0 + took))
