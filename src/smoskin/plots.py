@@ -152,27 +152,25 @@ def draw_touches(
 
 
 def draw_judgement(
-    design: SkinDesign, contacts: Sequence[Contact], off: Floats, missed: Floats
+    design: SkinDesign, places: Floats, off: Floats, missed: Mapping[str, Floats], title: str
 ) -> Figure:
-    """Touches of a calibration: arrows to where the others locate each, residuals of each chip.
+    """Touches that a fit has not seen: arrows to where it locates each, and how far it is off.
 
-    `off` is how far each is located from its label, (N, 2), m, drawn ten times as long; `missed`
-    what its signals miss, (N, C), in standard deviations.
+    `places` are true, (N, 2), m; `off` is how far each is located from there, (N, 2), m, drawn ten
+    times as long; `missed` are residuals in standard deviations, by what they are of.
     """
     with styled():
         figure = Figure(figsize=(7.5, 4.6), layout="constrained")
-        chips = missed.shape[1] // 3
-        panels = figure.subplot_mosaic([["skin", f"chip {s}"] for s in range(chips)])
-        skin, others = panels["skin"], [panels[f"chip {s}"] for s in range(chips)]
+        panels = figure.subplot_mosaic([["skin", name] for name in missed])
+        skin, others = panels["skin"], [panels[name] for name in missed]
         draw_skin(design, skin)
-        places = 1e3 * np.array([contact.position for contact in contacts])
-        arrows = 1e4 * off
-        skin.plot(*places.T, ".", color=BLUE, markersize=3)
-        skin.quiver(*places.T, *arrows.T, color=RED, angles="xy", scale_units="xy", scale=1)
-        skin.set_title("located by the other touches, 10 x")
-        for s, axes in enumerate(others):
-            axes.hist(missed[:, 3 * s : 3 * s + 3].ravel(), 30, color=BLUE)
-            axes.set(ylabel="signals", title=f"chip {s + 1} of the table")
+        skin.plot(*(1e3 * places.T), ".", color=BLUE, markersize=3)
+        arrows = 1e4 * off.T
+        skin.quiver(*(1e3 * places.T), *arrows, color=RED, angles="xy", scale_units="xy", scale=1)
+        skin.set_title(f"{title}, 10 x")
+        for axes, (name, values) in zip(others, missed.items(), strict=True):
+            axes.hist(values.ravel(), 30, color=BLUE)
+            axes.set(ylabel="number", title=name)
         others[-1].set_xlabel("missed (standard deviations)")
         lay_out(figure)
     return figure

@@ -8,11 +8,15 @@ pytest.importorskip("typer")
 
 from typer.testing import CliRunner
 
+from learned_examples import presses
+from networks import random_network
 from smoskin.cli import app
 from smoskin.commands.check import check_file
 from smoskin.commands.new_design import new_design
 from smoskin.design.document import parse_design
 from smoskin.errors import ArgumentError, DesignError
+from smoskin.sensing.learned.inputs import Encoding
+from smoskin.sensing.learned.training import FittingEffort, train_model
 from smoskin.sensing.response.table import load_response_table
 from smoskin.service.recorder import Recorder
 from smoskin.service.recording import open_recording
@@ -64,6 +68,18 @@ def test_designs_tables_sheets_and_others_are_known_by_their_content(tmp_path, p
     done = CliRunner().invoke(app, ["touches", "plan", "--count", "2", "--out", str(sheet)])
     assert done.exit_code == 0
     assert check_file(sheet).facts["rows"].endswith("0 are filled in")
+
+
+def test_trained_models_say_what_they_reached_on_what_was_held_out(tmp_path):
+    random_network().save(tmp_path / "network")
+    facts = check_file(tmp_path / "network").facts
+    assert facts["held out, mean distance of the place"] == "1 mm"
+    examples = presses(passes=1, side=5)
+    learned = train_model(examples, Encoding(chips=(0, 1, 2)), effort=FittingEffort(iterations=1))
+    learned.save(tmp_path / "learned")
+    facts = check_file(tmp_path / "learned").facts
+    metric = learned.metrics[0]
+    assert facts["held out, rmse x"] == f"{1e3 * metric.value:.3g} mm"
 
 
 def test_the_command_tells_of_each_and_fails_where_one_is_damaged(recording, tmp_path):

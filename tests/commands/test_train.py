@@ -42,7 +42,7 @@ def test_a_training_gives_a_network_that_can_be_saved_and_gone_on_from(skin, tmp
     assert (told["epochs"], told["chips"], told["drag_N"]) == (2, [1, 2], 0.0)
     assert told["held_out_nats"] == min(point.held_out for point in first.curve)
     assert told["metrics"][0]["unit"] == "m"
-    assert figure_rows(first).row_count == 3
+    assert figure_rows(first).row_count == 4
     assert write_network(first, out, tmp_path / "net.onnx") == [out, tmp_path / "net.onnx"]
     again = load_network(out)
     assert again.chips == (1, 2)
@@ -115,8 +115,12 @@ def test_the_command_trains_and_says_what_it_reached(skin, tmp_path, monkeypatch
     assert {Path(file).name for file in told["files"]} == names
     resumed = run("train", table, "--out", out, "--resume", "--force", "--design", design)
     assert isinstance(resumed.exception, ArgumentError)
-    shown = run("train", table, "--out", tmp_path / "b", "--design", design, "--seed", "3")
+    plot = tmp_path / "missed.svg"
+    more = ("--design", design, "--seed", "3", "--plot", plot)
+    shown = run("train", table, "--out", tmp_path / "b", *more)
     assert shown.exit_code == 0, shown.output
+    assert plot.read_text(encoding="utf-8").count('<g id="axes_') == 4
+    assert "skins leave" in shown.stdout
     assert "mean distance of the place" in shown.stdout
     assert "Training ended: all 2 epochs are done." in shown.stdout
 

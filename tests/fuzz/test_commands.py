@@ -82,7 +82,7 @@ COMMANDS = {
     "table": ("DESIGN", "--out=", "--presses=", "--pairs=", "--skins=", "--seed=", "--workers="),
     "train": (
         *("p.table", "p.table", "FILE", "--out=", "--design=", "--chips=", "--drag=", "--members="),
-        *("--minutes=", "--start=", "--resume", "--onnx=", "--seed=", "--json"),
+        *("--minutes=", "--start=", "--resume", "--onnx=", "--plot=", "--seed=", "--json"),
     ),
     "score": (
         *("p.table", "p.table", "FILE", "--out=", "--design=", "--skins=", "--touches=", "--seed="),
@@ -126,9 +126,11 @@ OUTPUT_OF = {
     "table": ("--out=",),
     "train": ("p.table", "--out="),
     "train onnx": ("p.table", "--out=m", "--onnx="),
+    "train plot": ("p.table", "--out=m", "--plot="),
     "score": ("p.table", "--out="),
     "optimise": ("--out=",),
     "calibrate": ("--out=",),
+    "calibrate plot": ("--out=s.table", "--plot="),
     "touches plan": ("--count=1", "--out="),
     "fit-paper": ("full.csv", "--out="),
     "fit-paper plot": ("full.csv", "--out=c.toml", "--plot="),

@@ -95,9 +95,12 @@ def calibrate(
     """
     from smoskin.commands import calibrate as work
 
-    for output in (out, *([] if plot is None else [plot])):
-        check_output(output, force=overwrite)
+    check_output(out, force=overwrite)
     ResponseTable.check_writer()
+    if plot is not None:
+        from smoskin.plots import check_figure, save_figure
+
+        check_figure(plot, force=overwrite)
     until = None if until_mm is None else 1e-3 * until_mm
     orders = {"count": touches, "until": until, "force": force, "drag": drag}
     options: dict[str, Any] = {key: value for key, value in orders.items() if value is not None}
@@ -129,7 +132,7 @@ def calibrate(
                 raise
     done.save(out)
     if plot is not None:
-        done.figure(skin).savefig(plot)
+        save_figure(done.figure(skin), plot)
     tell(done, as_json, file=str(out))
     for warning in done.judgement.warnings:
         typer.echo(f"warning: {warning}", err=True)

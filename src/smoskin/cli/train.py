@@ -23,10 +23,11 @@ from smoskin.cli.frame import (
     progress_bar,
     show,
 )
+from smoskin.design.document import shipped_design
 from smoskin.errors import require
 from smoskin.feasibility import load_design
 from smoskin.outputs import check_output
-from smoskin.sensing.response.table import ResponseTable
+from smoskin.sensing.response.table import ResponseTable, load_response_table
 
 
 @app.command(
@@ -114,6 +115,7 @@ def train(
     start: Annotated[File, Option(help="A model to go on from.")] = None,
     resume: Annotated[bool, Option("--resume", help="Go on where training was stopped.")] = False,
     onnx: Annotated[File, Option(help="Write an ONNX file too.")] = None,
+    plot: Annotated[File, Option(help="Draw what held-out touches miss to this file.")] = None,
     seed: Annotated[int, Option(min=0, help="Seed of weights and of touches.")] = 0,
     overwrite: Force = False,
     as_json: Json = False,
@@ -133,10 +135,16 @@ def train(
     if onnx is not None:
         check_output(onnx, force=overwrite)
         require("writing ONNX files", "onnx", "onnx")
+    if plot is not None:
+        from smoskin.plots import check_figure, save_figure
+
+        check_figure(plot, force=overwrite)
+    table = load_response_table(response)
+    skin = shipped_design(table.design_hash) if design is None else load_design(design)
     with if_stopped(lambda: training.kept_of(checkpoint)), progress_bar() as progress:
         trained = training.train(
-            response,
-            design=None if design is None else load_design(design),
+            table,
+            design=skin,
             chips=None if chips is None else training.parse_chips(chips),
             drag=drag,
             members=members,
@@ -151,6 +159,8 @@ def train(
     model, *others = training.write_network(trained, out, onnx)
     files = [model, curve, *others]
     checkpoint.unlink()
+    if plot is not None:
+        save_figure(trained.figure(skin), plot)
     if as_json:
         typer.echo(json.dumps(trained.as_json() | {"files": [str(file) for file in files]}))
         return

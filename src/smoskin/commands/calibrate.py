@@ -145,10 +145,14 @@ class TouchCalibration:
         """Draw where the other touches locate each one, and what each chip misses."""
         from smoskin.plots import draw_judgement
 
-        contacts = [label.contact for label in self.labels if label.status is None]
-        return draw_judgement(
-            design, contacts, self.judgement.errors[:, :2], self.judgement.residual
-        )
+        places = [label.contact.position for label in self.labels if label.status is None]
+        residual = self.judgement.residual
+        missed = {
+            f"signals of chip {s + 1} of the table": residual[:, 3 * s : 3 * s + 3]
+            for s in range(residual.shape[1] // 3)
+        }
+        title = "located by the other touches"
+        return draw_judgement(design, np.array(places), self.judgement.errors[:, :2], missed, title)
 
     def tables(self) -> "list[Table]":
         """How the expected error fell, and what is true of it, for people."""

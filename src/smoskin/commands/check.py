@@ -18,7 +18,7 @@ from smoskin.measurement import read_touches
 from smoskin.outputs import read_text
 from smoskin.sensing import files
 from smoskin.sensing.closed_form.calibration import parse_calibration
-from smoskin.sensing.learned.gaussian_process import load_model
+from smoskin.sensing.learned.gaussian_process import Metric, load_model
 from smoskin.sensing.network.model import load_network
 from smoskin.sensing.response.table import load_response_table
 from smoskin.service.recording import open_recording
@@ -168,12 +168,20 @@ def _network(path: Path) -> Facts:
     yield _of_design(network.design_hash)
     yield "chips", ", ".join(map(str, network.chips))
     yield "made from", f"a table of SHA-256 {network.data_sha256[:12]}"
+    yield from _held_out(network.metrics)
 
 
 def _model(path: Path) -> Facts:
     model = load_model(path)
     yield "chips", str(model.chips_in_reading)
     yield "made from", f"data of SHA-256 {model.data_sha256[:12]}, judged by {model.split}"
+    yield from _held_out(model.metrics)
+
+
+def _held_out(metrics: tuple[Metric, ...]) -> Facts:
+    """Figures that a model reached on examples held out from its training."""
+    for metric in metrics:
+        yield f"held out, {metric.name.replace('_', ' ')}", " ".join(metric.shown)
 
 
 def _calibration(path: Path) -> Facts:

@@ -15,6 +15,7 @@ from smoskin.errors import ArgumentError
 from smoskin.feasibility import load_design
 from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.roles import Progress, stopwatch, unheard
+from smoskin.sensing.learned.gaussian_process import Metric
 from smoskin.sensing.network.model import NetworkModel, load_network
 from smoskin.sensing.network.samples import TouchSpread, TrainingEffort
 from smoskin.sensing.response.table import ResponseTable, load_response_table
@@ -111,9 +112,9 @@ def figure_rows(trained: "Trained") -> "Table":
     table = Table(title="Touches of 0.3 N and more, on skins held out from training")
     for name in ("figure", "value", "unit"):
         table.add_column(name, justify="left" if name == "figure" else "right")
-    for name, value, unit in trained.model.metrics:
-        scale, shown = {"m": (1e3, "mm"), "1": (100.0, "%")}.get(unit, (1.0, unit))
-        table.add_row(name, f"{value * scale:.3g}", shown)
+    least = "least mean distance that noise and the spread of skins leave"
+    for metric in (*trained.model.metrics, Metric(least, trained.attainable, "m")):
+        table.add_row(metric.name, *metric.shown)
     return table
 
 

@@ -12,7 +12,7 @@ from networks import TINY, random_network, tiny_network
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.sensing.network.samples import Lessons, TouchSource, TouchSpread, TrainingEffort
-from smoskin.sensing.network.training import Trained, likelihood_loss, train_network
+from smoskin.sensing.network.training import HeldOut, Trained, likelihood_loss, train_network
 from smoskin.sensing.signals.signals import signal_noise
 from tables_of_response import plain, reduced_table, table_with_modes
 
@@ -88,7 +88,8 @@ def test_some_seconds_of_training_find_touches(skin):
 def test_a_network_far_worse_than_can_be_is_warned_of(skin):
     model = tiny_network(skin)
     error = model.metrics[0].value
-    fine, poor = Trained(model, (), "", error / 2), Trained(model, (), "", error / 4)
+    nothing = HeldOut(np.zeros((0, 2)), np.zeros((0, 5)), np.zeros((0, 5)))
+    fine, poor = (Trained(model, (), "", error / part, nothing) for part in (2, 4))
     assert fine.warning == ""
     text = f"held-out touches are {1e3 * error:.2f} mm off, where noise and the spread of skins "
     assert poor.warning == f"{text}leave {250 * error:.2f} mm; train longer"
@@ -187,7 +188,13 @@ def test_a_training_comes_to_the_same_numbers_as_ever(skin):
         ),
         rel=2e-3,
     )
-    model = trained.model
+    model, held_out = trained.model, trained.held_out
+    apart = np.hypot(*held_out.errors[:, :2].T)
+    assert apart.mean() == pytest.approx(model.metrics[0].value)
+    stated = held_out.errors[:, 4] / held_out.scaled[:, 4]
+    assert (stated > 0).all()
+    assert 0.86 < (np.abs(held_out.scaled[:, 4]) <= 1.645).mean() < 0.94  # regions of 90 %
+    assert len(trained.figure(skin).axes) == 6  # the skin and five values
     assert model.stretch == pytest.approx([0.8156, 0.8156, 0.9729, 0.9602, 0.8429], rel=0.01)
     assert model.reach == pytest.approx(9.2939, rel=1e-3)
     assert np.abs(model.whitener).sum() == pytest.approx(16.374, rel=1e-3)

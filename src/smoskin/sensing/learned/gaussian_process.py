@@ -66,6 +66,13 @@ class Metric(NamedTuple):
     value: float
     unit: str
 
+    @property
+    def shown(self) -> tuple[str, str]:
+        """Value and unit for people."""
+        shares = {"m": (1e3, "mm"), "m^2": (1e6, "mm^2"), "1": (100.0, "%")}
+        scale, unit = shares.get(self.unit, (1.0, self.unit))
+        return f"{self.value * scale:.3g}", unit
+
 
 class Prediction(NamedTuple):
     """A model's answers to B touches, O quantities each, SI; a network's are x, y, Fx, Fy, Fz."""

@@ -11,12 +11,12 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.stats import chi2
 
-from smoskin.arrays import Floats
+from smoskin.arrays import Bools, Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import MissingExtraError, ModelError
 from smoskin.mechanics.viscoelasticity import Prony
@@ -29,6 +29,9 @@ from smoskin.sensing.network.model import SPREADS, Layer, NetworkModel, Singles
 from smoskin.sensing.network.samples import Drawn, Lessons, TouchSource, TouchSpread, TrainingEffort
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.signals import signal_noise
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 try:
     import jax
@@ -48,6 +51,7 @@ _CLIP: Final = 5.0  # length of the gradient above which it is shortened
 _HOLDS: Final = 0.9  # share of truths that stated regions shall hold
 _BEYOND: Final = 1.3  # distance that is believed, over the largest of held-out touches
 _FINISHING: Final = 3.0  # time of the end, which draws held-out touches twice, over the beginning's
+_DRAWN: Final = 300  # held-out touches that a figure shows
 _FIRM: Final = 0.3  # N; normal force from which touches count for the figures
 _MEMORY: Final = 0.99  # share of the running mean of squared gradients that a step keeps
 _POOR: Final = 2.0
@@ -70,6 +74,17 @@ class Epoch(NamedTuple):
     """Loss of the running average on skins that training never sees."""
 
 
+class HeldOut(NamedTuple):
+    """A network's answers to B touches of 0.3 N and more, on skins that no lesson holds."""
+
+    position: Floats
+    """(B, 2), m."""
+    errors: Floats
+    """(B, 5), m and N: x, y, Fx, Fy and Fz answered, less the true ones."""
+    scaled: Floats
+    """(B, 5): the same over the deviation that was stated of each; zero where none was."""
+
+
 class Trained(NamedTuple):
     """A training that has ended."""
 
@@ -78,8 +93,10 @@ class Trained(NamedTuple):
     """Learning curve, a point an epoch."""
     ended: str
     """Why it ended, in words."""
-    attainable: float = 0.0
-    """Error of the place, root mean square, m, that noise and the spread of skins leave a touch."""
+    attainable: float
+    """Mean distance of the place, m, that noise and the spread of skins leave a touch."""
+    held_out: HeldOut
+    """What the network misses on skins held out from training."""
 
     @property
     def warning(self) -> str:
@@ -95,6 +112,16 @@ class Trained(NamedTuple):
     def save(self, path: Path | str) -> None:
         """Write the network's file, as `NetworkModel.save` does."""
         self.model.save(path)
+
+    def figure(self, design: SkinDesign) -> "Figure":
+        """Draw where held-out touches are located, and what is missed over what was stated."""
+        from smoskin.plots import draw_judgement
+
+        some = HeldOut(*(part[:_DRAWN] for part in self.held_out))
+        parts = ("x", "y", "Fx", "Fy", "normal force")
+        missed = {parts[row]: self.held_out.scaled[:, row] for row in self.model.rows}
+        title = "located on skins held out"
+        return draw_judgement(design, some.position, some.errors[:, :2], missed, title)
 
     def as_json(self) -> dict[str, object]:
         """Plain values for machines."""
@@ -154,9 +181,9 @@ def train_network(
             course.save(checkpoint, curve)
         coming.cancel()
         progress(f"stopped: {ended}", 1.0)
-        finished = _finished(lessons, course.best)
+        finished, held_out = _finished(lessons, course.best)
         attainable = _attainable(table, signal_noise(design, table.chips), finished)
-        return Trained(finished, tuple(course.curve), ended, attainable)
+        return Trained(finished, tuple(course.curve), ended, attainable, held_out)
 
 
 class _Course:
@@ -302,8 +329,8 @@ def likelihood_loss(weights: State, inputs: Array, targets: Array) -> Array:
     return loss
 
 
-def _finished(lessons: Lessons, weights: State) -> NetworkModel:
-    """The model of these weights, with its spread, reach and figures."""
+def _finished(lessons: Lessons, weights: State) -> tuple[NetworkModel, HeldOut]:
+    """The model of these weights, with its spread, reach and figures, and what these are of."""
     inputs = lessons.standard_inputs(lessons.held_out(1))
     # By their covariance: signals that are usual one by one may be unheard of together.
     whitener = np.linalg.inv(np.linalg.cholesky(inputs.T @ inputs / len(inputs))).T
@@ -311,7 +338,17 @@ def _finished(lessons: Lessons, weights: State) -> NetworkModel:
     layers = tuple(Layer(np.asarray(w), np.asarray(b)) for w, b in weights)
     model = replace(lessons.model, layers=layers, whitener=whitener, reach=reach)
     model = replace(model, stretch=_stretch(model, lessons.held_out(1)))
-    return replace(model, metrics=_metrics(model, lessons.held_out(2)))
+    drawn = lessons.held_out(2)
+    predicted, residuals = _residuals(model, drawn)
+    firm = drawn.values[:, 4] <= -_FIRM
+    stated = np.sqrt(np.einsum("bii->bi", predicted.covariance))
+    scaled = np.divide(residuals, stated, out=np.zeros_like(residuals), where=stated > 0)
+    position = drawn.values[:, :2].astype(np.float64)
+    held_out = HeldOut(*(part[firm] for part in (position, residuals, scaled)))
+    inside = (_squared(predicted, residuals, slice(0, 2)) <= chi2.ppf(_HOLDS, 2))[firm]
+    return replace(
+        model, metrics=_metrics(model, held_out, drawn.values[firm, 4], inside)
+    ), held_out
 
 
 def _attainable(table: ResponseTable, noise: Floats, model: NetworkModel) -> float:
@@ -343,22 +380,19 @@ def _stretch(model: NetworkModel, drawn: Drawn) -> Floats:
     return np.sqrt([wider[0], *wider])
 
 
-def _metrics(model: NetworkModel, drawn: Drawn) -> tuple[Metric, ...]:
-    """Figures of touches from 0.3 N on."""
-    predicted, residuals = _residuals(model, drawn)
-    firm = drawn.values[:, 4] <= -_FIRM
-    place = np.hypot(residuals[:, 0], residuals[:, 1])
-    force = np.abs(residuals[:, 4] / drawn.values[:, 4].astype(np.float64))
-    inside = _squared(predicted, residuals, slice(0, 2)) <= chi2.ppf(_HOLDS, 2)
+def _metrics(
+    model: NetworkModel, held_out: HeldOut, force: Floats, inside: Bools
+) -> tuple[Metric, ...]:
+    """Figures of touches of these normal forces (B,), N, inside their stated region of place."""
+    errors = held_out.errors
     figures = [
-        ("mean distance of the place", place, "m"),
-        ("mean error of the normal force", force, "1"),
+        ("mean distance of the place", np.hypot(errors[:, 0], errors[:, 1]), "m"),
+        ("mean error of the normal force", np.abs(errors[:, 4] / force.astype(np.float64)), "1"),
         ("truths in their stated 90 % region of place", inside, "1"),
     ]
     if model.drag:
-        drag = np.hypot(residuals[:, 2], residuals[:, 3])
-        figures.append(("mean error of the drag", drag, "N"))
-    return tuple(Metric(name, float(values[firm].mean()), unit) for name, values, unit in figures)
+        figures.append(("mean error of the drag", np.hypot(errors[:, 2], errors[:, 3]), "N"))
+    return tuple(Metric(name, float(values.mean()), unit) for name, values, unit in figures)
 
 
 def _residuals(model: NetworkModel, drawn: Drawn) -> tuple[Prediction, Floats]:
