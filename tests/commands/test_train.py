@@ -117,9 +117,9 @@ def test_the_command_trains_and_says_what_it_reached(skin, tmp_path, monkeypatch
     assert isinstance(resumed.exception, ArgumentError)
     plot = tmp_path / "missed.svg"
     more = ("--design", design, "--seed", "3", "--plot", plot)
-    shown = run("train", table, "--out", tmp_path / "b", *more)
+    shown = run("train", table, "--out", tmp_path / "b", "--drag", "0.3", *more)
     assert shown.exit_code == 0, shown.output
-    assert plot.read_text(encoding="utf-8").count('<g id="axes_') == 4
+    assert plot.read_text(encoding="utf-8").count('<g id="axes_') == 6  # the skin and five values
     assert "skins leave" in shown.stdout
     assert "mean distance of the place" in shown.stdout
     assert "Training ended: all 2 epochs are done." in shown.stdout

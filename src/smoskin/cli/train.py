@@ -160,7 +160,7 @@ def train(
     files = [model, curve, *others]
     checkpoint.unlink()
     if plot is not None:
-        save_figure(trained.figure(skin), plot)
+        save_figure(training.residual_figure(trained, skin), plot)
     if as_json:
         typer.echo(json.dumps(trained.as_json() | {"files": [str(file) for file in files]}))
         return

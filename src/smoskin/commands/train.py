@@ -6,7 +6,7 @@ Decides which files stand beside a model while and after it is trained.
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from smoskin.arguments import Seed, typed
 from smoskin.design.document import shipped_design
@@ -21,9 +21,13 @@ from smoskin.sensing.network.samples import TouchSpread, TrainingEffort
 from smoskin.sensing.response.table import ResponseTable, load_response_table
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from rich.table import Table
 
     from smoskin.sensing.network.training import Trained
+
+_DRAWN: Final = 300
+"""Held-out touches that a figure shows."""
 
 
 @typed
@@ -103,6 +107,17 @@ def train(
         progress=progress,
         clock=clock or stopwatch(),
     )
+
+
+def residual_figure(trained: "Trained", design: SkinDesign) -> "Figure":
+    """Draw where held-out touches are located, and what is missed over what was stated."""
+    from smoskin.plots import draw_judgement
+
+    held_out = trained.held_out
+    names = ("x", "y", "Fx", "Fy", "normal force")
+    missed = {names[row]: held_out.scaled[:, row] for row in trained.model.rows}
+    places, off = held_out.position[:_DRAWN], held_out.errors[:_DRAWN, :2]
+    return draw_judgement(design, places, off, missed, "located on skins held out")
 
 
 def figure_rows(trained: "Trained") -> "Table":

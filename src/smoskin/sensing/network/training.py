@@ -11,7 +11,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.stats import chi2
@@ -29,9 +29,6 @@ from smoskin.sensing.network.model import SPREADS, Layer, NetworkModel, Singles
 from smoskin.sensing.network.samples import Drawn, Lessons, TouchSource, TouchSpread, TrainingEffort
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.signals import signal_noise
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 try:
     import jax
@@ -51,7 +48,6 @@ _CLIP: Final = 5.0  # length of the gradient above which it is shortened
 _HOLDS: Final = 0.9  # share of truths that stated regions shall hold
 _BEYOND: Final = 1.3  # distance that is believed, over the largest of held-out touches
 _FINISHING: Final = 3.0  # time of the end, which draws held-out touches twice, over the beginning's
-_DRAWN: Final = 300  # held-out touches that a figure shows
 _FIRM: Final = 0.3  # N; normal force from which touches count for the figures
 _MEMORY: Final = 0.99  # share of the running mean of squared gradients that a step keeps
 _POOR: Final = 2.0
@@ -112,16 +108,6 @@ class Trained(NamedTuple):
     def save(self, path: Path | str) -> None:
         """Write the network's file, as `NetworkModel.save` does."""
         self.model.save(path)
-
-    def figure(self, design: SkinDesign) -> "Figure":
-        """Draw where held-out touches are located, and what is missed over what was stated."""
-        from smoskin.plots import draw_judgement
-
-        some = HeldOut(*(part[:_DRAWN] for part in self.held_out))
-        parts = ("x", "y", "Fx", "Fy", "normal force")
-        missed = {parts[row]: self.held_out.scaled[:, row] for row in self.model.rows}
-        title = "located on skins held out"
-        return draw_judgement(design, some.position, some.errors[:, :2], missed, title)
 
     def as_json(self) -> dict[str, object]:
         """Plain values for machines."""
