@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from dataclasses import replace
@@ -10,7 +11,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from smoskin.cli import app
+from fuzzing import command
+from smoskin.cli import app, ending
 from smoskin.commands import run as watching
 from smoskin.commands.calibrate import calibrate, plan_by_hand, write_plan
 from smoskin.commands.run import Watch
@@ -347,8 +349,6 @@ def test_options_that_exclude_each_other_say_so(options, sentence, table, tmp_pa
     pytest.importorskip("safetensors")
     from typer.testing import CliRunner
 
-    from smoskin.cli import app
-
     table.save(tmp_path / "own.table")
     asked = ["calibrate", "planar", "--table", str(tmp_path / "own.table"), *options]
     done = CliRunner().invoke(app, asked)
@@ -425,3 +425,46 @@ def test_the_touches_of_a_refused_calibration_are_kept(
     done = calibrate(table, mended, design=skin, recording=recording, force_spread=2e-3)
     assert done.used >= 12
     assert missed(skin, twin, done.table) < 0.2 * missed(skin, twin, table)
+
+
+@pytest.mark.parametrize("made", [0, 4])
+def test_ctrl_c_keeps_the_touches_that_the_rig_has_made(
+    skin, table, twin, tmp_path, monkeypatch, made
+):
+    pytest.importorskip("mcap")
+    pytest.importorskip("rosbags")
+    start, own = tmp_path / "start.table", tmp_path / "skin.table"
+    table.save(start)
+    (tmp_path / "d.toml").write_text(format_design(skin), encoding="utf-8")
+
+    class Interrupting(VirtualRig):
+        pressed = 0
+
+        def press(self, contact, timeout=30.0):
+            if self.pressed == made:
+                signal.raise_signal(signal.SIGINT)
+            self.pressed += 1
+            return super().press(contact, timeout)
+
+    rig = Interrupting(twin, np.random.default_rng(0))
+    monkeypatch.setattr("smoskin.cli.calibration.open_rig", lambda name, design: rig)
+    for name in ("_heard", "_kept"):
+        monkeypatch.setattr(ending, name, [])
+    alarm = signal.getsignal(signal.SIGALRM)
+    try:
+        words = ("calibrate", tmp_path / "d.toml", "--table", start, "--out", own)
+        answer = command(*map(str, words))
+    finally:
+        signal.signal(signal.SIGALRM, alarm)
+    assert answer.code == 130
+    assert not own.exists()
+    sheet, recording = (tmp_path / f"skin.touches.{end}" for end in ("csv", "mcap"))
+    if not made:
+        assert answer.err.endswith("Stopped by Ctrl-C; no touch was made.\n")
+        return
+    told = f"the touches are kept: --sheet {sheet} --recording {recording}"
+    assert answer.err.endswith(f"Stopped by Ctrl-C; {told}.\n")
+    kept, _ = read_touches(sheet)
+    assert kept.touched.sum() == made
+    done = calibrate(table, kept, design=skin, recording=recording, accept_bad_fit=True)
+    assert done.used == made
