@@ -39,6 +39,38 @@ def test_a_ray_through_a_point_of_the_sheet_lands_there(
     np.testing.assert_allclose(place, np.clip(landed, 0.0, SKIN.extent), atol=1e-12)
 
 
+@given(
+    triangle=st.integers(0, len(TRIANGLES) - 1),
+    u=st.floats(0.05, 0.9),
+    v=st.floats(0.05, 0.9),
+    slant=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)),
+)
+def test_a_slanted_ray_lands_where_it_meets_the_sheet(triangle, u, v, slant) -> None:
+    # Flat: no panel hides another.
+    drawn = SHEET.vertices * (1.0, 1.0, 0.0)
+    corners = TRIANGLES[triangle]
+    weights = np.array([1.0 - u, u * (1.0 - v), u * v])
+    landed = weights @ drawn[corners]
+    place = pick(PLANAR, drawn, landed + (*slant, 0.7), -np.array([*slant, 0.7]))
+    assert place is not None
+    np.testing.assert_allclose(place, np.clip(landed[:2], 0.0, SKIN.extent), atol=1e-9)
+
+
+def test_of_two_panels_one_above_the_other_the_upper_one_is_hit() -> None:
+    drawn = SHEET.vertices * (1.0, 1.0, 0.0)
+    low, high = drawn[:, 0].min(), drawn[:, 0].max()
+    # The right half is folded over the left one, 1 cm above it.
+    over = drawn[:, 0] > (low + high) / 2
+    drawn[over, 0], drawn[over, 2] = low + high - drawn[over, 0], 0.01
+    flat = SHEET.vertices * (1.0, 1.0, 0.0)
+    x, y = 0.25 * low + 0.75 * high + 2e-3, flat[:, 1].mean() + 3e-3
+    mirrored = low + high - x
+    upper = pick(PLANAR, drawn, (mirrored, y, 0.1), (0.0, 0.0, -1.0))
+    lower = pick(PLANAR, drawn, (mirrored, y, -0.1), (0.0, 0.0, 1.0))
+    np.testing.assert_allclose(upper, (x, y), atol=2e-3)
+    np.testing.assert_allclose(lower, (mirrored, y), atol=2e-3)
+
+
 def test_a_ray_past_the_sheet_or_away_from_it_lands_nowhere() -> None:
     assert pick(PLANAR, SHEET.vertices, (0.5, 0.5, 0.1), (0.0, 0.0, -1.0)) is None
     assert pick(PLANAR, SHEET.vertices, (0.06, 0.08, 0.1), (0.0, 0.0, 1.0)) is None
