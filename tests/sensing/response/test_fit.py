@@ -12,6 +12,7 @@ from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.mechanics.viscoelasticity import modulus_factor
 from smoskin.sensing.response.basis import TouchBasis
 from smoskin.sensing.response.fit import (
+    _first_fit,
     add_coupling,
     add_modes,
     add_warmth,
@@ -238,3 +239,11 @@ def test_what_little_data_leaves_open_is_settled_as_ever(true):
         "pair_misfit": np.trace(pairs.pair_misfit),
     }
     assert size == pytest.approx(SIZES, rel=1e-6, abs=0)
+
+
+def test_a_function_that_no_press_loads_is_left_at_zero():
+    rows = np.random.default_rng(0).normal(size=(50, 4)) * [1.0, 2.0, 0.0, 0.5]
+    true = np.array([[1.0, -1.0], [0.5, 0.0], [7.0, 7.0], [0.0, 2.0]]) * 1e-4
+    found, misfit = _first_fit(rows, rows @ true, np.ones(50))
+    assert_allclose(found, true * [[1], [1], [0], [1]], atol=1e-11)
+    assert_allclose(misfit, 0, atol=1e-20)

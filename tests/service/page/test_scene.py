@@ -51,7 +51,8 @@ def test_a_slanted_ray_lands_where_it_meets_the_sheet(triangle, u, v, slant) -> 
     corners = TRIANGLES[triangle]
     weights = np.array([1.0 - u, u * (1.0 - v), u * v])
     landed = weights @ drawn[corners]
-    place = pick(PLANAR, drawn, landed + (*slant, 0.7), -np.array([*slant, 0.7]))
+    ray = np.array([*slant, 0.7])
+    place = pick(PLANAR, drawn, landed + ray, -ray)
     assert place is not None
     np.testing.assert_allclose(place, np.clip(landed[:2], 0.0, SKIN.extent), atol=1e-9)
 
