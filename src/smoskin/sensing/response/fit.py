@@ -80,7 +80,8 @@ def fit_response_table(
     values = floats("signals", signals, (chips, 3)).reshape(-1, 3 * chips)
     place, push = touch_arrays(position, force)
     basis = TouchBasis.of(design, radius)
-    if len(place) != len(values) or len(place) < (least := least_presses(design, radius)):
+    least = least_presses(design, radius)
+    if len(place) != len(values) or len(place) < least:
         raise ArgumentError(
             f"position, force and signals must hold the same presses, at least {least}; "
             f"got {len(place)}, {len(push)} and {len(values)}"
