@@ -1,5 +1,8 @@
 """Equilibria that grow with the load, alone and where the iteration with fixed tangent fails."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -8,7 +11,7 @@ from textbook_sheet import inner_force, outer_force
 
 pytest.importorskip("jax")
 from smoskin.mechanics.sheet import continuation, equilibrium
-from smoskin.mechanics.sheet.continuation import follow
+from smoskin.mechanics.sheet.continuation import Press, Standing, follow
 from smoskin.mechanics.sheet.equilibrium import Loads
 
 
@@ -83,3 +86,61 @@ def test_a_load_that_would_crush_the_columns_is_not_followed(sheet):
         press = sheet._equilibrium.one_press(lone._replace(force=push), 0)
         found = follow(sheet._equilibrium.tangent, press, 1e-8)
         assert (found is not None) == follows
+
+
+@pytest.mark.parametrize(("cost", "reached"), [(1, True), (2, False)])
+def test_a_press_is_given_up_after_200_steps(sheet, cases, monkeypatch, cost, reached):
+    """Where every share beyond 1/64 fails, and is tried again: 132 shares in all."""
+
+    def newton(tangent, press, load, tolerance, state):
+        tries.append(load)
+        good = load - done[-1] <= 1 / 64
+        done.extend([load] * good)
+        return replace(state, steps=state.steps + cost, residual=0.0 if good else np.inf)
+
+    tries, done = [], [0.0]
+    monkeypatch.setattr(continuation, "_newton", newton)
+    press = sheet._equilibrium.one_press(sheet._loads(cases), 0)
+    found = follow(sheet._equilibrium.tangent, press, 1e-10)
+    assert (found is not None) == reached
+    assert len(tries) == (132 if reached else 100)
+
+
+def test_a_share_is_given_up_after_16_newton_steps(monkeypatch):
+    asked = []
+
+    class Stubborn:
+        """A tangent whose forces never balance."""
+
+        elements = SimpleNamespace(stiffness=np.ones((1, 1)))
+        lattice = SimpleNamespace(feet=np.array([0]), stroke=1.0)
+
+        def at(self, motion, force):
+            asked.append(motion)
+            return SimpleNamespace(inner=np.zeros((1, 2, 3)), blocks=SimpleNamespace(strain=0.0))
+
+        def strain_change(self, place, move):
+            return 0.0
+
+    monkeypatch.setattr(
+        continuation, "constrained_solve", lambda *_: (np.zeros((2, 3)), np.zeros(0))
+    )
+    press = Press(dead=np.ones((2, 3)), pulls=np.zeros((2, 3, 0)), link=np.zeros((0, 0)))
+    state = Standing(
+        motion=np.zeros((2, 3)), reaction=np.zeros(0), force=np.zeros(1), residual=0.0, steps=7
+    )
+    left = continuation._newton(Stubborn(), press, 1.0, 1e-8, state)
+    assert left.residual == pytest.approx(1.0)
+    assert (len(asked), left.steps) == (16, 7 + 16)
+    # A load lighter than 10 mN is measured by 10 mN.
+    faint = Press(dead=np.full((2, 3), 1e-4), pulls=press.pulls, link=press.link)
+    left = continuation._newton(Stubborn(), faint, 1.0, 1e-8, state)
+    assert left.residual == pytest.approx(1e-4 * np.sqrt(6) / 0.01)
+
+
+@pytest.mark.parametrize(("sunk", "crushed"), [(3.9, False), (4.1, True)])
+def test_no_answer_lies_where_a_foot_sank_by_four_columns(sunk, crushed):
+    lattice = SimpleNamespace(feet=np.array([1, 2]), stroke=5e-3)
+    motion = np.zeros((4, 3))
+    motion[2, 2], motion[3, 2] = -sunk * 5e-3, -1.0
+    assert continuation._crushed(SimpleNamespace(lattice=lattice), motion) is crushed
