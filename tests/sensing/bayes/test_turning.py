@@ -1,0 +1,137 @@
+"""A skin that turns in the Earth's field under a touch: when that is believed, when two touches.
+
+The chance of it is one in a hundred: its evidence must be greater by log 100 = 4.605.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from smoskin.errors import ArgumentError
+from smoskin.magnetics import mlx90393
+from smoskin.records import Reading
+from smoskin.sensing.bayes.estimator import BayesEstimator
+from smoskin.sensing.bayes.priors import TouchPosterior
+from smoskin.sensing.bayes.solver import TouchSolver
+from smoskin.sensing.response.table import load_response_table
+from smoskin.sensing.signals.signals import rest_field, signal_noise
+
+ALONE, TURNED, FIRST, SECOND = (0.03, 0.03), (0.04, 0.04), (0.05, 0.05), (0.09, 0.12)
+COUNT = 9
+
+
+class Stated:
+    """Solutions as a test states them: misfit and evidence of one touch, one turned, and two."""
+
+    def __init__(self, one, turned, two):
+        self.stated, self.asked = {"one": one, "turned": turned, "two": two}, []
+
+    def warm_to(self, temperature):
+        pass
+
+    def _answer(self, name, *places):
+        self.asked.append(name)
+        misfit, evidence = self.stated[name]
+        values = np.array([[*place, 0.0, 0.0, -0.5] for place in places])
+        covariance = np.tile(1e-6 * np.eye(5), (len(places), 1, 1))
+        return TouchPosterior(values, covariance, misfit, evidence)
+
+    def one(self, signals, guess=None):
+        return self._answer("one", ALONE)
+
+    def turned(self, signals, guess=None):
+        return self._answer("turned", TURNED)
+
+    def two(self, signals, guess=None, standing=None):
+        return self._answer("two", FIRST, SECOND)
+
+
+@pytest.fixture(scope="module")
+def table():
+    pytest.importorskip("safetensors")
+    return load_response_table("planar")
+
+
+def stated(planar, table, monkeypatch, one, turned=(1.0, -np.inf), two=(1.0, -np.inf)):
+    bayes, solver = BayesEstimator(planar, table), Stated(one, turned, two)
+    monkeypatch.setattr(bayes, "_solver", solver)
+    rest = np.einsum("sji,sj->si", mlx90393.rotations(planar.halls), rest_field(planar))
+    bayes.zero([Reading(time=0.0, field=rest)])
+
+    def step(time):
+        touched = rest + np.arange(COUNT).reshape(-1, 3)[: len(rest)] * 2e-4
+        solver.asked.clear()
+        estimate = bayes.step(Reading(time=time, field=touched))
+        return [tuple(contact.position.tolist()) for contact in estimate.contacts], solver.asked[:]
+
+    return bayes, solver, step
+
+
+@pytest.mark.parametrize(
+    ("misfit", "evidence", "asked", "found"),
+    [
+        (4 * COUNT - 0.1, 50.0, ["one"], ALONE),  # what fits needs no other reason
+        (4 * COUNT + 0.1, 4.5, ["one", "turned"], ALONE),
+        (4 * COUNT + 0.1, 4.7, ["one", "turned"], TURNED),
+    ],
+)
+def test_a_skin_may_have_turned_where_a_touch_fits_badly(
+    planar, table, monkeypatch, misfit, evidence, asked, found
+):
+    _, _, step = stated(planar, table, monkeypatch, (misfit, 0.0), (1.0, evidence))
+    assert step(1.0) == ([found], asked)
+
+
+@pytest.mark.parametrize(("evidence", "two"), [(5.3, False), (5.5, True)])
+def test_two_touches_are_likelier_than_a_turn_by_its_chance(
+    planar, table, monkeypatch, evidence, two
+):
+    bad = 25 * COUNT + 0.1
+    _, _, step = stated(
+        planar, table, monkeypatch, (bad, 0.0), (4 * COUNT + 1.0, 10.0), (1.0, evidence)
+    )
+    assert step(1.0) == ([FIRST, SECOND] if two else [TURNED], ["one", "turned", "two"])
+
+
+def test_a_skin_that_has_turned_stays_so_while_that_fits(planar, table, monkeypatch):
+    bad = 25 * COUNT + 0.1
+    _, solver, step = stated(planar, table, monkeypatch, (bad, 0.0), (1.0, 10.0), (1.0, 0.0))
+    assert step(1.0)[1] == ["one", "turned", "two"]
+    solver.stated["two"] = 1.0, 50.0
+    assert step(2.0) == ([TURNED], ["one", "turned"])  # two are not even asked about
+    solver.stated["turned"] = 4 * COUNT + 1.0, 10.0
+    assert step(3.0) == ([FIRST, SECOND], ["one", "turned", "two"])
+    # Two touches are no turn, nor is a reading that one explains.
+    solver.stated["turned"] = 1.0, 10.0
+    assert step(4.0)[1] == ["one", "turned", "two"]
+    solver.stated |= {"one": (1.0, 0.0), "two": (1.0, 0.0)}
+    assert step(5.0) == ([ALONE], ["one"])
+    solver.stated |= {"one": (bad, 0.0), "two": (1.0, 50.0)}
+    assert step(6.0) == ([FIRST, SECOND], ["one", "turned", "two"])
+
+
+def test_one_chip_cannot_tell_a_turn(planar, table, monkeypatch):
+    _, _, step = stated(
+        planar, table.of_chips((1,)), monkeypatch, (1e3, 0.0), (1.0, 50.0), (1.0, -50.0)
+    )
+    assert "turned" not in step(1.0)[1]
+
+
+def test_a_turn_is_a_field_alike_at_all_chips(planar, table):
+    known = replace(
+        table, modes=table.modes[:0], grip_modes=table.grip_modes[:0], misfit=1e-14 * np.eye(9)
+    )
+    solver = TouchSolver(known, signal_noise(planar))
+    place, force = np.array([[0.05, 0.07]]), np.array([[0.05, 0.0, -0.5]])
+    still = known.signals(place, force)[0]
+    field = np.array([40e-6, -70e-6, 50e-6])
+    moved = still + np.tile(field, 3)
+    turned = solver.turned(moved)
+    # 100 uT along each axis are likely: a field of that size is found to be one.
+    np.testing.assert_allclose(turned.values[0, :2], place[0], atol=1.5e-3)
+    assert turned.misfit < solver.one(moved).misfit / 20
+    assert turned.evidence > solver.one(moved).evidence + 10
+    assert solver.one(still).evidence > solver.turned(still).evidence
+    with pytest.raises(ArgumentError, match="noise must be a covariance"):
+        TouchSolver(table, -signal_noise(planar))
