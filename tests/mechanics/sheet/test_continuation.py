@@ -144,3 +144,26 @@ def test_no_answer_lies_where_a_foot_sank_by_four_columns(sunk, crushed):
     motion = np.zeros((4, 3))
     motion[2, 2], motion[3, 2] = -sunk * 5e-3, -1.0
     assert continuation._crushed(SimpleNamespace(lattice=lattice), motion) is crushed
+
+
+def test_a_followed_equilibrium_takes_its_row_and_its_steps_come_on_top():
+    relaxed = equilibrium.Relaxed(
+        displacements=np.zeros((3, 4, 3)),
+        reaction=np.full((3, 3, 2), 9.0),
+        residual=np.full(3, np.inf),
+        iterations=np.array([24, 25, 3]),
+    )
+    found = Standing(
+        motion=np.arange(12.0).reshape(4, 3),
+        reaction=np.array([0.1, 0.2, 0.3, 0.4]),
+        force=np.zeros(2),
+        residual=1e-11,
+        steps=17,
+    )
+    equilibrium._put(relaxed, 1, np.array([True, False, True]), found)
+    assert relaxed.iterations.tolist() == [24, 25 + 17, 3]
+    assert relaxed.residual.tolist() == [np.inf, 1e-11, np.inf]
+    np.testing.assert_array_equal(relaxed.displacements[1], found.motion)
+    np.testing.assert_array_equal(relaxed.reaction[1], [[0.1, 0.2], [0.0, 0.0], [0.3, 0.4]])
+    assert not relaxed.displacements[[0, 2]].any()
+    assert (relaxed.reaction[[0, 2]] == 9.0).all()

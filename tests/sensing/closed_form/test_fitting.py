@@ -248,3 +248,10 @@ def test_groups_of_residuals_are_summed_up_in_their_units(planar):
     assert found["field of chip S2"].rms == pytest.approx(5e-6)
     assert found["force_y"].values == 0
     assert np.isnan(found["force_y"].rms)
+
+
+def test_even_the_fewest_loads_leave_freedom(planar):
+    # 4 values of the gauge a touch, of which its depth and drags take 3.
+    model = PressModel(planar, table(planar, LOADS, read=False), 2)
+    fitting._check_loads(model)
+    assert len(LOADS) - model.size >= 4

@@ -256,8 +256,10 @@ def test_it_leaves_time_for_its_end_as_its_beginning_took(skin, tmp_path):
     assert trained.curve[-1].rate < 0.3 * trained.curve[0].rate
     more = brief(skin, 15.0, checkpoint=tmp_path / "checkpoint")
     assert [point.seconds for point in more.curve[6:]] == [9.0, 10.0, 11.0, 12.0]
-    short = brief(skin, 4.0)
+    told = []
+    short = brief(skin, 4.0, progress=lambda what, share: told.append((what, share)))
     assert len(short.curve) == 1
+    assert told == [("learning", pytest.approx(0.0, abs=0.5)), (f"stopped: {short.ended}", 1.0)]
     assert short.ended == "its 4 s are over: the first epoch, which compiles, took most of them"
 
 

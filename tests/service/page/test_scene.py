@@ -72,6 +72,11 @@ def test_of_two_panels_one_above_the_other_the_upper_one_is_hit() -> None:
     np.testing.assert_allclose(lower, (mirrored, y), atol=2e-3)
 
 
+def test_a_ray_along_the_sheet_lands_nowhere() -> None:
+    flat = SHEET.vertices * (1.0, 1.0, 0.0)
+    assert pick(PLANAR, flat, (-1.0, 0.08, 0.0), (1.0, 0.0, 0.0)) is None
+
+
 def test_a_ray_past_the_sheet_or_away_from_it_lands_nowhere() -> None:
     assert pick(PLANAR, SHEET.vertices, (0.5, 0.5, 0.1), (0.0, 0.0, -1.0)) is None
     assert pick(PLANAR, SHEET.vertices, (0.06, 0.08, 0.1), (0.0, 0.0, 1.0)) is None

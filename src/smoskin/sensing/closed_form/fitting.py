@@ -145,7 +145,7 @@ def fit_calibration(
         date=date,
         data_sha256=data_sha256,
         touches=len(touches.force),
-        freedom=max(freedom, 1),
+        freedom=freedom,
         uncertainty=_uncertainty(model, values, solved.reduced),
         residuals=tuple(_summaries(design, residual)),
     )
