@@ -146,6 +146,18 @@ def test_a_magnet_that_stands_still_still_names_its_column():
         np.testing.assert_array_equal(decide(rule, moved), np.stack([np.arange(6)] * 2, -1))
 
 
+def test_half_a_turn_either_way_is_one_direction():
+    def rule(half):
+        angles = np.radians([half, -90.0, -45.0, 0.0, 30.0, 90.0])
+        along = np.stack([np.sin(angles), np.cos(angles)], axis=-1)
+        unit = np.zeros((6, 6, 2, 2))
+        unit[..., 0], unit[..., 1] = along[:, None], along
+        return divisions(unit)
+
+    for one, other in zip(rule(-180.0), rule(180.0), strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-9)
+
+
 @given(direction=st.floats(-np.pi, np.pi))
 def test_the_circles_of_lines_close(planar, direction):
     rule = divisions(unit_press(planar))

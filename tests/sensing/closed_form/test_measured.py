@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from smoskin.errors import ModelError
+from smoskin.mechanics.sheet.touches import vertex_shares
+from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.measured import MeasuredSheet, Subspaces, cell_answers
 from tables import ideal_answers
 from tables_of_response import plain, reduced_table
@@ -143,3 +145,33 @@ def test_the_sheet_s_places_scatter_on_every_cell(planar):
     assert sheet.noise.shape == sheet.place.shape == (6, 6, 3, 3)
     assert (np.linalg.eigvalsh(sheet.noise) > 0).all()
     assert (sheet.place[..., 2, 2] > 0).all()
+
+
+def test_the_misfit_is_what_more_than_noise_leaves_of_a_motion():
+    # Away from a lone cell's subspace by d standard deviations, of which noise leaves 40 squared.
+    cell = Subspaces(ANSWERS[:1], NOISE)
+    press = 50 * ANSWERS[0, :, 0]
+    root = np.linalg.cholesky(NOISE)
+    inside = np.linalg.qr(np.linalg.inv(root) @ ANSWERS[0])[0]
+    away = np.linalg.svd(inside.T)[2][-1]
+    whole = press @ np.linalg.solve(NOISE, press)
+    for squared in (0.0, 39.0, 41.0, 400.0):
+        found = cell.match(press + root @ away * np.sqrt(squared))
+        assert found[3] == pytest.approx(max(squared - 40, 0) / (whole + squared), abs=1e-9)
+        np.testing.assert_allclose(found[1], [50, 0, 0], atol=1e-6)
+
+
+def test_a_touch_between_vertices_may_misfit_twice_as_much_as_a_press_there(planar):
+    answers = ideal_answers(planar)
+    sheet = MeasuredSheet(planar, answers)
+    tops = geometry(planar).tops
+    pitch = tops[1, 1] - tops[0, 0]
+    worst = 0.0
+    # 25 places of each cell: middles and up to 0.4 of a cell away.
+    for cell in np.ndindex(6, 6):
+        for step in np.ndindex(5, 5):
+            place = tops[cell] + (np.array(step) - 2) * 0.2 * pitch
+            motion = np.einsum("nm,nmk->k", vertex_shares(planar, place), answers.motions[..., 0])
+            worst = max(worst, sheet.solve(motion).misfit)
+    assert sheet.most_misfit == pytest.approx(2 * worst)
+    assert worst > 0.01
