@@ -169,7 +169,9 @@ def _fit(design: SkinDesign, work: Effort, pressed: Mapping[str, Dataset]) -> Re
     place, force = place[: len(cold), 0], force[: len(cold), 0]
     table = add_warmth(table, place, force, (hot - cold) / (_WARMTH[-1] - _WARMTH[0]))
     signals, grips = _made_skins(design, work, pressed["skins"])
-    return table if len(signals) < 2 else add_modes(table, place, force, signals - designed, grips)
+    if len(signals) > 1:
+        table = add_modes(table, place, force, signals - designed, grips)
+    return table.with_open_contact()
 
 
 def _made_skins(design: SkinDesign, work: Effort, pressed: Dataset) -> tuple[Floats, Floats]:

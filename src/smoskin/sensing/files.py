@@ -84,15 +84,18 @@ class TensorFile(NamedTuple):
         path: Path | str,
         names: Collection[str],
         build: Callable[[dict[str, NDArray[Any]], dict[str, Any]], _Content],
+        *,
+        newer: Collection[str] = (),
     ) -> _Content:
         """Read a file: what `build` makes of its arrays, which must have these names, and header.
 
-        It raises a `ModelError` if the file cannot be read, is of another kind or format, or is
-        damaged, and a `MissingExtraError` if `safetensors` is not installed.
+        Arrays with `newer` names may be missing. It raises a `ModelError` if the file cannot be
+        read, is of another kind or format, or is damaged, and a `MissingExtraError` if
+        `safetensors` is not installed.
         """
         labels, arrays = _load(path, self.kind)
         text = labels.get(self.key)
-        if text is None or set(arrays) != set(names):
+        if text is None or set(arrays).difference(newer) != set(names):
             raise ModelError(f"{path}: {self.kind} of this package must be given; got another")
         try:
             header = json.loads(text)
@@ -127,7 +130,8 @@ def freeze_model(
     except ArgumentError as error:
         raise ModelError(f"{kind}: {error}") from error
     for name, (least, most) in limits.items():
-        check_within(f"{kind}: {name}", getattr(record, name), least, most)
+        if (value := getattr(record, name)) is not None:
+            check_within(f"{kind}: {name}", value, least, most)
 
 
 def check_within(name: str, value: ArrayLike, least: ArrayLike, most: ArrayLike) -> None:

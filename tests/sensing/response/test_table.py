@@ -151,13 +151,17 @@ def test_files_of_the_format_before_are_read(skin, tmp_path):
         "format": 2, "design": "d", "chips": [0, 1, 2], "forces_N": [0.1, 1.0],
         "softening_per_K": 0.003, "radius_m": 0.004, "signals": "",
     }  # fmt: skip
-    for number in (2, 1):
+    for number in (3, 2, 1):
         text = json.dumps(header | {"format": number})
         tensors.save_file(arrays, tmp_path / str(number), {"smoskin_response_table": text})
-    back = load_response_table(tmp_path / "2")
-    np.testing.assert_allclose(back.modes, table.modes, rtol=1e-6, atol=1e-15)
-    assert back.origin == {}
-    with pytest.raises(ModelError, match="format must be 3; got 1"):
+    drawn, opened = len(table.modes), len(table.contact.spread)
+    for number in ("2", "3"):
+        back = load_response_table(tmp_path / number)
+        np.testing.assert_allclose(back.modes[:drawn], table.modes, rtol=1e-6, atol=1e-15)
+        # They took the law of contact as known, which a design's table does not.
+        assert back.warp_modes.shape == (drawn + opened, opened)
+        assert back.origin == {}
+    with pytest.raises(ModelError, match="format must be 4; got 1"):
         load_response_table(tmp_path / "1")
 
 

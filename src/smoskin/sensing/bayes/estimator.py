@@ -91,6 +91,9 @@ class BayesEstimator(SignalEstimator):
             most=table.forces[1],
         )
         self.table = table
+        self._unwarps = table.contact.inverse(table.warps[0], table.basis.extent)
+        # What loads the sheet is sought; from that follows the place of a touch.
+        table = table.by_loads()
         self._priors = priors or TouchPriors()
         self._solver = TouchSolver(
             _with_creep_left(table, design, self.creep), self.noise, self._priors
@@ -118,12 +121,27 @@ class BayesEstimator(SignalEstimator):
             self._forget()
             return Estimate(time=time, status=Status.OUT_OF_RANGE)
         self._last = found.values
+        values, covariance = self._touches(found)
         return Estimate(
             time=time,
             status=Status.CONTACT,
-            contacts=tuple(Contact(position=row[:2], force=row[2:]) for row in found.values),
-            covariance=found.covariance,
+            contacts=tuple(Contact(position=row[:2], force=row[2:]) for row in values),
+            covariance=covariance,
         )
+
+    def _touches(self, found: TouchPosterior) -> tuple[Floats, Floats]:
+        """Touch vectors (K, 5), and their covariance (K, 5, 5), of what loads the sheet."""
+        values, covariance = np.array(found.values), np.array(found.covariance)
+        for axis, unwarp in enumerate(self._unwarps):
+            if unwarp.is_none:
+                continue
+            for value, spread in zip(values, covariance, strict=True):
+                load, variance = float(value[axis]), float(spread[axis, axis])
+                value[axis], apart = unwarp.place(load, variance)
+                scale = math.sqrt(apart / variance)
+                spread[axis] *= scale
+                spread[:, axis] *= scale
+        return values, covariance
 
     def _likeliest(self, time: float, signals: Floats) -> TouchPosterior:
         """One touch, of a skin that turns or two where one fits badly and these are likelier."""

@@ -135,7 +135,7 @@ class TouchSolver:
 
 def _mode_energy(table: ResponseTable) -> Floats:
     """What the modes leave open in a touch of a newton, mean over the skin, (C, C), T^2/N^2."""
-    places = places_to_the_rim(table.basis.extent, (7, 9))
+    places = places_to_the_rim(table.basis.extent, (11, 14))
     force = np.tile([0.0, 0.0, -TYPICAL], (len(places), 1))
     modes = table.mode_signals(places, force) / TYPICAL
     return np.asarray(np.einsum("bkc,bkd->cd", modes, modes) / len(places))

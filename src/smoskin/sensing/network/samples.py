@@ -97,8 +97,10 @@ class TouchSource:
         # What the table misses may be nothing at all, which has no Cholesky factor.
         power, modes = np.linalg.eigh(table.misfit)
         self._misfit_root = (modes * np.sqrt(np.maximum(power, 0.0))).astype(np.float32)
-        flat = len(table.modes), table.mean.size
-        self._modes = table.modes.reshape(flat).astype(np.float32)
+        flat = table.modes.reshape(len(table.modes), table.mean.size)
+        self._held = flat.any(axis=1)
+        self._modes = flat[self._held].astype(np.float32)
+        self._warps = table.warps
         self._mean = table.mean.ravel().astype(np.float32)
         self._warmth = table.warmth.ravel().astype(np.float32)
 
@@ -119,12 +121,16 @@ class TouchSource:
         push = self._forces(rng, total)
         warmer = rng.uniform(*spread.temperatures, (skins, 1)) - REFERENCE_TEMPERATURE
         weights = rng.standard_normal((skins, len(table.modes)), dtype=np.float32)
-        coefficients = weights @ self._modes + self._mean
+        coefficients = weights[:, self._held] @ self._modes + self._mean
         coefficients += warmer.astype(np.float32) * self._warmth
         settled = 1 - self._creep * rng.uniform(-0.5, 0.5, (total, 1))
         order = table.basis.exponents.sum(axis=1)
         products = table.basis.products(push)[0] * settled ** (order - 1)
-        x, y = table.basis.along_x(where[:, 0])[0], table.basis.along_y(where[:, 1])[0]
+        warp, modes = self._warps
+        moves = table.contact.functions(where)[0].reshape(skins, touches, len(warp), 2)
+        moved = np.einsum("sw,stwd->std", warp + weights @ modes, moves)
+        loads = where + moved.reshape(total, 2)
+        x, y = table.basis.along_x(loads[:, 0])[0], table.basis.along_y(loads[:, 1])[0]
         # What is left of differences by rounding would be multiplied down to numbers so small
         # that processors take them a hundred times slower.
         x[np.abs(x) < _NOTHING] = y[np.abs(y) < _NOTHING] = 0.0
@@ -143,7 +149,15 @@ class TouchSource:
         table, basis = self.table, self.table.basis
         digest = hashlib.sha256(repr((table.design_hash, table.chips, self.spread)).encode())
         lines = basis.extent, basis.lines_x, basis.lines_y
-        for array in (*lines, self._mean, self._warmth, self._modes, table.misfit, self._noise):
+        for array in (
+            *lines,
+            self._mean,
+            self._warmth,
+            self._modes,
+            *self._warps,
+            table.misfit,
+            self._noise,
+        ):
             digest.update(np.ascontiguousarray(array).tobytes())
         digest.update(repr((table.softening, table.forces, basis.radius, self._creep)).encode())
         return digest.hexdigest()

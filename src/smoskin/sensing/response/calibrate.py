@@ -21,9 +21,11 @@ from smoskin.sensing.response.table import ResponseTable
 
 _ROUNDS: Final = 4
 """Rounds in which weights and misfit are found from each other."""
+_LINEAR: Final = 4
+"""Times that signals are made linear in the modes' weights, by which places warp."""
 _LEAST: Final = 0.25
 """Smallest factor on the misfit's variance in a round."""
-_PLACES: Final = (13, 17)
+_PLACES: Final = (17, 23)
 """Places where a touch may be proposed, from rim to rim."""
 _LIGHT: Final = 0.4
 """Force of the lighter presses that may be proposed, over the largest."""
@@ -35,7 +37,7 @@ _LARGE: Final = 0.6
 """Share of a signal's largest value from which it may have ended a chip's range."""
 _FINE: Final = 1e-9
 """Difference within which two signals are one, T."""
-_JUDGED: Final = (9, 11)
+_JUDGED: Final = (11, 14)
 """Places whose touches shall be estimated well."""
 _TYPICAL: Final = 0.5
 """Press of those touches, N."""
@@ -131,16 +133,18 @@ def calibrate_touches(
             f"touches must be at least one, with {len(table.chips)} chips; got {len(touches)} "
             f"with {touches.signals.shape[1]}"
         )
-    weights, covariance, misfit = _posterior_weights(table, touches, noise)
+    weights = np.zeros(len(table.modes))
+    for _ in range(1 if table.warp_modes is None else _LINEAR):
+        weights, covariance, misfit = _posterior_weights(table, touches, noise, weights)
     # The root of the covariance mixes the old modes into new ones of one deviation each.
     power, mixes = np.linalg.eigh(covariance)
     root = mixes * np.sqrt(np.maximum(power, 0.0))
+    moved = table.moved(weights)
     moved = replace(
-        table,
-        mean=table.mean + np.tensordot(weights, table.modes, 1),
-        grip=table.grip + np.tensordot(weights, table.grip_modes, 1),
+        moved,
         modes=np.tensordot(root.T, table.modes, 1),
         grip_modes=np.tensordot(root.T, table.grip_modes, 1),
+        warp_modes=None if table.warp_modes is None else root.T @ table.warp_modes,
         misfit=misfit,
     )
     # How a chip's field bends shows in single touches as well.
@@ -149,12 +153,17 @@ def calibrate_touches(
 
 
 def _posterior_weights(
-    table: ResponseTable, touches: LabelledTouches, noise: Floats
+    table: ResponseTable, touches: LabelledTouches, noise: Floats, near: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Weights w (K,) of the modes, their covariance P (K, K), and the misfit D E D (C, C)."""
+    """Weights w (K,) of the modes, their covariance P (K, K), and the misfit D E D (C, C).
+
+    Signals are taken as linear in the weights near these, (K,).
+    """
     y = touches.signals.reshape(len(touches), -1)
-    residual = y - table.signals(touches.position, touches.force, touches.temperature)
-    modes = table.mode_signals(touches.position, touches.force)
+    here = table.moved(near)
+    residual = y - here.signals(touches.position, touches.force, touches.temperature)
+    modes = here.mode_signals(touches.position, touches.force)
+    residual = residual + np.einsum("k,nkc->nc", near, modes)
     squared = (touches.force**2).sum(axis=1)
     spreads = touches.place_spread, touches.force_spread
     noise = noise + label_noise(table, touches.position, touches.force, spreads)

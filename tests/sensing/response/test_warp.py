@@ -1,0 +1,177 @@
+"""Where touches load the sheet: warps, what undoes them, and what a few touches tell of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from smoskin.sensing.bayes.estimator import BayesEstimator
+from smoskin.sensing.response.calibrate import LabelledTouches, TouchPlanner, calibrate_touches
+from smoskin.sensing.response.table import load_response_table
+from smoskin.sensing.response.warp import LineWarp, PlaceWarp, Unwarp
+from smoskin.sensing.signals.signals import signal_noise
+
+VERTICES = 0.01 + 0.02 * np.arange(6)
+END = 0.12
+
+
+@pytest.fixture
+def warp():
+    return LineWarp(VERTICES)
+
+
+@pytest.fixture
+def coefficients(warp):
+    return np.random.default_rng(0).normal(size=len(warp.spread)) * warp.spread / 2
+
+
+def test_slopes_are_those_of_the_functions(warp):
+    x = np.random.default_rng(1).uniform(0, END, 200)
+    step = 1e-7
+    more, less = (warp.functions(x + away)[0] for away in (step, -step))
+    smooth = np.abs(x[:, None] - VERTICES).min(axis=1) > step
+    slope = warp.functions(x)[1]
+    np.testing.assert_allclose(slope[smooth], ((more - less) / (2 * step))[smooth], atol=1e-5)
+
+
+def test_one_place_at_a_time_is_the_same(warp, coefficients):
+    x = np.linspace(0, END, 97)
+    value, slope = warp.functions(x)
+    one = np.array([warp.point(place, coefficients.tolist()) for place in x.tolist()])
+    away = np.abs(x[:, None] - VERTICES).min(axis=1) > 1e-9
+    np.testing.assert_allclose(one[:, 0], x + value @ coefficients, atol=1e-15)
+    np.testing.assert_allclose(one[away, 1], (1 + slope @ coefficients)[away], atol=1e-9)
+
+
+def test_vertices_stay_where_they_are_but_for_a_shift(warp, coefficients):
+    value = warp.functions(VERTICES)[0] @ coefficients
+    np.testing.assert_allclose(value, coefficients[0], atol=1e-15)
+
+
+@pytest.mark.parametrize("lever", [0.0, 0.5, 1.0])
+def test_a_lever_is_as_long_as_its_coefficient_says(warp, lever):
+    coefficients = np.zeros(len(warp.spread))
+    coefficients[1:3] = 1 - lever
+    x = np.array([0.002, 0.05, 0.118])
+    load = x + warp.functions(x)[0] @ coefficients
+    np.testing.assert_allclose(load, [0.01 - 0.008 * lever, 0.05, 0.11 + 0.008 * lever])
+
+
+def test_a_smoothstep_is_written_to_a_fiftieth_of_a_pitch(warp):
+    x = np.linspace(VERTICES[0], VERTICES[-1], 501)[1:-1]
+    t = (x - VERTICES[0]) / 0.02 % 1
+    wanted = 0.02 * (3 * t**2 - 2 * t**3 - t)
+    functions = warp.functions(x)[0]
+    fitted = functions @ np.linalg.lstsq(functions, wanted, rcond=None)[0]
+    assert np.abs(fitted - wanted).max() < 0.02 / 50
+
+
+def test_a_skin_of_one_row_has_nothing_to_warp_between():
+    single = PlaceWarp(np.array([0.013]), VERTICES)
+    loads, slopes = single.loads(np.array([[0.02, 0.05]]), np.zeros(len(single.spread)))
+    np.testing.assert_array_equal(loads, [[0.02, 0.05]])
+    np.testing.assert_array_equal(slopes, [[1.0, 1.0]])
+
+
+def test_places_come_back_from_their_loads(warp, coefficients):
+    undo = Unwarp(warp, coefficients, END)
+    for x in np.linspace(0.001, END - 0.001, 41):
+        load, slope = warp.point(x, coefficients.tolist())
+        place, variance = undo.place(load, 1e-10)
+        if slope > 0.5:
+            assert place == pytest.approx(x, abs=1e-8)
+            assert variance == pytest.approx(1e-10 / slope**2, rel=1e-3)
+
+
+def test_on_a_level_stretch_the_middle_is_answered_with_its_spread(warp):
+    coefficients = np.zeros(len(warp.spread))
+    coefficients[1] = 1.0
+    place, variance = Unwarp(warp, coefficients, END).place(0.01, 1e-10)
+    # Anywhere within 10 mm, and some of a grid's step beyond.
+    assert place == pytest.approx(5e-3, abs=0.3e-3)
+    assert np.sqrt(variance) == pytest.approx(10e-3 / np.sqrt(12), rel=0.1)
+
+
+@pytest.fixture(scope="module")
+def table():
+    pytest.importorskip("safetensors")
+    return load_response_table("planar")
+
+
+@pytest.fixture(scope="module")
+def drawn(table, planar):
+    """A skin as the table draws skins, with its law of contact, and thirty touches of it."""
+    rng, noise = np.random.default_rng(5), signal_noise(planar, table.chips)
+    skin = table.moved(0.7 * rng.normal(size=len(table.modes)))
+    plan = TouchPlanner(table, noise).plan(30)
+    place = np.array([target.position for target in plan])
+    force = np.array([target.force for target in plan])
+    signals = skin.signals(place, force) + rng.multivariate_normal(np.zeros(9), noise, 30)
+    touches = LabelledTouches(position=place, force=force, signals=signals.reshape(30, 3, 3))
+    return skin, touches, noise
+
+
+def test_an_open_table_has_the_warps_among_its_modes(table):
+    count = len(table.contact.spread)
+    np.testing.assert_array_equal(table.warp_modes[-count:], np.diag(table.contact.spread))
+    assert not table.warp_modes[:-count].any()
+    assert not np.any(table.warp)
+
+
+def test_signals_of_warp_modes_are_the_derivative_by_them(table):
+    place, force = np.array([[0.004, 0.07], [0.033, 0.155]]), np.array([[0.1, 0.0, -0.6]] * 2)
+    modes = table.mode_signals(place, force)
+    step = 1e-4
+    for k in range(len(table.modes) - len(table.contact.spread), len(table.modes), 5):
+        weights = step * (np.arange(len(table.modes)) == k)
+        more, less = (table.moved(sign * weights).signals(place, force) for sign in (1, -1))
+        np.testing.assert_allclose(modes[:, k], (more - less) / (2 * step), rtol=1e-3, atol=1e-9)
+
+
+def test_slopes_of_a_warped_table_are_those_by_touches(drawn):
+    skin, _, _ = drawn
+    place, force = np.array([[0.033, 0.071], [0.004, 0.152]]), np.array([[0.1, 0.0, -0.6]] * 2)
+    slopes = skin.slopes(place, force)
+    for axis in range(2):
+        step = 1e-7 * (np.arange(2) == axis)
+        change = skin.signals(place + step, force) - skin.signals(place - step, force)
+        np.testing.assert_allclose(slopes[..., axis], change / 2e-7, rtol=1e-4, atol=1e-6)
+
+
+def test_a_few_touches_tell_the_law_of_contact(table, drawn):
+    skin, touches, noise = drawn
+    known = calibrate_touches(table, touches, noise)
+    rng = np.random.default_rng(6)
+    place = rng.uniform(0.0, 1.0, (200, 2)) * table.basis.extent
+    before = np.linalg.norm(skin.contact.loads(place, skin.warps[0])[0] - place, axis=1)
+    off = skin.contact.loads(place, skin.warps[0])[0] - skin.contact.loads(place, known.warps[0])[0]
+    assert np.sqrt((off**2).sum(axis=1).mean()) < 0.35 * np.sqrt((before**2).mean())
+    moved = np.einsum("kw,bwd->bkd", known.warp_modes, known.contact.functions(place)[0])
+    stated = (moved**2).sum(axis=1)
+    # No misfit spoils these signals, which what is stated allows for.
+    assert 0.3 < np.sqrt((off**2).mean() / stated.mean()) < 1.5
+
+
+def test_the_estimator_answers_places_not_loads(table, drawn, planar):
+    skin, touches, noise = drawn
+    known = calibrate_touches(table, touches, noise)
+    estimator = BayesEstimator(planar, known)
+    plain = BayesEstimator(planar, replace(known, warp=None))
+    rng, errors = np.random.default_rng(7), []
+    for place in rng.uniform(0.1, 0.9, (40, 2)) * table.basis.extent:
+        signals = skin.signals(place[None], np.array([[0.0, 0.0, -0.6]]))[0]
+        found = [one._read(0.0, signals, 25.0).contacts[0] for one in (estimator, plain)]
+        errors.append([np.linalg.norm(contact.position - place) for contact in found])
+    with_law, without = np.mean(errors, axis=0)
+    assert with_law < 0.5e-3
+    assert with_law < without / 2
+
+
+def test_files_keep_the_law_of_contact(table, drawn, tmp_path):
+    _, touches, noise = drawn
+    known = calibrate_touches(table, touches, noise)
+    known.save(tmp_path / "skin.table")
+    read = load_response_table(tmp_path / "skin.table")
+    np.testing.assert_array_equal(read.warp, known.warp)
+    np.testing.assert_array_equal(read.warp_modes, known.warp_modes)
+    assert read.calibrated
