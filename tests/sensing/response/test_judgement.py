@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 
 from smoskin.errors import ArgumentError, CalibrationError
 from smoskin.magnetics import mlx90393
+from smoskin.mechanics.sheet.touches import Touches
 from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.records import Contact
 from smoskin.sensing.response.calibrate import LabelledTouches, TouchPlanner
@@ -18,6 +19,8 @@ from smoskin.sensing.response.judgement import judge_touches
 from smoskin.sensing.response.labels import Labeller, labelled_touches
 from smoskin.sensing.response.table import load_response_table
 from smoskin.sensing.signals.signals import signal_noise
+from smoskin.twin.rig import VirtualRig
+from smoskin.twin.whole import Twin
 
 NAMES = {
     "millitesla": "in mT where uT must stand",
@@ -176,23 +179,35 @@ def test_one_touch_that_fits_badly_is_a_warning_until_it_is_far_off(
 
 
 @cache
-def made_touches(table, design, seed, hand, degrees=25.0):
-    """Sixty touches of a made skin by a rig or by hand, 0.3 mm and 10 mN off."""
-    from smoskin.twin.rig import VirtualRig
-
+def planned(table, design, hand):
+    """Sixty touches by a rig or by hand, 0.3 mm and 10 mN off, which are the same for all skins."""
     place, force = (0.3e-3, 0.01) if hand else (20e-6, 2e-3)
-    plan = TouchPlanner(
+    planner = TouchPlanner(
         table, signal_noise(design), drag=0.0 if hand else 0.3, place_spread=place,
         force_spread=force
-    ).plan(60)  # fmt: skip
-    rig = VirtualRig(design, seed=seed, temperature=degrees, stage=place, gauge=force)
+    )  # fmt: skip
+    return planner.plan(60), {"place_spread": place, "force_spread": force}
+
+
+@cache
+def made_touches(table, design, seed, hand, degrees=25.0):
+    """These touches of a made skin."""
+    plan, spreads = planned(table, design, hand)
+    twin = Twin(design, seed=seed, manufactured=True)
+    place, force = spreads.values()
+    rig = VirtualRig(twin, seed=seed, temperature=degrees, stage=place, gauge=force)
     labeller = Labeller(design, elastomer_prony(design.columns.material))
-    presses = [Contact(position=target.position, force=target.force) for target in plan]
+    pressed = Touches(
+        position=np.array([[target.position] for target in plan]),
+        force=np.array([[target.force] for target in plan]),
+    )
+    motion = twin.motions(pressed, temperature=degrees)
     labels = []
-    for press in presses:
+    for row, target in enumerate(plan):
+        held = rig.hold(Contact(position=target.position, force=target.force), motion[row])
         with suppress(ArgumentError):  # as a calibration leaves out what saturates a chip
-            labels.append(labeller.label(rig.press(press)))
-    return labelled_touches(labels, table.chips, place_spread=place, force_spread=force)
+            labels.append(labeller.label(held))
+    return labelled_touches(labels, table.chips, **spreads)
 
 
 def some_of(touches, chosen):
@@ -206,12 +221,12 @@ def some_of(touches, chosen):
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(3600)
 @pytest.mark.parametrize("kind", NAMES)
-def test_wrong_sheets_of_made_skins_are_refused(planar, table, kind):
+def test_wrong_sheets_of_made_skins_are_refused_or_named(planar, table, kind):
+    """Few are named alone: origins 4 to 5 mm off by hand, with 9 to 13 touches left on the skin."""
     pytest.importorskip("jax")
     turns = mlx90393.rotations(planar.halls)
-    refused = []
+    refused, told = [], []
     for seed in range(61, 66):
         for variant in range(20):
             rng = np.random.default_rng([seed, variant, list(NAMES).index(kind)])
@@ -221,11 +236,12 @@ def test_wrong_sheets_of_made_skins_are_refused(planar, table, kind):
             wrong = spoilt(kind, touches, rng, table.basis.extent)
             judged = judge_touches(table, wrong, signal_noise(planar), turns=turns)
             refused.append(judged.refusal is not None)
-    assert np.mean(refused) >= 0.99
+            told.append(refused[-1] or any(NAMES[kind] in text for text in judged.warnings))
+    assert np.mean(told) >= 0.99
+    assert np.mean(refused) >= 0.95
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(3600)
 def test_good_sheets_of_made_skins_are_not(planar, table):
     pytest.importorskip("jax")
     refused = []

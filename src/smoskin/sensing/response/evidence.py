@@ -5,9 +5,12 @@ The model is that of `smoskin.sensing.response.calibrate`, whose misfit may be l
 touches" in `docs/derivations.md`).
 """
 
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from smoskin.arrays import Floats
 from smoskin.sensing.response.calibrate import LabelledTouches, label_noise
@@ -35,19 +38,34 @@ class LeftOut(NamedTuple):
         return np.asarray(-0.5 * (self.squared + np.linalg.slogdet(self.covariance)[1]))
 
 
-class _Factors(NamedTuple):
-    """What a misfit so large makes of the labels alone."""
+class _Labels(NamedTuple):
+    """What N labels alone tell of signals."""
 
-    covariance: Floats
-    """R, (N, C, C)."""
-    precision: Floats
-    """R^-1."""
-    weighed: Floats
-    """M R^-1, (N, K, C)."""
-    open: Floats
-    """P, (K, K): covariance of the weights."""
-    volume: float
-    """log det of the covariance of all signals."""
+    foretold: Floats
+    """s, (N, C), T."""
+    modes: Floats
+    """M W^T, (N, K, C)."""
+    axes: Floats
+    """W, (N, C, C)."""
+    power: Floats
+    """d, (N, C), with ``W R W^T = 1 + stretch^2 diag(d)``."""
+
+    @classmethod
+    def of(cls, table: ResponseTable, touches: LabelledTouches, noise: Floats) -> "_Labels":
+        """Of these touches, in noise (C, C) that does not depend on them."""
+        places, forces = touches.position, touches.force
+        labels = label_noise(table, places, forces, (touches.place_spread, touches.force_spread))
+        white = np.linalg.inv(np.linalg.cholesky(noise))
+        # By eigenvectors, which labels that are far off have as well.
+        power, axes = np.linalg.eigh(white @ labels @ white.T)
+        axes = axes / np.sqrt(1 + np.maximum(power, 0.0))[:, None]
+        first = np.swapaxes(axes, 1, 2) @ white
+        misfit = (forces**2).sum(axis=1)[:, None, None] * table.misfit
+        power, axes = np.linalg.eigh(first @ misfit @ np.swapaxes(first, 1, 2))
+        axes = np.swapaxes(axes, 1, 2) @ first
+        modes = table.mode_signals(places, forces) @ np.swapaxes(axes, 1, 2)
+        foretold = table.signals(places, forces, touches.temperature)
+        return cls(foretold, modes, axes, np.maximum(power, 0.0))
 
 
 class Evidence:
@@ -55,43 +73,75 @@ class Evidence:
 
     ``log p(y) = -(sum_n r_n R_n^-1 r_n - u P u + sum_n log det R_n - log det P) / 2`` but for a
     constant, with ``r = y - s``, ``u = sum_n M_n R_n^-1 r_n`` and ``P = (1 + sum_n M_n R_n^-1
-    M_n^T)^-1``. `LinAlgError` where labels are so far off that R has no inverse.
+    M_n^T)^-1``. `LinAlgError` where labels are so far off that nothing can be told.
     """
 
     def __init__(self, table: ResponseTable, touches: LabelledTouches, noise: Floats) -> None:
-        places, forces = touches.position, touches.force
-        self._foretold = table.signals(places, forces, touches.temperature)
-        self._modes = table.mode_signals(places, forces)
-        spreads = touches.place_spread, touches.force_spread
-        known = noise + label_noise(table, places, forces, spreads)
-        misfit = (forces**2).sum(axis=1)[:, None, None] * table.misfit
-        self._factors = [self._factored(known + s * s * misfit) for s in STRETCHES]
+        self._know(_Labels.of(table, touches, noise))
+
+    @classmethod
+    def of_sets(
+        cls, table: ResponseTable, touches: Sequence[LabelledTouches], noise: Floats
+    ) -> Iterator["Evidence | None"]:
+        """The same of several sets of as many touches, laid out at once; None for an error."""
+        many = [
+            np.concatenate([getattr(one, name) for one in touches])
+            for name in ("position", "force", "signals", "temperature")
+        ]
+        whole = replace(
+            touches[0], position=many[0], force=many[1], signals=many[2], temperature=many[3]
+        )
+        labels = _Labels.of(table, whole, noise)
+        for begin in range(0, len(whole), len(touches[0])):
+            part = slice(begin, begin + len(touches[0]))
+            one = cls.__new__(cls)
+            try:
+                one._know(_Labels(*(values[part] for values in labels)))
+            except np.linalg.LinAlgError:
+                yield None
+            else:
+                yield one
+
+    def _know(self, labels: _Labels) -> None:
+        modes = labels.modes
+        self._foretold, self._axes = labels.foretold, labels.axes
+        self._modes = np.swapaxes(modes, 0, 1).reshape(modes.shape[1], -1)
+        self._variances = 1 + labels.power.ravel() * STRETCHES[:, None] ** 2
+        """Of all signals along the axes, (F, N C)."""
+        weighed = self._modes / np.sqrt(self._variances)[:, None]
+        still = np.eye(len(self._modes)) + weighed @ np.swapaxes(weighed, 1, 2)
+        self._roots = np.linalg.cholesky(still)
+        """Roots of P^-1, (F, K, K)."""
+        diagonals = np.einsum("fkk->fk", self._roots)
+        volumes = np.log(self._variances).sum(axis=1) + 2 * np.log(diagonals).sum(axis=1)
+        self._volumes = volumes - 2 * np.linalg.slogdet(self._axes)[1].sum()
 
     def of(self, signals: Floats) -> Floats:
         """Logarithms of the likelihoods (H, F) of H sets of signals (H, N, C) with F stretches."""
-        residual = signals - self._foretold
-        values = []
-        for factors in self._factors:
-            along = np.tensordot(residual, factors.weighed, ([1, 2], [0, 2]))
-            white = residual[:, :, None] @ factors.precision
-            squared = (white[:, :, 0] * residual).sum(axis=(1, 2))
-            squared -= ((along @ factors.open) * along).sum(axis=1)
-            values.append(-0.5 * (squared + factors.volume))
-        return np.array(values).T
+        white = self._white(signals).reshape(len(signals), -1)
+        squared = white**2 @ (1 / self._variances).T
+        for stretch, (variances, root) in enumerate(zip(self._variances, self._roots, strict=True)):
+            along = solve_triangular(root, self._modes @ (white / variances).T, lower=True)
+            squared[:, stretch] -= (along**2).sum(axis=0)
+        return np.asarray(-0.5 * (squared + self._volumes))
 
     def left_out(self, signals: Floats, stretch: int) -> LeftOut:
         """Each touch of signals (N, C) beside the others, with the stretch of this number."""
-        covariance, precision, weighed, still_open, _ = self._factors[stretch]
-        residual, across = signals - self._foretold, np.swapaxes(self._modes, 1, 2)
-        weights = still_open @ np.tensordot(weighed, residual, ([0, 2], [0, 1]))
-        fitted = across @ still_open @ self._modes
-        left = (residual - across @ weights)[..., None]
-        apart = np.linalg.solve(np.eye(len(precision[0])) - fitted @ precision, left)
-        spread = covariance @ np.linalg.solve(covariance - fitted, covariance)
+        white = self._white(signals[None])[0]
+        count, width = white.shape
+        variances = self._variances[stretch].reshape(count, width)
+        root = solve_triangular(self._roots[stretch], self._modes, lower=True)
+        taken = root.reshape(-1, count, width)
+        fitted = np.einsum("knc,knd->ncd", taken, taken, optimize=True)
+        left = white - np.tensordot(root @ (white / variances).ravel(), taken, 1)
+        apart = np.linalg.solve(np.eye(width) - fitted / variances[:, None], left[..., None])
+        own = variances[..., None] * np.eye(width)
+        spread = variances[..., None] * np.linalg.solve(own - fitted, own)
         spread = (spread + np.swapaxes(spread, 1, 2)) / 2
         squared = (apart * np.linalg.solve(spread, apart)).sum(axis=(1, 2))
-        parts = (np.asarray(part, dtype=np.float64) for part in (apart[..., 0], spread, squared))
-        return LeftOut(*parts)
+        back = np.linalg.inv(self._axes)
+        covariance = back @ spread @ np.swapaxes(back, 1, 2)
+        return LeftOut((back @ apart)[..., 0], covariance, squared)
 
     def without_label(self, signals: Floats) -> Floats:
         """The same of signals (N, C) where one touch's label alone says nothing, (N, F)."""
@@ -105,13 +155,6 @@ class Evidence:
             values.append(whole[stretch] - left.logarithm + odd)
         return np.array(values).T
 
-    def _factored(self, covariance: Floats) -> _Factors:
-        precision = np.linalg.inv(covariance)
-        weighed = self._modes @ precision
-        seen = np.tensordot(weighed, self._modes, ([0, 2], [0, 2]))
-        inverse = np.eye(len(seen)) + seen
-        volume = np.linalg.slogdet(covariance)[1].sum() + np.linalg.slogdet(inverse)[1]
-        still_open = np.asarray(np.linalg.inv(inverse), dtype=np.float64)
-        return _Factors(
-            covariance, np.asarray(precision, dtype=np.float64), weighed, still_open, float(volume)
-        )
+    def _white(self, signals: Floats) -> Floats:
+        """What signals (H, N, C) are off along the axes."""
+        return np.asarray(np.einsum("ncd,hnd->hnc", self._axes, signals - self._foretold))

@@ -19,12 +19,14 @@ from smoskin.sensing.response.evidence import STRETCHES, Evidence, LeftOut
 from smoskin.sensing.response.table import ResponseTable
 
 _NAMED: Final = 30.0
-"""Logarithm of how much likelier a mistake must make the touches."""
+"""Logarithm of how much likelier a mistake must make the touches; good ones reach 12."""
+_HINTED: Final = 8.0
+"""The same from which people are warned of it."""
 _ODD: Final = 100.0
 """The same of one touch whose label is wrong, above which it is refused; below, people are warned:
 one place of a made skin may fit badly, by up to 62."""
 _POOR: Final = 2.0
-"""Factor from which other labels are tried; with less the touches fit."""
+"""Factor below which touches fit; where a mistake leaves less, no other is looked for."""
 _UNFIT: Final = 16.0
 """Factor on the misfit's deviation from which no skin of the design is believed in; good touches
 reach 4."""
@@ -85,6 +87,8 @@ class Suspicion(NamedTuple):
     """What seems to be wrong."""
     gain: float
     """Logarithm of how much likelier it makes them."""
+    stretch: float
+    """Factor on the design's misfit with which it does so best."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -179,11 +183,12 @@ def judge_touches(
         names = [f"row {row}" for row in rows]
     mistakes = _Mistakes(table, touches, noise, left, names)
     axes = np.tile(np.eye(3), (len(table.chips), 1, 1)) if turns is None else turns
-    found = [*mistakes.of_signals(evidence, axes)]
-    if STRETCHES[stretch] >= _POOR:
-        found += mistakes.of_labels()
     likeliest = float(given.max())
-    best = max(found, key=lambda one: one.gain)
+    best = Suspicion("", likeliest, np.inf)
+    for some in (mistakes.of_signals(evidence, axes), mistakes.of_labels(), mistakes.of_origin()):
+        best = max(best, *some, key=lambda one: one.gain)
+        if best.stretch < _POOR and best.gain > likeliest + _NAMED:
+            break
     warnings = []
     if len(touches) >= _FEW:
         odd = mistakes.of_one(evidence)
@@ -192,6 +197,8 @@ def judge_touches(
         elif odd.gain > likeliest + _NAMED:
             warnings = [odd.sentence]
     best = best._replace(gain=best.gain - likeliest)
+    if _HINTED < best.gain <= _NAMED:
+        warnings.append(f"perhaps {best.sentence}")
     spread = np.sqrt(np.einsum("ncc->nc", left.covariance))
     factor = float(STRETCHES[stretch])
     residual = left.residual / spread
@@ -238,15 +245,16 @@ class _Mistakes(NamedTuple):
             swapped[[i, j]] = signals[[j, i]]
             tried.append((f"{self._both(i, j)} seem to have exchanged their labels", swapped, 0.0))
         sets = np.array([one[1] for one in tried]).reshape(len(tried), n, -1)
-        gains = evidence.of(sets).max(axis=1) + [one[2] for one in tried]
-        yield from (Suspicion(one[0], gain) for one, gain in zip(tried, gains, strict=True))
+        volumes = np.array([one[2] for one in tried])
+        gains = evidence.of(sets) + volumes[:, None]
+        yield from map(_suspicion, [one[0] for one in tried], gains)
 
     def of_one(self, evidence: Evidence) -> Suspicion:
         """The touch whose label is likeliest to be wrong."""
         signals = self.touches.signals.reshape(len(self.touches), -1)
-        odd = evidence.without_label(signals).max(axis=1)
-        row = int(odd.argmax())
-        return Suspicion(f"{self.names[row]} does not fit the others", float(odd[row]))
+        odd = evidence.without_label(signals)
+        row = int(odd.max(axis=1).argmax())
+        return _suspicion(f"{self.names[row]} does not fit the others", odd[row])
 
     def of_labels(self) -> Iterator[Suspicion]:
         """Mistakes in places and forces."""
@@ -264,16 +272,19 @@ class _Mistakes(NamedTuple):
             swapped = np.array(place)
             swapped[[i, j]] = place[[j, i]]
             tried.append((f"{self._both(i, j)} seem to have exchanged places", swapped, force))
+        believed = []
         for text, places, forces in tried:
             on_skin = (places >= -_OFF_SKIN) & (places <= extent + _OFF_SKIN)
             if on_skin.all() and _BELIEVABLE[0] <= -forces[:, 2].min() <= _BELIEVABLE[1]:
-                yield Suspicion(text, self._likelihood(places, forces))
-        if len(place) >= _FEW:
-            yield self.of_origin()
+                believed.append((text, replace(self.touches, position=places, force=forces)))
+        gains = self._likelihoods([touches for _, touches in believed])
+        yield from map(_suspicion, [text for text, _ in believed], gains)
 
-    def of_origin(self) -> Suspicion:
+    def of_origin(self) -> Iterator[Suspicion]:
         """The likeliest other origin: by a grid, then step by step."""
         touches = self.touches
+        if len(touches) < _FEW:
+            return
         some = slice(None, None, -(-len(touches) // _SAMPLE))
         few = replace(
             touches,
@@ -282,28 +293,22 @@ class _Mistakes(NamedTuple):
             signals=touches.signals[some],
             temperature=touches.temperature[some],
         )
-        search = self._replace(touches=few)
-
-        def likelihood(shift: Floats) -> float:
-            return search._likelihood(few.position + shift, few.force)
-
-        grid = map(np.array, itertools.product(_SHIFTS, _SHIFTS))
-        shift = max(grid, key=likelihood)
-        for step in _STEPS:
-            around = itertools.product((0.0, -step, step), repeat=2)
-            shift = max((shift + move for move in around), key=likelihood)
+        shift = np.zeros(2)
+        for steps in (_SHIFTS, *(np.array([0.0, -step, step]) for step in _STEPS)):
+            shifts = [shift + step for step in itertools.product(steps, steps)]
+            moved = [replace(few, position=few.position + one) for one in shifts]
+            shift = shifts[int(self._likelihoods(moved).max(axis=1).argmax())]
         x, y = -1e3 * shift
         text = f"the origin of the places seems shifted by ({x:.1f}, {y:.1f}) mm"
-        return Suspicion(text, self._likelihood(touches.position + shift, touches.force))
+        moved = replace(touches, position=touches.position + shift)
+        yield _suspicion(text, self._likelihoods([moved])[0])
 
-    def _likelihood(self, places: Floats, forces: Floats) -> float:
-        """Logarithm of the likelihood of the signals with other labels."""
-        meant = replace(self.touches, position=places, force=forces)
-        try:
-            evidence = Evidence(self.table, meant, self.noise)
-        except np.linalg.LinAlgError:
-            return -np.inf
-        return float(evidence.of(meant.signals.reshape(1, len(meant), -1)).max())
+    def _likelihoods(self, sets: Sequence[LabelledTouches]) -> Floats:
+        """Logarithms of the likelihoods (H, F) of the signals with each of H sets of labels."""
+        signals = sets[0].signals.reshape(1, len(sets[0]), -1)
+        found = Evidence.of_sets(self.table, sets, self.noise)
+        none = np.full(len(STRETCHES), -np.inf)
+        return np.array([none if one is None else one.of(signals)[0] for one in found])
 
     def _pairs(self, count: int) -> Iterator[tuple[int, int]]:
         """Pairs of the touches that fit worst."""
@@ -313,6 +318,12 @@ class _Mistakes(NamedTuple):
     def _both(self, i: int, j: int) -> str:
         word = self.names[i].split()[0].replace("touch", "touche")
         return f"{word}s {self.names[i].split()[1]} and {self.names[j].split()[1]}"
+
+
+def _suspicion(sentence: str, likelihoods: Floats) -> Suspicion:
+    """A mistake that makes touches so likely, (F,), with each stretch."""
+    best = int(likelihoods.argmax())
+    return Suspicion(sentence, float(likelihoods[best]), float(STRETCHES[best]))
 
 
 def turned_places(place: Floats, extent: Floats) -> Iterator[tuple[str, Floats]]:
@@ -387,7 +398,9 @@ def _hopeless(table: ResponseTable, touches: LabelledTouches) -> Judgement:
         residual=nothing,
         errors=nothing[:, :5],
         suspicion=Suspicion(
-            f"forces reach {reach}, where the table knows {table.forces[1]:g} N", np.inf
+            f"forces reach {reach}, where the table knows {table.forces[1]:g} N",
+            np.inf,
+            np.inf,
         ),
         warnings=(),
     )
