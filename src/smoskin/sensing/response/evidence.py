@@ -140,8 +140,11 @@ class Evidence:
         spread = (spread + np.swapaxes(spread, 1, 2)) / 2
         squared = (apart * np.linalg.solve(spread, apart)).sum(axis=(1, 2))
         back = np.linalg.inv(self._axes)
-        covariance = back @ spread @ np.swapaxes(back, 1, 2)
-        return LeftOut((back @ apart)[..., 0], covariance, squared)
+        covariance, apart = back @ spread @ np.swapaxes(back, 1, 2), back @ apart
+        parts = (
+            np.asarray(part, dtype=np.float64) for part in (apart[..., 0], covariance, squared)
+        )
+        return LeftOut(*parts)
 
     def without_label(self, signals: Floats) -> Floats:
         """The same of signals (N, C) where one touch's label alone says nothing, (N, F)."""

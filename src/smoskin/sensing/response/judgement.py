@@ -300,8 +300,8 @@ class _Mistakes(NamedTuple):
             shift = shifts[int(self._likelihoods(moved).max(axis=1).argmax())]
         x, y = -1e3 * shift
         text = f"the origin of the places seems shifted by ({x:.1f}, {y:.1f}) mm"
-        moved = replace(touches, position=touches.position + shift)
-        yield _suspicion(text, self._likelihoods([moved])[0])
+        whole = replace(touches, position=touches.position + shift)
+        yield _suspicion(text, self._likelihoods([whole])[0])
 
     def _likelihoods(self, sets: Sequence[LabelledTouches]) -> Floats:
         """Logarithms of the likelihoods (H, F) of the signals with each of H sets of labels."""
