@@ -52,7 +52,7 @@ class _Labels(NamedTuple):
 
     @classmethod
     def of(cls, table: ResponseTable, touches: LabelledTouches, noise: Floats) -> "_Labels":
-        """Of these touches, in noise (C, C) that does not depend on them."""
+        """Read off the table, in noise (C, C) that does not depend on them."""
         places, forces = touches.position, touches.force
         labels = label_noise(table, places, forces, (touches.place_spread, touches.force_spread))
         white = np.linalg.inv(np.linalg.cholesky(noise))
@@ -107,7 +107,7 @@ class Evidence:
         self._foretold, self._axes = labels.foretold, labels.axes
         self._modes = np.swapaxes(modes, 0, 1).reshape(modes.shape[1], -1)
         self._variances = 1 + labels.power.ravel() * STRETCHES[:, None] ** 2
-        """Of all signals along the axes, (F, N C)."""
+        """Variances of all signals along the axes, (F, N C)."""
         weighed = self._modes / np.sqrt(self._variances)[:, None]
         still = np.eye(len(self._modes)) + weighed @ np.swapaxes(weighed, 1, 2)
         self._roots = np.linalg.cholesky(still)
