@@ -186,7 +186,7 @@ def judge_touches(
     likeliest = float(given.max())
     best = Suspicion("", likeliest, np.inf)
     for some in (mistakes.of_signals(evidence, axes), mistakes.of_labels(), mistakes.of_origin()):
-        best = max(best, *some, key=lambda one: one.gain)
+        best = max([best, *some], key=lambda one: one.gain)
         if best.stretch < _POOR and best.gain > likeliest + _NAMED:
             break
     warnings = []
