@@ -50,6 +50,10 @@ def known(monkeypatch):
             self._given = given
             known.counts.append(len(given))
 
+        @classmethod
+        def of_sets(cls, table, given, noise):
+            return [cls(table, one, noise) for one in given]
+
         def of(self, sets):
             given, meant = self._given, known.meant
             off = known.wrong(given.position, given.force)
@@ -198,15 +202,23 @@ LABELS = {
 
 
 @pytest.mark.parametrize("sentence", LABELS)
-def test_a_mistake_of_the_labels_is_named_where_the_touches_fit_badly(known, sentence):
+def test_a_mistake_of_the_labels_is_named(known, sentence):
     known.squared = np.where(np.isin(np.arange(24), (3, 7, 9, 20)), 90.0, 9.0)
     wrong = LABELS[sentence](known.meant)
-    known.stretch = 1  # twice the misfit's deviation
-    judged = judge_touches(TABLE, wrong, NOISE)
-    assert re.search(sentence, judged.refusal)
-    assert judged.suspicion.gain == pytest.approx(FAR)
-    known.stretch = 0
-    assert judge_touches(TABLE, wrong, NOISE).refusal is None
+    for known.stretch in (0, 1):  # once and twice the misfit's deviation
+        judged = judge_touches(TABLE, wrong, NOISE)
+        assert re.search(sentence, judged.refusal)
+        assert judged.suspicion.gain == pytest.approx(FAR)
+        assert judged.suspicion.stretch == STRETCHES[known.stretch]
+
+
+@pytest.mark.parametrize(
+    ("far", "stretch", "ends"), [(31, 0, True), (29, 0, False), (31, 1, False)]
+)
+def test_a_mistake_that_leaves_nothing_open_ends_the_search(known, far, stretch, ends):
+    known.far, known.stretch = far, stretch
+    judge_touches(TABLE, replace(known.meant, signals=-known.meant.signals), NOISE)
+    assert (len(known.counts) == 1) is ends
 
 
 def test_places_are_exchanged_among_the_four_that_fit_worst(known):
@@ -279,12 +291,15 @@ def test_a_shifted_origin_is_found_to_04_mm(known):
         assert set(known.counts) == {24, 12}
 
 
-@pytest.mark.parametrize(("far", "named"), [(29.0, False), (31.0, True)])
-def test_a_mistake_is_named_that_makes_the_touches_e30_times_likelier(known, far, named):
+@pytest.mark.parametrize(("far", "told", "named"), [
+    (7.0, False, False), (9.0, True, False), (29.0, True, False), (31.0, False, True),
+])  # fmt: skip
+def test_a_mistake_is_told_from_e8_and_refused_from_e30(known, far, told, named):
     known.far = far
     wrong = replace(known.meant, signals=-known.meant.signals)
     judged = judge_touches(TABLE, wrong, NOISE)
     assert (judged.suspicion is not None) is named
+    assert ("perhaps fields seem to have the wrong sign" in judged.warnings) is told
     if named:
         assert judged.suspicion.gain == pytest.approx(far)
         with pytest.raises(CalibrationError, match=r"wrong sign \(mend them, or accept"):

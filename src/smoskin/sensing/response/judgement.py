@@ -277,6 +277,8 @@ class _Mistakes(NamedTuple):
             on_skin = (places >= -_OFF_SKIN) & (places <= extent + _OFF_SKIN)
             if on_skin.all() and _BELIEVABLE[0] <= -forces[:, 2].min() <= _BELIEVABLE[1]:
                 believed.append((text, replace(self.touches, position=places, force=forces)))
+        if not believed:
+            return
         gains = self._likelihoods([touches for _, touches in believed])
         yield from map(_suspicion, [text for text, _ in believed], gains)
 
