@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from smoskin.cli import app, calibration, live, train
 from smoskin.errors import CalibrationError, FileError, SourceError
+from smoskin.feasibility import load_design
 
 
 class Worked:
@@ -35,6 +36,8 @@ def light(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     for module in (calibration, live):
         monkeypatch.setattr(module, "load_response_table", lambda path: ("table", str(path)))
+    planar = SimpleNamespace(design_hash=load_design("planar").content_hash)
+    monkeypatch.setattr(train, "load_response_table", lambda path: planar)
 
 
 def report(**more):
@@ -132,6 +135,7 @@ def test_a_table_is_made_as_asked(monkeypatch):
 
 def test_a_network_is_trained_as_asked(monkeypatch, tmp_path):
     import smoskin.commands.train as work
+    import smoskin.plots as plots
 
     kept = SimpleNamespace(unlink=lambda: kept.__dict__.update(gone=True))
     asked = Worked(result=kept)
@@ -154,13 +158,17 @@ def test_a_network_is_trained_as_asked(monkeypatch, tmp_path):
     assert (asked.asked, asked.options) == ((Path("network.safetensors"),), {"resume": False})
     assert write.asked == (trained, Path("network.safetensors"), None)
     usual = {
-        "design": None, "chips": None, "drag": 0.0, "members": None, "minutes": None, "seed": 0,
+        "chips": None, "drag": 0.0, "members": None, "minutes": None, "seed": 0,
         "start": None, "checkpoint": kept, "curve": Path("network.safetensors.curve.jsonl"),
     }  # fmt: skip
-    assert teach.asked == (Path("skin.table"),)
+    assert teach.options["design"].name == "planar"
+    assert 0 <= teach.options["clock"]() < 60
+    drawn = []
+    monkeypatch.setattr(plots, "save_figure", lambda *figure: drawn.append(figure))
+    monkeypatch.setattr(work, "residual_figure", lambda trained, skin: skin.name)
     assert {name: teach.options[name] for name in usual} == usual
     some = "--drag 0.3 --members 2 --minutes 5 --seed 4 --start b.net --resume --chips 1,2"
-    files = "--design optimised --out c.net --onnx c.onnx --json"
+    files = "--design optimised --out c.net --onnx c.onnx --plot c.png --json"
     done = invoke("train", "skin.table", *some.split(), *files.split())
     assert json.loads(done.stdout)["files"] == ["a.net", "c.net.curve.jsonl"]
     assert teach.options["design"].name == "optimised"
@@ -168,7 +176,7 @@ def test_a_network_is_trained_as_asked(monkeypatch, tmp_path):
         "chips": work.parse_chips("1,2"), "drag": 0.3, "members": 2, "minutes": 5.0, "seed": 4,
         "start": Path("b.net"), "curve": Path("c.net.curve.jsonl"),
     }  # fmt: skip
-    del usual["design"]
+    assert drawn == [("optimised", Path("c.png"))]
     assert {name: teach.options[name] for name in usual} == usual
     assert asked.options == {"resume": True}
     assert write.asked == (trained, Path("c.net"), Path("c.onnx"))
@@ -217,12 +225,16 @@ def test_a_design_is_varied_as_asked(monkeypatch):
     import smoskin.commands.optimise as work
 
     found = report(
-        kept=True, write=lambda out: (out, out.with_suffix(".json")), verdict=lambda: "ok"
+        kept=True,
+        write=lambda out: (out, out.with_suffix(".json")),
+        verdict=lambda: "ok",
+        warning="too little time",
     )
     monkeypatch.setattr(work, "optimise", vary := Worked(result=found))
     done = invoke("optimise", "--out", "b.toml")
     assert (done.exit_code, done.stdout) == (0, "b.toml and b.json\n"), done.output
-    assert done.stderr.endswith("ok\n")
+    assert done.stderr.endswith("warning: too little time\nok\n")
+    assert 0 <= vary.options["clock"]() < 60
     assert (vary.asked[0].name, vary.options["name"]) == ("planar", "b")
     assert vary.options["objective"] == work.Objective(force=0.5)
     assert vary.options["limits"] == work.Limits(rate=100.0)
@@ -268,6 +280,7 @@ def test_a_sheet_is_planned_as_asked(monkeypatch):
 
 def test_a_skin_is_calibrated_as_asked(monkeypatch):
     import smoskin.commands.calibrate as work
+    import smoskin.plots as plots
 
     saved = []
     done = report(
@@ -277,6 +290,7 @@ def test_a_skin_is_calibrated_as_asked(monkeypatch):
     )
     made = Worked(result=done)
     monkeypatch.setattr(work, "calibrate", made)
+    monkeypatch.setattr(plots, "save_figure", lambda figure, file: figure.savefig(file))
     told = invoke("calibrate", "--sheet", "a.csv")
     assert told.exit_code == 0, told.output
     assert told.stderr == "warning: odd\nNow: smoskin run SOURCE --calibration skin.table\n"
@@ -461,38 +475,3 @@ def test_a_source_is_run_as_asked(monkeypatch):
         (("", ""), ("--strict",), 0),
     ):  # fmt: skip
         assert invoke("run", *more).exit_code == code
-
-
-def test_files_are_checked_and_a_damaged_one_fails(monkeypatch):
-    import smoskin.commands.check as work
-
-    class Found:
-        def __init__(self, path):
-            self.problem = "cut" if path.name == "bad" else ""
-            self.path = path
-
-        def as_json(self):
-            return {"path": str(self.path)}
-
-        def lines(self):
-            return [str(self.path), "more"]
-
-    monkeypatch.setattr(work, "check_file", Found)
-    done = invoke("check", "good", "fine")
-    assert (done.exit_code, done.stdout) == (0, "good\nmore\nfine\nmore\n")
-    done = invoke("check", "good", "bad", "--json")
-    assert (done.exit_code, json.loads(done.stdout)) == (1, [{"path": "good"}, {"path": "bad"}])
-
-
-def test_a_new_design_is_written_as_asked(monkeypatch):
-    import smoskin.commands.new_design as work
-
-    monkeypatch.setattr(work, "new_design", make := Worked(result="text"))
-    done = invoke("new-design", "mine", "--out", "a.toml")
-    assert (done.exit_code, done.stdout) == (0, ""), done.output
-    assert done.stderr == "Now: edit a.toml, then smoskin info a.toml\n"
-    assert (make.asked, Path("a.toml").read_text()) == (("mine", "planar", None), "text")
-    assert isinstance(invoke("new-design", "mine", "--out", "a.toml").exception, FileError)
-    some = "--cells 2x3 --from optimised --force"
-    assert invoke("new-design", "mine", "--out", "a.toml", *some.split()).exit_code == 0
-    assert make.asked == ("mine", "optimised", "2x3")

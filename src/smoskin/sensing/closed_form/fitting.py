@@ -216,8 +216,6 @@ def _fitted(model: PressModel, nominal: Calibration) -> tuple[Floats, Floats, Fl
             jac=problem.jacobian,
             bounds=(least, most),
             x_scale="jac",
-            xtol=1e-8,
-            ftol=1e-8,
             max_nfev=60,
         ).x
         problem.solve(values)
