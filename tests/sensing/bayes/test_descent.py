@@ -1,0 +1,52 @@
+"""How fast and how surely a descent comes to the likeliest touch."""
+
+import numpy as np
+import pytest
+
+from smoskin.sensing.bayes.priors import TouchPriors
+from smoskin.sensing.bayes.solver import TouchSolver
+from smoskin.sensing.signals.signals import signal_noise
+
+WHERE, SLANTED = np.array([0.05, 0.07]), np.array([0.21, -0.13, -0.4])
+
+
+@pytest.fixture(scope="module")
+def solver(table, skin):
+    return TouchSolver(table, signal_noise(skin), TouchPriors())
+
+
+def begun(solver, away, harder=1.0):
+    """The problem of one touch, its signals, and unknowns so far from it."""
+    problem = solver._single
+    signals = solver.table.signals([WHERE], [SLANTED])[0]
+    start = np.array([[*(WHERE + away), 0.1, 0.0, -0.4 * harder]])
+    return problem, signals, problem.unknowns(start)
+
+
+@pytest.mark.parametrize("away", [(3e-3, -2e-3), (-4e-3, 0.0)])
+def test_near_the_answer_a_step_of_gauss_and_newton_is_nearly_all(solver, away):
+    problem, signals, start = begun(solver, away)
+    best = problem.descend(signals, start)
+    np.testing.assert_allclose(best.unknowns[:2], WHERE, atol=2e-6)
+    for steps, left in ((1, 0.03), (2, 0.003)):
+        found = problem.descend(signals, start, steps=steps)
+        off = np.linalg.norm(found.unknowns[:2] - best.unknowns[:2])
+        assert off < left * np.linalg.norm(away)
+
+
+@pytest.mark.parametrize("away", [(50e-3, -50e-3), (-45e-3, 80e-3), (60e-3, 80e-3)])
+def test_no_step_leads_uphill_however_far_it_starts(solver, away):
+    problem, signals, start = begun(solver, away, harder=0.1)
+    costs = [problem.descend(signals, start, steps=steps).cost for steps in range(1, 25)]
+    # Weights follow the force in the first six steps; from there on it only falls.
+    assert (np.diff(costs[6:]) <= 1e-9).all()
+    assert costs[-1] < 0.1 * costs[0] or costs[-1] < 5
+
+
+def test_a_step_moves_a_place_by_3_cm_and_a_force_by_a_factor_of_e_at_most(solver):
+    problem, signals, start = begun(solver, (-45e-3, 80e-3), harder=0.1)
+    for steps in range(1, 20):
+        one = problem.descend(signals, start, steps=steps).unknowns
+        other = problem.descend(signals, start, steps=steps + 1).unknowns
+        assert np.abs(other - one)[:2].max() <= 0.03 + 1e-12
+        assert abs(other - one)[4] <= 1.0 + 1e-12
