@@ -105,10 +105,8 @@ def _verbose(asked: bool) -> None:
         logging.getLogger("smoskin").setLevel(logging.INFO)
 
 
-Version = Option("--version", callback=_version, is_eager=True, help="Print the version.")
-Verbose = Option(
-    "--verbose", "-v", callback=_verbose, is_eager=True, help="Log files, seeds, rates, drops."
-)
+Version = Option("--version", callback=_version, help="Print the version.")
+Verbose = Option("--verbose", "-v", callback=_verbose, help="Log files, seeds, rates, drops.")
 
 
 @app.callback()
