@@ -16,7 +16,7 @@ from typing import Annotated, Any, Final, Literal, NamedTuple, TypeAlias, TypeVa
 
 import numpy as np
 
-from smoskin.errors import ArgumentError
+from smoskin.errors import ArgumentError, SmoskinError
 
 Wrapped = TypeVar("Wrapped", bound=Callable[..., Any])
 
@@ -31,12 +31,12 @@ class _Kind(NamedTuple):
     admits: Callable[[object], bool]
 
 
-def typed(function: Wrapped) -> Wrapped:
+def typed(function: Wrapped, error: type[SmoskinError] = ArgumentError) -> Wrapped:
     """The function, or the record with its constructor, that refuses what no annotation admits.
 
-    An argument that is none of its annotation's raises an `ArgumentError` by name; annotations of
-    arrays, and those that only type checkers can read, admit all. A name that is missing or unknown
-    stays a `TypeError`.
+    An argument that is none of its annotation's raises the error by name; annotations of arrays,
+    and those that only type checkers can read, admit all. A name that is missing or unknown stays a
+    `TypeError`.
 
     Examples
     --------
@@ -47,7 +47,7 @@ def typed(function: Wrapped) -> Wrapped:
     smoskin.errors.ArgumentError: times must be a whole number or None; got '3'
     """
     if isinstance(function, type):
-        function.__init__ = typed(function.__init__)  # type: ignore[misc]
+        function.__init__ = typed(function.__init__, error)  # type: ignore[misc]
         return function
     names = tuple(signature(function).parameters)
     given = getattr(function, "__annotations__", {})
@@ -61,7 +61,7 @@ def typed(function: Wrapped) -> Wrapped:
         for name, value in chain(zip(names, args, strict=False), more.items()):
             kind = kinds.get(name, _ANYTHING)
             if not kind.admits(value):
-                raise ArgumentError(f"{name} must be {kind.words}; got {value!r:.100}")
+                raise error(f"{name} must be {kind.words}; got {value!r:.100}")
         return function(*args, **more)
 
     return cast(Wrapped, checked)

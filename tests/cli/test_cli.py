@@ -147,7 +147,7 @@ def test_the_core_needs_numpy_and_scipy_alone(tmp_path):
         "touch = smo.Contact(position=(0.05, 0.067), force=(0, 0, -0.5))\n"
         "estimate = smo.ClosedFormEstimator(design).step(smo.ReducedTwin(design).read([touch]))\n"
         "print(estimate.status.name)\n"
-        "for call in (lambda: smo.Recorder('x.mcap', design), cli._run):\n"
+        "for call in (lambda: smo.Recorder('x.mcap', design), lambda: cli._run(0.0)):\n"
         "    try:\n"
         "        call()\n"
         "    except (smo.SmoskinError, SystemExit) as error:\n"

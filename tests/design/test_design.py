@@ -91,7 +91,7 @@ def edited(planar: SkinDesign, old: str, new: str) -> str:
         ("fold_angle_deg = 44.5909", "fold_angle_deg = 60", r"\(0, 0.9131\) rad; got 1.047"),
         ("pillars = 8", "pillars = 0", "pillars must be positive"),
         ('material = "Ecoflex 00-30"', 'material = "jelly"', "must be one of Ecoflex 00-30"),
-        ('mount = "base"', 'mount = "lid"', "mount must be one of sheet, base; got 'lid'"),
+        ('mount = "base"', 'mount = "lid"', "mount must be 'sheet' or 'base'; got 'lid'"),
         ('magnet = "M1"', 'magnet = "M9"', "magnet must be one of M1, M2, M3; got 'M9'"),
         ("address = 12", "address = 13", "hall addresses must have different names"),
         ("gain_selection = 3", "gain_selection = 8", "gain_selection must lie in 0..7; got 8"),

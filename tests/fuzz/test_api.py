@@ -2,8 +2,9 @@
 
 import contextlib
 from collections.abc import Callable
+from dataclasses import fields, is_dataclass
 from functools import partial
-from itertools import cycle
+from itertools import cycle, product
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 import smoskin as smo
-from fuzzing import Began, broken, cases, check_error, working_folder
+from fuzzing import Began, broken, check_error, working_folder
 from learned_examples import presses
 from networks import random_network
 from smoskin.errors import SmoskinError
@@ -127,7 +128,36 @@ def running(design: Any) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]
             partial(smo.score, **told),
             {"file_or_model": table, "design": design, **exam, **world},
         ),
-        "Twin.motion": (twin.read, {"contacts": [contact], "time": 0.0, "temperature": 25.0}),
+        "Twin.read": (twin.read, {"contacts": [contact], "time": 0.0, "temperature": 25.0}),
+        **skins(design, twin, contact),
+    }
+
+
+def skins(design: Any, twin: Any, contact: Any) -> dict[str, tuple[Callable[..., Any], Any]]:
+    """Designs, skins made of them, what chips read of their motion, and a training on examples."""
+    examples = presses(passes=1, side=5)
+    motion = twin.motion([contact])
+    parts = {one.name: getattr(design, one.name) for one in fields(design)}
+    records = [part for part in parts.values() if is_dataclass(part)]
+    records += [design, design.magnets[0], design.halls[0]]
+    world = {"contact": None, "surroundings": None, "deviations": None}
+    made = {"manufactured": False, "tolerances": None, "grip": None, **world}
+    taught = {"seed": 0, "effort": QUICK, "place": (0.0, 0.0), "touch_field": 3e-5}
+    learned = {"examples": examples, "encoding": Encoding(chips=(0, 1, 2)), **taught}
+    sample = {"motion": motion, "rng": np.random.default_rng(0), "temperature": 25.0}
+    return {
+        **{
+            type(record).__name__: (
+                type(record),
+                {one.name: getattr(record, one.name) for one in fields(record)},
+            )
+            for record in records
+        },
+        "ReducedTwin": (smo.ReducedTwin, {"design": design, "seed": 0, "deviations": None}),
+        "Twin": (smo.Twin, {"design": design, "seed": 0, **made}),
+        "train_model": (partial(smo.train_model, progress=begin), learned),
+        "Twin.motion": (twin.motion, {"contacts": [contact], "temperature": 25.0}),
+        "Twin.sample": (twin.sample, {**sample, "around": None}),
     }
 
 
@@ -185,17 +215,17 @@ def refused_or_done(function: Callable[..., Any], arguments: dict[str, Any]) -> 
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of numbers that overflow
-@cases(80, 2500)
+@pytest.mark.parametrize("count", [80, pytest.param(None, marks=pytest.mark.slow)])
 def test_a_wrong_argument_is_refused_by_name(count, planar, tmp_path, monkeypatch):
+    """Every argument with every wrong value, some 7,000, or so many of these."""
     monkeypatch.setattr(training, "Lessons", begin)
 
     def drawn():
-        rng = np.random.default_rng(6)
         known = calls(planar) | running(planar)
         some = [(name, argument) for name in known for argument in known[name][1]]
-        for k in range(count):
-            name, argument = some[k % len(some)]
-            wild = WILD[int(rng.integers(len(WILD)))]
+        pairs = list(product(some, WILD))
+        for k in np.random.default_rng(6).permutation(len(pairs))[:count]:
+            (name, argument), wild = pairs[k]
             function, arguments = known[name]
             given = {**arguments, argument: wild}
             yield f"{k}: {name}({argument}={wild!r:.60})", partial(refused_or_done, function, given)

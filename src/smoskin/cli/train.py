@@ -23,11 +23,10 @@ from smoskin.cli.frame import (
     progress_bar,
     show,
 )
-from smoskin.design.document import shipped_design
 from smoskin.errors import require
 from smoskin.feasibility import load_design
 from smoskin.outputs import check_output
-from smoskin.sensing.response.table import ResponseTable, load_response_table
+from smoskin.sensing.response.table import ResponseTable
 
 
 @app.command(
@@ -139,11 +138,10 @@ def train(
         from smoskin.plots import check_figure, save_figure
 
         check_figure(plot, force=overwrite)
-    table = load_response_table(response)
-    skin = shipped_design(table.design_hash) if design is None else load_design(design)
+    skin = None if design is None else load_design(design)
     with if_stopped(lambda: training.kept_of(checkpoint)), progress_bar() as progress:
         trained = training.train(
-            table,
+            response,
             design=skin,
             chips=None if chips is None else training.parse_chips(chips),
             drag=drag,
@@ -160,7 +158,8 @@ def train(
     files = [model, curve, *others]
     checkpoint.unlink()
     if plot is not None:
-        save_figure(training.residual_figure(trained, skin), plot)
+        drawn = training.residual_figure(trained, skin)
+        save_figure(drawn, plot)
     if as_json:
         typer.echo(json.dumps(trained.as_json() | {"files": [str(file) for file in files]}))
         return

@@ -109,11 +109,14 @@ def train(
     )
 
 
-def residual_figure(trained: "Trained", design: SkinDesign) -> "Figure":
-    """Draw where held-out touches are located, and what is missed over what was stated."""
+def residual_figure(trained: "Trained", design: SkinDesign | None = None) -> "Figure":
+    """Draw where held-out touches are located, and what is missed over what was stated.
+
+    The design is the shipped one that the network was made for, by default.
+    """
     from smoskin.plots import draw_judgement
 
-    held_out = trained.held_out
+    held_out, design = trained.held_out, design or shipped_design(trained.model.design_hash)
     names = ("x", "y", "Fx", "Fy", "normal force")
     missed = {names[row]: held_out.scaled[:, row] for row in trained.model.rows}
     places, off = held_out.position[:_DRAWN], held_out.errors[:_DRAWN, :2]

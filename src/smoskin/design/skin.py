@@ -12,12 +12,14 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from functools import partial
 from types import MappingProxyType
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, TypeVar
 
+from smoskin.arguments import typed
 from smoskin.arrays import assign
 from smoskin.design.materials import ELASTOMERS, FILMS
 from smoskin.errors import DesignError, ModelError
 
+Part = TypeVar("Part")
 Origin = Literal["printed", "inferred", "assumed"]
 AXES: Final = ("+x", "-x", "+y", "-y", "+z", "-z")
 
@@ -66,6 +68,12 @@ def _choice(owner: str, name: str, value: object, valid: tuple[object, ...]) -> 
         raise DesignError(f"{owner}.{name} must be one of {wanted}; got {value!r}")
 
 
+def _part(record: type[Part]) -> type[Part]:
+    """A record that refuses what its annotations do not admit as a design's fault."""
+    return typed(record, DesignError)
+
+
+@_part
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:
     """Origin of a value."""
@@ -75,10 +83,8 @@ class Provenance:
     reason: str = ""
     """Reason for this value."""
 
-    def __post_init__(self) -> None:
-        _choice("provenance", "origin", self.origin, ("printed", "inferred", "assumed"))
 
-
+@_part
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MiuraCell:
     """The unit cell of the folded sheet (Figure S6)."""
@@ -106,6 +112,7 @@ class MiuraCell:
             )
 
 
+@_part
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Creases:
     """The bare film between two panels, about which they fold."""
@@ -122,6 +129,7 @@ class Creases:
         _choice("creases", "material", self.material, tuple(FILMS))
 
 
+@_part
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Panels:
     """The stiff plates on both faces of the film, taken as one plate."""
@@ -136,6 +144,7 @@ class Panels:
         _choice("panels", "material", self.material, tuple(FILMS))
 
 
+@_part
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Columns:
     """The elastomer columns, one under each bottom vertex of the sheet."""
@@ -152,6 +161,7 @@ class Columns:
         _choice("columns", "material", self.material, tuple(ELASTOMERS))
 
 
+@_part
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
     """The constraint frame round the sheet, which holds the rim columns in the plane."""
@@ -163,6 +173,7 @@ class Frame:
         _within("frame", stiffness=self.stiffness)
 
 
+@_part
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Board:
     """The circuit board that carries the chips on both faces, under the columns."""
@@ -176,6 +187,7 @@ class Board:
         _within("board", thickness=self.thickness, sensing_height=self.sensing_height)
 
 
+@_part
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShearLayer:
     """The soft pillars that carry the board, so that a drag moves it over its base."""
@@ -194,6 +206,7 @@ class ShearLayer:
         _choice("shear_layer", "material", self.material, tuple(ELASTOMERS))
 
 
+@_part
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Magnet:
     """A disc of four sectors, each magnetised along its bisector towards the centre."""
@@ -217,10 +230,9 @@ class Magnet:
         _named("magnet", self.name)
         owner = f"magnet {self.name!r}"
         _within(owner, radius=self.radius, height=self.height, remanence=self.remanence)
-        _choice(owner, "mount", self.mount, ("sheet", "base"))
-        _choice(owner, "polarity", self.polarity, (-1, 1))
 
 
+@_part
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HallSite:
     """One chip, opposite the middle of its magnet at rest."""
@@ -255,6 +267,7 @@ class HallSite:
             )
 
 
+@_part
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HallSetting:
     """Setting of every MLX90393 of the skin; the fields are its registers' own."""
@@ -276,6 +289,7 @@ class HallSetting:
                 raise DesignError(f"hall_setting.{name} must lie in 0..{most}; got {value}")
 
 
+@_part
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coefficients:
     """The numbers of the reduced model that theory does not give and calibration finds."""
@@ -304,6 +318,7 @@ class Coefficients:
             _within("coefficients", folding_correction=value)
 
 
+@_part
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SkinDesign:
     """A whole skin: what the workshop builds and every model starts from.

@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Floats
+from smoskin.arguments import typed
+from smoskin.arrays import Floats, floats
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics import mlx90393
 from smoskin.magnetics.arrangement import arrangement_field, rotation_matrix
@@ -180,10 +181,12 @@ class MagneticSkin(VirtualSkin):
     noise: np.random.Generator | None
     """Generator of the noise of live readings; None where the chips are ideal."""
 
+    @typed
     def field(self, motion: Motion, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
         """As `VirtualSkin.field`."""
-        return self.readout.field(motion, temperature)
+        return self.readout.field(motion, floats("temperature", temperature))
 
+    @typed
     def sample(
         self,
         motion: Motion,
@@ -193,8 +196,9 @@ class MagneticSkin(VirtualSkin):
         around: Ambience | None = None,
     ) -> mlx90393.HallSample:
         """As `VirtualSkin.sample`, with what is round the chips in each of (T,) states."""
-        return self.readout.sample(motion, rng, temperature, around)
+        return self.readout.sample(motion, rng, floats("temperature", temperature), around)
 
+    @typed
     def sense(
         self, motion: Motion, *, time: float = 0.0, temperature: float = REFERENCE_TEMPERATURE
     ) -> Reading:

@@ -102,12 +102,14 @@ class ReducedTwin(MagneticSkin):
         depths = press_depth(force, self._stiffness, gain).sum(axis=1)
         return np.asarray(self._softness(temperature) * depths)
 
+    @typed
     def motion(
         self, contacts: Sequence[Contact] = (), *, temperature: float = REFERENCE_TEMPERATURE
     ) -> Motion:
         """As `VirtualSkin.motion`."""
         return self.motions(touches_of([contacts]), temperature=temperature)[0]
 
+    @typed
     def motions(self, touches: Touches, *, temperature: float = REFERENCE_TEMPERATURE) -> Motion:
         """As `VirtualSkin.motions`."""
         depths = self.press_depths(touches, temperature=temperature)

@@ -145,6 +145,7 @@ class Twin(MagneticSkin):
         for drag in (0.0, 1e-3):
             self.motion([Contact(position=place, force=(drag, 0.0, -1e-3))])
 
+    @typed
     def motion(
         self, contacts: Sequence[Contact] = (), *, temperature: float = REFERENCE_TEMPERATURE
     ) -> Motion:
@@ -154,6 +155,7 @@ class Twin(MagneticSkin):
         """
         return self._state(contacts, temperature).motion
 
+    @typed
     def motions(self, touches: Touches, *, temperature: float = REFERENCE_TEMPERATURE) -> Motion:
         """As `VirtualSkin.motions`; invalid where no equilibrium was found."""
         return self._motion_of(self._solver(temperature).press(touches))
