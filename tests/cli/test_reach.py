@@ -12,7 +12,6 @@ from typer.testing import CliRunner
 
 from smoskin.cli import app, calibration, live, train
 from smoskin.errors import CalibrationError, FileError, SourceError
-from smoskin.feasibility import load_design
 
 
 class Worked:
@@ -36,8 +35,6 @@ def light(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     for module in (calibration, live):
         monkeypatch.setattr(module, "load_response_table", lambda path: ("table", str(path)))
-    planar = SimpleNamespace(design_hash=load_design("planar").content_hash)
-    monkeypatch.setattr(train, "load_response_table", lambda path: planar)
 
 
 def report(**more):
@@ -161,7 +158,7 @@ def test_a_network_is_trained_as_asked(monkeypatch, tmp_path):
         "chips": None, "drag": 0.0, "members": None, "minutes": None, "seed": 0,
         "start": None, "checkpoint": kept, "curve": Path("network.safetensors.curve.jsonl"),
     }  # fmt: skip
-    assert teach.options["design"].name == "planar"
+    assert teach.options["design"] is None
     assert 0 <= teach.options["clock"]() < 60
     drawn = []
     monkeypatch.setattr(plots, "save_figure", lambda *figure: drawn.append(figure))
