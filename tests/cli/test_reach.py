@@ -22,6 +22,7 @@ class Worked:
 
     def __call__(self, *asked, **options):
         self.asked, self.options = asked, options
+        self.tells = options.pop("progress", None) is not None  # how far it is
         return self.result
 
 
@@ -91,6 +92,7 @@ def test_a_sweep_is_planned_and_run_as_asked(monkeypatch):
         "temperatures": "10,20", "skins": 5, "mechanics": "reduced", "grip": "covered", "seed": 6,
         "presses_per_chunk": 9,
     }  # fmt: skip
+    assert run.tells
     assert (run.asked[0].name, *run.asked[1:]) == ("planar", "the plan", Path("here"))
     assert run.options["engine"].workers == 2
     assert run.options["engine"].scheduler is None
@@ -118,6 +120,7 @@ def test_a_table_is_made_as_asked(monkeypatch):
     done = invoke("table", "--json")
     assert json.loads(done.stdout) == {"file": "planar.table", "touches": 3}
     design, effort = make.asked
+    assert make.tells
     assert (design.name, effort, make.options["folder"]) == ("planar", work.Effort(), None)
     some = "--presses 7 --pairs 0 --skins 3 --seed 5 --folder kept --workers 1 --out own.table"
     assert invoke("table", "optimised", *some.split(), "--json").exit_code == 0
@@ -159,6 +162,7 @@ def test_a_network_is_trained_as_asked(monkeypatch, tmp_path):
         "start": None, "checkpoint": kept, "curve": Path("network.safetensors.curve.jsonl"),
     }  # fmt: skip
     assert teach.options["design"] is None
+    assert teach.tells
     assert 0 <= teach.options["clock"]() < 60
     drawn = []
     monkeypatch.setattr(plots, "save_figure", lambda *figure: drawn.append(figure))
@@ -197,6 +201,7 @@ def test_an_estimator_is_judged_as_asked(monkeypatch):
         "skins": range(1, 3), "touches": 60, "count": None, "places": None, "chips": None,
         "drag": 0.0, "pairs": 40, "world": "plain", "effect": None, "out": None,
     }  # fmt: skip
+    assert judge.tells
     assert (judge.asked[0], judge.asked[1].name) == (Path("a.table"), "planar")
     assert {name: judge.options[name] for name in usual} == usual
     some = "--design optimised --skins 3 --touches 15 --places 5x7 --count 9 --drag 0.2 --pairs 0"
@@ -233,6 +238,7 @@ def test_a_design_is_varied_as_asked(monkeypatch):
     assert done.stderr.endswith("warning: too little time\nok\n")
     assert 0 <= vary.options["clock"]() < 60
     assert (vary.asked[0].name, vary.options["name"]) == ("planar", "b")
+    assert vary.tells
     assert vary.options["objective"] == work.Objective(force=0.5)
     assert vary.options["limits"] == work.Limits(rate=100.0)
     assert vary.options["effort"] == work.SearchEffort(seed=0)
@@ -411,6 +417,7 @@ def test_a_virtual_bench_says_what_comes_next(monkeypatch, sheet, said):
     done = invoke("virtual-bench", "a.csv", *some.split())
     assert (done.exit_code, done.stdout, done.stderr) == (0, "", f"{said}\n")
     assert (bench.asked[0].name, bench.asked[1]) == ("optimised", Path("a.csv"))
+    assert bench.tells
     assert (bench.options["seed"], bench.options["sheet"]) == (2, sheet)
 
 

@@ -103,4 +103,13 @@ def test_a_cell_is_outlined_where_the_estimate_is_one() -> None:
         for place in (SKIN.tops[3, 3], SKIN.tops[3, 3] + 1e-5):
             cells.show([Contact(position=place, force=(0.0, 0.0, -0.5))], lambda _: 5e-3)
             shown.append([outline.visible for outline in cells._outlines])
+            np.testing.assert_allclose(
+                cells._outlines[0].position, (*place * 100, 0.5 + 0.05), rtol=1e-6
+            )
         assert shown == [[True, False], [False, False]]
+        # A closed square round the cell, as large as one.
+        lines = cells._outlines[0].points
+        np.testing.assert_array_equal(lines[:, 1], np.roll(lines[:, 0], -1, axis=0))
+        cell = SKIN.extent / PLANAR.cells * 100
+        np.testing.assert_allclose(np.ptp(lines, axis=(0, 1)), (*cell, 0.0), atol=2e-3)
+        np.testing.assert_allclose(lines.mean(axis=(0, 1)), 0.0, atol=1e-3)
