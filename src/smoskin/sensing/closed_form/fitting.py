@@ -267,14 +267,15 @@ class _Problem:
             return
         weight = self._weight
         for _ in range(_OWN_STEPS):
-            self.residual, by_own, by_skin = self._model.predict(values, self._own)
+            own = self._own
+            self.residual, by_own, _ = self._model.predict(values, own, by_own_alone=True)
             basis, triangle = np.linalg.qr(by_own * weight[..., None])
             self.scaled = self.residual * weight
             inside = np.einsum("tvk,tv->tk", basis, self.scaled)
             if np.abs(inside).max() < _OWN_SETTLED:
                 break
-            self._own = self._own - np.linalg.solve(triangle, inside[..., None])[..., 0]
-        by_skin = by_skin * weight[..., None]
+            self._own = own - np.linalg.solve(triangle, inside[..., None])[..., 0]
+        by_skin = self._model.predict(values, own)[2] * weight[..., None]
         by_skin -= np.einsum("tvk,tkp->tvp", basis, np.einsum("tvk,tvp->tkp", basis, by_skin))
         self.used = (basis**2).sum(axis=-1)
         self.reduced = np.concatenate([by_skin.reshape(-1, len(values)), np.diag(self._prior)])
