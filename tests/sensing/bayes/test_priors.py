@@ -17,6 +17,7 @@ from smoskin.sensing.bayes.priors import TouchPriors
         ({"slide": 0.0}, "slide must be positive; got 0.0 m"),
         ({"slide": math.nan}, "slide must be positive"),
         ({"chances": (0.5, 0.5, 0.5)}, "chances must add up to 1"),
+        ({"chances": (0.3, 0.3, 0.3)}, "chances must add up to 1"),
         ({"chances": (0.5, 0.5, 1e-6)}, "chances must add up to 1"),
         ({"chances": (1.1, -0.1, 0.0)}, "chances must add up to 1"),
     ],

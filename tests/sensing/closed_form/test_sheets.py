@@ -85,3 +85,18 @@ def test_cells_that_no_drag_stiffens_read_another_force(planar):
     seen = motions(answers, np.array([0.3, 0.0, -0.4]))
     found = solve_all(other, seen).force[:, 2]
     np.testing.assert_allclose(found, -0.4)
+
+
+def test_the_ideal_misfit_is_what_lies_across_the_press(planar):
+    """Of a motion's squared length, the share that no press on its cell makes."""
+    ways, answers = sheets(planar)
+    rng, read = np.random.default_rng(4), [3, 4, 6, 7]  # x and y of the upper magnets
+    for noise in (0.0, 0.1, 0.3):
+        motion = np.zeros(9)
+        motion[read] = answers.motions[2, 3, read, 0]
+        motion[read] += noise * np.linalg.norm(motion) * rng.normal(size=4)
+        found = ways["ideal"].solve(motion)
+        press = answers.motions[(*found.cell, read, 0)]
+        along = (press @ motion[read]) ** 2 / (press @ press)
+        assert found.misfit == pytest.approx(1 - along / (motion @ motion), abs=1e-9)
+        assert (found.misfit > 1e-3) == (noise > 0)

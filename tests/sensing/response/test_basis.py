@@ -111,6 +111,7 @@ def test_what_is_no_basis_is_refused():
     for name, wrong in (
         ("lines_x", (-1e-9, 0.06)), ("lines_x", (0.0, 0.0601)), ("lines_x", (0.02, 0.02)),
         ("lines_y", ()), ("lines_y", (0.04, 0.03)), ("lines_y", (0.055,)),
+        ("lines_y", (0.01, 0.04, 0.03)),
     ):  # fmt: skip
         with pytest.raises(ArgumentError, match=f"{name} must rise within"):
             TouchBasis(**(good | {name: wrong}))
