@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from smoskin.magnetics import sector
-from smoskin.magnetics.nonlinearity import Bend, cross_signals, field_curvature, straightened
+from smoskin.magnetics.nonlinearity import (
+    Bend,
+    cross_matrix,
+    cross_signals,
+    field_curvature,
+    straightened,
+)
 from smoskin.origami.geometry import geometry
 
 
@@ -31,6 +37,14 @@ def test_its_own_field_has_no_sources(planar):
     """Neither divergence nor curl: the second derivatives behind it are harmonic and symmetric."""
     curvature = field_curvature(planar)
     assert curvature == pytest.approx(curvature.swapaxes(1, 2), abs=1e-3 * np.abs(curvature).max())
+
+
+def test_one_motion_of_two_is_a_matrix():
+    rng = np.random.default_rng(3)
+    curvature, one, other = rng.normal(size=(2, 3, 3, 3)), rng.normal(size=6), rng.normal(size=6)
+    expected = np.einsum("sijk,si,sj->sk", curvature, one.reshape(2, 3), other.reshape(2, 3))
+    assert one @ cross_matrix(curvature, other) == pytest.approx(expected.ravel())
+    assert cross_signals(curvature, one, other) == pytest.approx(expected.ravel())
 
 
 def test_signals_freed_of_their_curvature_add_up():

@@ -128,22 +128,23 @@ class StatedSolver:
 
     def __init__(self, misfit, evidence):
         self.misfit, self.evidence = misfit, evidence
-        self.guesses, self.standing, self.warmed = [], [], []
+        self.guesses, self.enough, self.standing, self.warmed = [], [], [], []
 
     def warm_to(self, temperature):
         self.warmed.append(temperature)
 
-    def one(self, signals, guess=None):
+    def one(self, signals, guess=None, *, enough=0.0):
         self.guesses.append(guess)
+        self.enough.append(enough)
         values = np.array([[*WHERE[0], *FORCE[0]]])
         return TouchPosterior(values, 1e-6 * np.eye(5)[None], self.misfit, self.evidence[0])
 
-    def turned(self, signals, guess=None):
+    def turned(self, signals, guess=None, *, enough=0.0):
         one = self.one(signals)
-        self.guesses.pop()
+        self.guesses.pop(), self.enough.pop()
         return one._replace(evidence=-np.inf)
 
-    def two(self, signals, guess=None, standing=None):
+    def two(self, signals, guess=None, standing=None, *, enough=0.0):
         self.standing.append(standing)
         values = np.concatenate([WHERE, FORCE], axis=1)
         return TouchPosterior(values, np.tile(1e-6 * np.eye(5), (2, 1, 1)), 1.0, self.evidence[1])
@@ -195,7 +196,27 @@ def test_the_last_touch_is_the_first_guess_until_the_skin_is_let_go(skin, monkey
     for k, signals in enumerate((STRONG, STRONG, np.zeros(9), STRONG)):
         bayes.step(raised(skin, float(k), signals))
     assert [guess is not None for guess in solver.guesses] == [False, True, False]
-    np.testing.assert_array_equal(solver.guesses[1], [*WHERE[0], *FORCE[0]])
+    np.testing.assert_array_equal(solver.guesses[1], [[*WHERE[0], *FORCE[0]]])
+
+
+@pytest.mark.parametrize(("change", "enough"), [(0.099, 125.0), (0.101, 0.0)])
+def test_a_search_serves_while_the_signals_stay_about_its_own(skin, monkeypatch, change, enough):
+    """What fits a quarter worse than the search did, within a tenth of its signals, is followed."""
+    bayes, solver = stated(skin, monkeypatch, 100.0, (0.0, -9.0))
+    bayes.step(raised(skin, 1.0, STRONG))
+    for k in (2.0, 3.0):  # the second change is from the signals that were searched, too
+        bayes.step(raised(skin, k, (1 + change * (k - 1) / 2) * STRONG))
+    assert solver.enough[-1] == pytest.approx(enough)
+
+
+@pytest.mark.parametrize(("misfit", "enough"), [(124.9, 125.0), (125.1, 1.25 * 125.1)])
+def test_another_search_is_the_measure_from_then_on(skin, monkeypatch, misfit, enough):
+    bayes, solver = stated(skin, monkeypatch, 100.0, (0.0, -9.0))
+    bayes.step(raised(skin, 1.0, STRONG))
+    solver.misfit = misfit
+    for k in (2.0, 3.0):
+        bayes.step(raised(skin, k, STRONG))
+    assert solver.enough == pytest.approx([0.0, 125.0, enough])
 
 
 def test_the_table_is_warmed_a_quarter_of_a_degree_at_a_time(skin, monkeypatch):

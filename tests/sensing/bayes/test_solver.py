@@ -77,7 +77,7 @@ def test_the_first_guess_does_not_decide(skin):
     exact = table.signals(place[None], force[None])[0]
     free = solver.one(exact)
     for guess in ([0.08, 0.05, 0.0, 0.0, -0.5], [0.02, 0.14, 0.3, 0.3, -0.1]):
-        led = solver.one(exact, np.array(guess))
+        led = solver.one(exact, np.array([guess]))
         assert led.values[0] == pytest.approx(free.values[0], abs=2e-5)
     assert free.values[0, :2] == pytest.approx(place, abs=1e-4)
     assert free.values[0, 2:] == pytest.approx(force, abs=2e-3)
@@ -115,7 +115,7 @@ class StatedProblem:
     def unknowns(self, values):
         return values
 
-    def descend(self, signals, start, standing=None, steps=40):
+    def descend(self, signals, start, standing=None, steps=15):
         self.begun.append((start, standing, steps))
         cost = self.costs.pop(0)
         return Descent(np.full(1, cost), 0.0, np.zeros((1, 9)), 2 * cost, cost)
@@ -136,12 +136,22 @@ def test_a_guess_is_followed_where_it_fits_and_else_the_likeliest_starts(
     solver, problem = TouchSolver(table, signal_noise(skin)), StatedProblem(*costs)
     exact = table.signals(WHERE[:1], FORCE[:1])[0]
     monkeypatch.setattr(solver, "_single", problem)
-    guess = np.array([0.1, 0.02, 0.0, 0.0, -0.2])
+    guess = np.array([[0.1, 0.02, 0.0, 0.0, -0.2]])
     assert solver.one(exact, guess) == best
     assert len(problem.begun) == taken
-    np.testing.assert_array_equal(problem.begun[0][0], guess[None])
+    np.testing.assert_array_equal(problem.begun[0][0], guess)
     if taken > 1:  # the nearest places of the grid
         assert math.dist(problem.begun[1][0][0, :2], WHERE[0]) < 8e-3
+
+
+@pytest.mark.parametrize(("cost", "taken"), [(49.9, 1), (50.1, 4)])
+def test_a_guess_is_followed_as_well_where_its_misfit_is_enough(skin, monkeypatch, cost, taken):
+    table = reduced_table(skin)
+    solver, problem = TouchSolver(table, signal_noise(skin)), StatedProblem(cost, 60.0, 60.0, 60.0)
+    monkeypatch.setattr(solver, "_single", problem)
+    exact = table.signals(WHERE[:1], FORCE[:1])[0]
+    solver.one(exact, np.array([[0.1, 0.02, 0.0, 0.0, -0.2]]), enough=100.0)
+    assert len(problem.begun) == taken
 
 
 def test_pairs_are_compared_after_some_steps_and_three_at_least_are_followed(
@@ -150,14 +160,14 @@ def test_pairs_are_compared_after_some_steps_and_three_at_least_are_followed(
     solver = TouchSolver(table, signal_noise(skin), STRAIGHT)
     exact = table.together(WHERE[None], FORCE[None])[0]
     solver.two(exact)
-    brief = [9.0, 3.0, 5.0, 4.0, *[9.0] * 10]
-    for ends, taken in (((9.0, 2.2, 4.0), 3), ((2.3, 2.4, 2.3, 2.2), 4)):
+    brief = [9.0, 3.0, 5.0, 4.0, *[9.0] * 4]
+    for ends, taken in (((9.0, 1.7, 4.0), 3), ((1.9, 2.0, 1.9, 1.7), 4)):
         problem = StatedProblem(*brief, *ends)
         monkeypatch.setattr(solver, "_pair", problem)
         assert solver.two(exact) == min(ends)
         steps = [row[2] for row in problem.begun]
-        assert steps == [4] * 14 + [40] * taken
-        assert [row[0][0] for row in problem.begun[14:]] == sorted(brief)[:taken]
+        assert steps == [3] * 8 + [15] * taken
+        assert [row[0][0] for row in problem.begun[8:]] == sorted(brief)[:taken]
 
 
 def test_a_touch_that_cannot_have_stood_there_is_let_go(table, skin, monkeypatch):

@@ -22,7 +22,7 @@ def test_a_single_start_is_at_the_touch_with_its_press(skin, table, drag_spread)
 
 def test_a_pair_starts_at_the_touches_with_their_presses(skin, table):
     solver = TouchSolver(table, signal_noise(skin), TouchPriors(drag_spread=0.0))
-    place = middles_of_fields(table.basis.extent, (7, 9))[[12, 47]]
+    place = middles_of_fields(table.basis.extent, (8, 10))[[13, 57]]
     force = np.array([[0.0, 0.0, -0.5], [0.0, 0.0, -0.7]])
     signals = table.together(place[None], force[None])[0]
     solver.two(signals)

@@ -19,7 +19,7 @@ from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.origami.geometry import middles_of_fields
 from smoskin.records import Contact, Estimate, Status
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
-from smoskin.sensing.bayes.solver import TouchSolver
+from smoskin.sensing.bayes.solver import Solve, TouchSolver
 from smoskin.sensing.bayes.starts import TYPICAL
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.estimator import SignalEstimator
@@ -35,6 +35,10 @@ _STIRRED: Final = 4.0
 """Misfit of a single touch, likewise, past which the skin may have turned under it."""
 _TURNS: Final = math.log(0.01)
 """Logarithm of the chance that a skin has turned in the Earth's field since it was idle."""
+_NEAR: Final = 0.1
+"""Change of signals, as a share of them, within which one search for touches serves."""
+_LIKE: Final = 1.25
+"""Misfit over that of the search, likewise."""
 _WORST: Final = 400.0
 """Misfit over its expected value past which nothing on the table fits."""
 
@@ -99,7 +103,7 @@ class BayesEstimator(SignalEstimator):
             _with_creep_left(table, design, self.creep), self.noise, self._priors
         )
         self._solved_at = np.nan
-        self._last: Floats | None = None
+        self._leads: dict[str, Lead] = {}
         self._alone: LoneTouch | None = None
         self._turned = False
 
@@ -109,7 +113,7 @@ class BayesEstimator(SignalEstimator):
         return self._solver.misfit
 
     def _forget(self) -> None:
-        self._last = self._alone = None
+        self._leads, self._alone = {}, None
         self._turned = False
 
     def _read(self, time: float, signals: Floats, temperature: float) -> Estimate:
@@ -120,7 +124,6 @@ class BayesEstimator(SignalEstimator):
         if found.misfit > _WORST * self.table.count:
             self._forget()
             return Estimate(time=time, status=Status.OUT_OF_RANGE)
-        self._last = found.values
         values, covariance = self._touches(found)
         return Estimate(
             time=time,
@@ -145,13 +148,23 @@ class BayesEstimator(SignalEstimator):
 
     def _likeliest(self, time: float, signals: Floats) -> TouchPosterior:
         """One touch, of a skin that turns or two where one fits badly and these are likelier."""
-        last, count = self._last, self.table.count
-        single = last is not None and len(last) == 1
-        guess = last[0] if last is not None and single else None
-        one = best = self._solver.one(signals, guess)
+        count, solver = self.table.count, self._solver
+        before, self._leads = self._leads, {}
+
+        def follow(way: str, solve: Solve, *standing: Standing | None) -> TouchPosterior:
+            """The touches that explain the signals in this way, from those of a reading ago."""
+            lead = before.get(way)
+            guess, enough = (lead.values, lead.enough(signals)) if lead else (None, 0.0)
+            found = solve(signals, guess, *standing, enough=enough)
+            if lead is None or found.misfit > enough:
+                lead = Lead(found.values, signals, found.misfit)
+            self._leads[way] = lead._replace(values=found.values)
+            return found
+
+        one = best = follow("one", solver.one)
         had_turned, self._turned = self._turned, False
         if one.misfit > _STIRRED * count and len(self.table.chips) > 1:
-            turned = self._solver.turned(signals, guess)
+            turned = follow("turned", solver.turned)
             if turned.evidence + _TURNS > one.evidence:
                 best, self._turned = turned, True
         # A skin that was found to have turned, rather than to be touched twice, stays so.
@@ -160,11 +173,28 @@ class BayesEstimator(SignalEstimator):
             self._alone = LoneTouch(time, best)
         elif self._priors.chances[2] > 0:
             standing = self._alone and self._alone.standing(time, self._priors.slide)
-            two = self._solver.two(signals, None if single else last, standing)
+            two = follow("two", solver.two, standing)
             if two.evidence > best.evidence + (_TURNS if self._turned else 0.0):
                 self._turned = False
                 return two
         return best
+
+
+class Lead(NamedTuple):
+    """Touches that explained the last reading in one way, and the search that they follow from."""
+
+    values: Floats
+    """Touch vectors (K, 5)."""
+    signals: Floats
+    """Signals that were searched, (C,), T."""
+    misfit: float
+    """Misfit that the search came to."""
+
+    def enough(self, signals: Floats) -> float:
+        """Misfit up to which they are followed: about the search's, while signals are its own."""
+        change = np.linalg.norm(signals - self.signals)
+        near = change < _NEAR * np.linalg.norm(self.signals)
+        return _LIKE * self.misfit if near else 0.0
 
 
 class LoneTouch(NamedTuple):

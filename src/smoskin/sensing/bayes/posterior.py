@@ -16,7 +16,7 @@ from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
 from smoskin.sensing.response.point import PointTable
 from smoskin.sensing.response.table import ResponseTable
 
-_STEPS: Final = 40
+_STEPS: Final = 15
 _SETTLED: Final = 1e-3
 """Fall of half the squared residual at which steps end."""
 _REWEIGHED: Final = 6

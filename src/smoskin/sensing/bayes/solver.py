@@ -4,7 +4,8 @@ Decides from where to search and when a search is over: from the touches of a mo
 still fit; else from coarse places, of which many take a few steps before the best are followed.
 """
 
-from typing import Final
+from collections.abc import Callable
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -19,11 +20,13 @@ from smoskin.sensing.signals.zero import EARTH, uniform_covariance
 
 _FITS: Final = 4.0
 """Squared residual a signal up to which what follows from the last reading is believed."""
-_BRIEF: Final = 4
+_BRIEF: Final = 3
 """Steps after which many starts are compared."""
 
 
-_SEARCHES: Final = {1: (3, 1, 2.0), 2: (14, 3, 0.5)}
+Solve: TypeAlias = Callable[..., TouchPosterior]
+"""Way to explain signals by touches: a method of `TouchSolver`."""
+_SEARCHES: Final = {1: (3, 1, 2.0), 2: (8, 3, 0.4)}
 """Search for K touches: coarse starts, how many of them are followed to the end at least, and the
 squared residual a signal at which no other is followed."""
 
@@ -54,22 +57,32 @@ class TouchSolver:
         self._turned: tuple[TouchProblem, Starts] | None = None
         self._pair: TouchProblem | None = None
 
-    def one(self, signals: Floats, guess: Floats | None = None) -> TouchPosterior:
-        """The single touch that explains signals (C,) best; from a guess (5,), where given."""
-        guesses = None if guess is None else guess[None]
-        return self._solve(1, self._single, self._single_starts, signals, guesses, None)
+    def one(
+        self, signals: Floats, guess: Floats | None = None, *, enough: float = 0.0
+    ) -> TouchPosterior:
+        """The single touch that explains signals (C,) best; from a guess (1, 5), where given.
 
-    def turned(self, signals: Floats, guess: Floats | None = None) -> TouchPosterior:
+        What follows from the guess is believed where it fits, or its misfit is at most `enough`.
+        """
+        return self._solve(1, self._single, self._single_starts, signals, guess, None, enough)
+
+    def turned(
+        self, signals: Floats, guess: Floats | None = None, *, enough: float = 0.0
+    ) -> TouchPosterior:
         """The same of a skin that has turned in the Earth's field, by `EARTH` along each axis."""
         if self._turned is None:
             field = uniform_covariance(len(self.table.chips), EARTH)
             problem = self._problem(1, self._noise + field)
             self._turned = problem, self._starts(problem)
-        guesses = None if guess is None else guess[None]
-        return self._solve(1, *self._turned, signals, guesses, None)
+        return self._solve(1, *self._turned, signals, guess, None, enough)
 
     def two(
-        self, signals: Floats, guess: Floats | None = None, standing: Standing | None = None
+        self,
+        signals: Floats,
+        guess: Floats | None = None,
+        standing: Standing | None = None,
+        *,
+        enough: float = 0.0,
     ) -> TouchPosterior:
         """The two straight touches that explain signals (C,) best; from a guess (2, 5), if given.
 
@@ -79,7 +92,7 @@ class TouchSolver:
             self._pair = self._problem(2)
         if self._pair_starts is None:
             self._pair_starts = pair_starts(self.table, self._pair)
-        return self._solve(2, self._pair, self._pair_starts, signals, guess, standing)
+        return self._solve(2, self._pair, self._pair_starts, signals, guess, standing, enough)
 
     def _starts(self, problem: TouchProblem) -> Starts:
         """Starts of the search for a single touch."""
@@ -103,12 +116,13 @@ class TouchSolver:
         signals: Floats,
         guess: Floats | None,
         standing: Standing | None,
+        enough: float,
     ) -> TouchPosterior:
         """The likeliest of several descents."""
-        (count, followed, enough), fits = _SEARCHES[touches], _FITS * len(signals)
+        (count, followed, good), fits = _SEARCHES[touches], _FITS * len(signals)
         if guess is not None:
             found = problem.descend(signals, problem.unknowns(guess), standing)
-            if 2 * found.cost < fits:
+            if 2 * found.cost < max(fits, enough):
                 return problem.posterior(found, standing)
         begun = [problem.unknowns(one) for one in starts.best(signals, count, standing)]
         if len(begun) > followed > 1:
@@ -116,7 +130,7 @@ class TouchSolver:
             begun = [one.unknowns for one in sorted(brief, key=lambda one: one.cost)]
         best: Descent | None = None
         for tried, one in enumerate(begun):
-            if best and tried >= followed and 2 * best.cost < enough * len(signals):
+            if best and tried >= followed and 2 * best.cost < good * len(signals):
                 break
             found = problem.descend(signals, one, standing)
             if best is None or found.cost < best.cost:
@@ -124,7 +138,7 @@ class TouchSolver:
         if best is not None and (standing is None or 2 * best.cost < fits):
             return problem.posterior(best, standing)
         if standing is not None:
-            return self._solve(touches, problem, starts, signals, None, None)
+            return self._solve(touches, problem, starts, signals, None, None, 0.0)
         # Nothing that presses explains them; an answer is given all the same.
         spread = (np.arange(touches) + 0.5) / touches
         middle = np.zeros((touches, 5))

@@ -24,7 +24,7 @@ _TUG: Final = 0.2
 """Drag, likewise."""
 _SINGLE_GRID: Final = (16, 20)
 """Places from rim to rim where a single touch may start."""
-_PAIR_GRID: Final = (7, 9)
+_PAIR_GRID: Final = (8, 10)
 """Places, the middles of as many fields, of which two are where a pair may start."""
 
 

@@ -13,7 +13,6 @@ from smoskin.arrays import Floats
 
 _PAD: Final = 1e-12
 """m/N: how much a touch gives way by itself, so that two on one place share what they hold."""
-_TOUCHES: Final = np.arange(2)
 
 
 def mutual_drags(grip: Floats, shares: Floats, press: Floats) -> tuple[Floats, Floats]:
@@ -35,13 +34,10 @@ def mutual_drags(grip: Floats, shares: Floats, press: Floats) -> tuple[Floats, F
     )
     moved = half.swapaxes(-1, -2) @ rows.swapaxes(1, 2)[:, None, None]
     moved = moved.reshape(batch, 2, rates, 2, 3, 2, rates)
-    drags, slopes = _holding_forces(moved, press)
-    # Each touch alone is a batch of its own.
-    own = moved[:, _TOUCHES, ..., _TOUCHES, :].reshape(2 * batch, 1, rates, 2, 3, 1, rates)
-    alone, alone_slopes = _holding_forces(own, press.T.reshape(-1, 1))
-    drags -= alone.reshape(2, batch, 2).swapaxes(0, 1)
-    slopes[:, _TOUCHES, :, _TOUCHES] -= alone_slopes.reshape(2, batch, rates, 2)
-    return drags, slopes
+    # Beside both together, each alone: patches that do not move each other.
+    alone = moved * np.eye(2)[:, None, None, None, :, None]
+    drags, slopes = _holding_forces(np.concatenate([moved, alone]), np.tile(press, (2, 1)))
+    return drags[:batch] - drags[batch:], slopes[:batch] - slopes[batch:]
 
 
 def _holding_forces(moved: Floats, press: Floats) -> tuple[Floats, Floats]:

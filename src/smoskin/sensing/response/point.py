@@ -11,7 +11,7 @@ from bisect import bisect_left, bisect_right
 import numpy as np
 
 from smoskin.arrays import Floats, Ints
-from smoskin.magnetics.nonlinearity import cross_signals
+from smoskin.magnetics.nonlinearity import cross_matrix
 from smoskin.sensing.response.basis import TouchBasis
 from smoskin.sensing.response.pairs import mutual_drags
 
@@ -67,7 +67,7 @@ class PointTable:
 
         With their slopes by x, y and the press of each, (6, C), T/m and T/N.
         """
-        rates = np.stack([self._shares(float(x), float(y)) for x, y in place])
+        rates = np.array([self._shares(x, y) for x, y in place.tolist()])
         drags, by = mutual_drags(self._grip, rates[None], press[None])
         by_drags = by.reshape(6, 2, 2)
         values, slopes = [], []
@@ -79,10 +79,10 @@ class PointTable:
             slopes[k][3 * k : 3 * k + 2] += steep[:2]
             slopes[k][3 * k + 2] -= steep[4]
         one, other = values
-        total = one + other + cross_signals(self._curvature, one, other)
-        by_all = slopes[0] + cross_signals(self._curvature, slopes[0], np.tile(other, (6, 1)))
-        by_all += slopes[1] + cross_signals(self._curvature, np.tile(one, (6, 1)), slopes[1])
-        return total, by_all
+        by_one = cross_matrix(self._curvature, other)
+        by_other = cross_matrix(self._curvature.swapaxes(1, 2), one)
+        total = one + other + one @ by_one
+        return total, slopes[0] + slopes[0] @ by_one + slopes[1] + slopes[1] @ by_other
 
     def _shares(self, x: float, y: float) -> Floats:
         """Shares of the vertices and their slopes along x and y, (3, H)."""
