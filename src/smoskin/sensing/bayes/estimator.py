@@ -22,7 +22,7 @@ from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
 from smoskin.sensing.bayes.solver import Solve, TouchSolver
 from smoskin.sensing.bayes.starts import TYPICAL
 from smoskin.sensing.response.table import ResponseTable
-from smoskin.sensing.signals.estimator import SignalEstimator
+from smoskin.sensing.signals.estimator import FOLLOWING, SignalEstimator
 from smoskin.sensing.signals.zero import ZeroTracking
 
 _WARMER: Final = 0.25
@@ -86,6 +86,9 @@ class BayesEstimator(SignalEstimator):
         tracking: ZeroTracking | None = None,
     ) -> None:
         design.check_own("table", table.design_hash)
+        left = table.residue**2 * table.newton
+        if tracking is None:
+            tracking = replace(FOLLOWING, residue=math.sqrt(left.diagonal().max()))
         super().__init__(
             design,
             table.chips,
@@ -100,7 +103,7 @@ class BayesEstimator(SignalEstimator):
         table = table.by_loads()
         self._priors = priors or TouchPriors()
         self._solver = TouchSolver(
-            _with_creep_left(table, design, self.creep), self.noise, self._priors
+            _with_creep_left(table, design, self.creep), self.noise + left, self._priors
         )
         self._solved_at = np.nan
         self._leads: dict[str, Lead] = {}

@@ -67,6 +67,8 @@ class LabelledTouches:
     """Standard deviation of the labels' places along each axis, m."""
     force_spread: float = 0.0
     """Standard deviation of the labels' forces along each axis, N."""
+    left: float = 0.0
+    """Root mean square of what a touch leaves in each signal once it is gone, T."""
 
     def __post_init__(self) -> None:
         freeze(self, position=(None, 2))
@@ -80,10 +82,11 @@ class LabelledTouches:
                 raise ArgumentError(f"{name} must be finite; got NaN or infinity")
         if not (self.force[:, 2] < 0).all():
             raise ArgumentError("force must press, with z < 0 N, in every labelled touch")
-        if not all(0 <= spread < np.inf for spread in (self.place_spread, self.force_spread)):
+        spreads = self.place_spread, self.force_spread, self.left
+        if not all(0 <= spread < np.inf for spread in spreads):
             raise ArgumentError(
-                f"place_spread and force_spread must be finite and >= 0; got {self.place_spread} m "
-                f"and {self.force_spread} N"
+                f"place_spread, force_spread and left must be finite and >= 0; got {spreads[0]} m, "
+                f"{spreads[1]} N and {spreads[2]} T"
             )
 
     def __len__(self) -> int:
@@ -146,6 +149,7 @@ def calibrate_touches(
         grip_modes=np.tensordot(root.T, table.grip_modes, 1),
         warp_modes=None if table.warp_modes is None else root.T @ table.warp_modes,
         misfit=misfit,
+        residue=touches.left / float(np.sqrt(np.trace(table.newton) / table.count)),
     )
     # How a chip's field bends shows in single touches as well.
     bent = table_curvature(moved) - table_curvature(table)

@@ -29,6 +29,8 @@ class Label(NamedTuple):
     """Rubber temperature as the chips report it, degC; NaN where no reading was good."""
     status: Status | None
     """What forbids to use it; None where nothing does."""
+    left: Floats | None = None
+    """(S, 3), T: what the touch before left behind; None where that is unknown."""
 
 
 class Labeller:
@@ -51,6 +53,7 @@ class Labeller:
             start, end = touch.rest
             # A rig knows when nothing touches.
             self._signals.zero([r for r in touch.readings if start <= r.time <= end], force=True)
+        before, left = self._level, None
         rest: list[Floats] = []
         held: list[Floats] = []
         status: Status | None = None
@@ -68,10 +71,12 @@ class Labeller:
                     status = signal.status
         if rest:
             self._level = np.mean(rest, axis=0)
+            left = None if before is None else self._level - before
         if not held or self._level is None:
             nothing = np.full((len(touch.readings[0].field), 3), np.nan)
-            return Label(touch.contact, nothing, temperature, status or Status.CHIP_MISSING)
-        return Label(touch.contact, np.mean(held, axis=0) - self._level, temperature, status)
+            return Label(touch.contact, nothing, temperature, status or Status.CHIP_MISSING, left)
+        values = np.mean(held, axis=0) - self._level
+        return Label(touch.contact, values, temperature, status, left)
 
 
 def labelled_touches(
@@ -88,6 +93,7 @@ def labelled_touches(
             f"labels must hold at least one that can be used; got {len(labels)} ({causes}); are "
             "the fields in the right unit?"
         )
+    left = [label.left[list(chips)] for label in labels if label.left is not None]
     return LabelledTouches(
         position=np.stack([label.contact.position for label in good]),
         force=np.stack([label.contact.force for label in good]),
@@ -95,4 +101,6 @@ def labelled_touches(
         temperature=np.array([label.temperature for label in good]),
         place_spread=place_spread,
         force_spread=force_spread,
+        # A change is what one touch left less what the one before had.
+        left=float(np.sqrt(np.mean(np.square(left)) / 2)) if left else 0.0,
     )

@@ -36,6 +36,7 @@ _LIMITS: Final = dict.fromkeys(_TENSORS, (-1.0, 1.0)) | {
     **dict.fromkeys(_WARPS, (-10.0, 10.0)),
     "curvature": (-1e6, 1e6),
     "softening": (-1.0, 1.0),
+    "residue": (0.0, 1.0),
     "forces": (1e-6, 1e3),
 }
 """Least and largest numbers, SI: chips read less than a tenth of a tesla."""
@@ -96,6 +97,8 @@ class ResponseTable:
     default."""
     warp_modes: Floats | None = None
     """(K, W): change of the warp with each of the modes; none by default."""
+    residue: float = 0.0
+    """h: what a touch leaves in the signals once it is gone, as a share of a newton's."""
     origin: Mapping[str, Any] = field(default_factory=dict)
     """How the table was made, in plain values: version of the package, effort, seed."""
 
@@ -134,6 +137,13 @@ class ResponseTable:
         warp = np.zeros(count) if self.warp is None else self.warp
         still = np.zeros((len(self.modes), count))
         return warp, still if self.warp_modes is None else self.warp_modes
+
+    @property
+    def newton(self) -> Floats:
+        """S_1: mean product of the signals of a newton that presses, over the skin, (C, C), T^2."""
+        places = places_to_the_rim(self.basis.extent, (7, 9))
+        signals = self.signals(places, np.tile([0.0, 0.0, -1.0], (len(places), 1)))
+        return np.asarray(signals.T @ signals / len(places))
 
     @property
     def calibrated(self) -> bool:
@@ -282,6 +292,7 @@ class ResponseTable:
             "chips": list(self.chips),
             "forces_N": list(self.forces),
             "softening_per_K": self.softening,
+            "residue": self.residue,
             "radius_m": self.basis.radius,
             "signals": "x, y, z of each chip in turn, in the skin's axes, T, less the rest field",
             "steps": steps,
@@ -336,6 +347,7 @@ def _table(arrays: dict[str, Any], header: dict[str, Any]) -> ResponseTable:
         chips=tuple(int(chip) for chip in header["chips"]),
         forces=(low, high),
         softening=float(header["softening_per_K"]),
+        residue=float(header.get("residue", 0.0)),
         origin=header.get("origin", {}),
         **{name: array for name, array in arrays.items() if name in (*_TENSORS, *_WARPS)},
     )

@@ -24,6 +24,8 @@ _TURNED: Final = 8e-6
 """Change of the field at all chips alike, T, past which the zero follows at once."""
 _TURNING: Final = 0.05
 """Time constant, s, with which it then follows."""
+_SMALL: Final = 0.05
+"""Share of what a touch left below which the zero follows at its own pace again."""
 _WILD: Final = 1e5
 """Seconds without a reading after which none is taken for a zero's pace: a clock has jumped."""
 
@@ -53,12 +55,14 @@ class ZeroTracking:
     """Speed, T/s, at which a zero may move unseen while nothing is idle."""
     widening_limit: float = 40e-6
     """Farthest that it may have moved so, T: a steady touch that is fainter becomes the zero."""
+    residue: float = 0.0
+    """How far a touch leaves it off, T; the zero is soon taken anew once nothing touches."""
 
     def __post_init__(self) -> None:
         for name in ("time_constant", "drift_bound"):
             if not getattr(self, name) > 0:
                 raise ArgumentError(f"{name} must be positive; got {getattr(self, name)}")
-        for name in ("hold", "widening_rate", "widening_limit"):
+        for name in ("hold", "widening_rate", "widening_limit", "residue"):
             if not getattr(self, name) >= 0:
                 raise ArgumentError(f"{name} must be >= 0; got {getattr(self, name)}")
 
@@ -182,7 +186,7 @@ class Zero:
         """Whether it has stayed within its bound."""
         self._idle, self._uniform = idle, uniform
         self._start = offset
-        self._unseen = 0.0
+        self._unseen = self._left = 0.0
         self._last_time: float | None = None
         self._idle_since: float | None = None
 
@@ -193,14 +197,19 @@ class Zero:
 
     def step(self, time: float, read: Floats) -> bool:
         """Whether a reading, in T, is idle; the zero follows it once idleness has held."""
-        if self._idle is None or not self._idle(read - self.offset, self._unseen):
+        unseen = math.hypot(self._unseen, self._left)
+        if self._idle is None or not self._idle(read - self.offset, unseen):
             self.interrupt(time)
             return False
         elapsed = self._elapsed(time)
         if self._idle_since is None:
             self._idle_since = time
         if time - self._idle_since >= self.tracking.hold:
-            kept = math.exp(-elapsed / self.tracking.time_constant)
+            pace = self.tracking.time_constant
+            if self._left > _SMALL * self.tracking.residue:
+                pace = min(pace, _TURNING)
+            kept = math.exp(-elapsed / pace)
+            self._left *= kept
             if self._uniform and kept < 1:
                 self._turn(elapsed, read)
             self.offset = read + kept * (self.offset - read)
@@ -217,6 +226,7 @@ class Zero:
         """Begin idleness anew, as nothing idle was read: the zero may move unseen meanwhile."""
         elapsed = self._elapsed(time)
         self._idle_since = None
+        self._left = self.tracking.residue
         if self.tracking.time_constant < math.inf:
             wider = self._unseen + self.tracking.widening_rate * elapsed
             self._unseen = min(wider, self.tracking.widening_limit)
