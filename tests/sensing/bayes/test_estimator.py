@@ -74,6 +74,33 @@ def test_by_default_one_in_a_million_readings_is_a_false_alarm(skin):
         assert bayes.step(raised(skin, 1.0, signals)).status is status
 
 
+def test_a_touch_that_is_gone_leaves_none(skin):
+    """Where a table says that a hundredth of a newton's signals may stay, and only after one."""
+    known = reduced_table(skin)
+    touch = known.signals(WHERE[:1], FORCE[:1])[0]
+    left = 0.5e-2 * known.signals(WHERE[1:], np.array([[0.0, 0.0, -1.0]]))[0]
+    for share, after in ((0.0, Status.CONTACT), (1e-2, Status.NO_CONTACT)):
+        bayes = estimator(skin, replace(known, residue=share))
+        assert bayes.step(raised(skin, 1.0, left)).status is Status.CONTACT
+        bayes.step(raised(skin, 1.1, touch))
+        assert bayes.step(raised(skin, 1.2, left)).status is after
+    # The zero follows what is left, so that the next touch is read from there.
+    for k in range(8):
+        bayes.step(raised(skin, 1.3 + 0.1 * k, left))
+    assert bayes.drift.ravel() == pytest.approx(left, abs=0.02 * np.abs(left).max())
+
+
+def test_what_a_touch_leaves_is_noise_of_the_next(skin):
+    known = replace(reduced_table(skin), residue=2e-2)
+    bayes, plain = estimator(skin, known), estimator(skin)
+    touch = known.signals(WHERE[:1], FORCE[:1])[0]
+    stated = [one.step(raised(skin, 1.0, touch)).covariance[0] for one in (bayes, plain)]
+    noise = signal_noise(skin) + 4e-4 * known.newton
+    expected = TouchSolver(known, noise).one(touch).covariance[0]
+    assert stated[0] == pytest.approx(expected, rel=1e-3)
+    assert stated[0][0, 0] > 2 * stated[1][0, 0]
+
+
 def test_creep_of_the_columns_is_undone_by_default(skin):
     columns = elastomer_prony(skin.columns.material)
     default = BayesEstimator(skin, reduced_table(skin))

@@ -227,6 +227,26 @@ def test_weights_are_those_of_linear_regression():
     assert_allclose(skin.curvature, table.curvature + bent, rtol=1e-9)
 
 
+@pytest.mark.parametrize(("over", "share"), [(0.9, 0.0), (1.25, 0.75), (5.0, 24**0.5)])
+def test_what_touches_leave_is_counted_past_the_noise(over, share):
+    """In noise of 2 uT, of signals of a newton: a share of theirs, whatever their size."""
+    table = random_table()
+    noise = (2e-6) ** 2 * np.eye(table.count)
+    where, push = random_touches(12)
+    touches = LabelledTouches(
+        position=where,
+        force=push,
+        signals=table.signals(where, push).reshape(12, -1, 3),
+        left=over * 2e-6,
+    )
+    own = calibrate_touches(table, touches, noise)
+    size = np.sqrt(np.trace(table.newton) / table.count)
+    assert own.residue * size == pytest.approx(share * 2e-6)
+    # Touches of which that is unknown leave it as it was.
+    again = calibrate_touches(own, replace(touches, left=0.0), noise)
+    assert again.residue == own.residue
+
+
 def test_the_misfit_of_each_signal_grows_to_what_it_misses():
     table = random_table()
     table = replace(table, misfit=np.diag(np.diag(table.misfit)))
@@ -394,6 +414,8 @@ def test_wrong_use_is_refused(skin, noise):
         LabelledTouches(**(good | {"signals": np.full((1, 3, 3), np.nan)}))
     with pytest.raises(ArgumentError, match="place_spread and force_spread"):
         LabelledTouches(**good, place_spread=-1.0)
+    with pytest.raises(ArgumentError, match="left must be finite and >= 0; got -1e-06 T"):
+        LabelledTouches(**good, left=-1e-6)
     with pytest.raises(ArgumentError, match="with 2 chips; got 1 with 3"):
         calibrate_touches(table.of_chips((1, 2)), LabelledTouches(**good), noise)
     with pytest.raises(ArgumentError, match="count must be positive"):

@@ -94,6 +94,23 @@ def test_a_touch_that_was_not_read_says_why(planar):
     assert lost.status is Status.CHIP_MISSING
 
 
+def test_what_a_touch_leaves_is_the_change_of_rests(planar):
+    """Each change is what one touch left less what the one before had: two of a size."""
+    labeller = Labeller(planar)
+    later = (90.0, 7.0, 9.0, *VALUES[3:])
+    labels = [labeller.label(held(values)) for values in (VALUES, later, VALUES)]
+    assert labels[0].left is None
+    assert_allclose(labels[1].left, 6.0)
+    assert_allclose(labels[2].left, -6.0)
+    touches = labelled_touches(labels, (0, 2), place_spread=0.0, force_spread=0.0)
+    assert touches.left == pytest.approx(6.0 / np.sqrt(2))
+    alone = labelled_touches(labels[:1], (0, 2), place_spread=0.0, force_spread=0.0)
+    assert alone.left == 0.0
+    unread = Labeller(planar)
+    unread.label(held(VALUES))
+    assert unread.label(held(VALUES, bad=(1, 2))).left is None
+
+
 def test_labels_that_can_be_used_are_given_with_the_chips_asked_for():
     values = np.arange(9.0).reshape(3, 3)
     good = Label(CONTACT, values, 24.0, None)

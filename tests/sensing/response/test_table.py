@@ -161,6 +161,7 @@ def test_files_of_the_format_before_are_read(skin, tmp_path):
         # They took the law of contact as known, which a design's table does not.
         assert back.warp_modes.shape == (drawn + opened, opened)
         assert back.origin == {}
+        assert back.residue == 0.0
     with pytest.raises(ModelError, match="format must be 4; got 1"):
         load_response_table(tmp_path / "1")
 
@@ -285,10 +286,10 @@ def test_tables_of_arrays_that_do_not_fit_are_refused():
 
 def test_a_whole_table_comes_back_from_its_file(tmp_path):
     pytest.importorskip("safetensors")
-    table = replace(random_table(chips=(2, 0)), origin={"effort": {"skins": 3}})
+    table = replace(random_table(chips=(2, 0)), origin={"effort": {"skins": 3}}, residue=0.01)
     table.save(tmp_path / "a")
     back = load_response_table(tmp_path / "a")
-    for name in ("design_hash", "chips", "forces", "softening", "origin"):
+    for name in ("design_hash", "chips", "forces", "softening", "residue", "origin"):
         assert getattr(back, name) == getattr(table, name)
     for name in ("mean", "warmth", "grip", "curvature", "misfit", "pair_misfit"):
         np.testing.assert_array_equal(getattr(back, name), getattr(table, name))

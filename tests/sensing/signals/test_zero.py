@@ -81,6 +81,27 @@ def test_after_a_reading_not_believed_idleness_holds_anew():
     np.testing.assert_array_equal(zero.drift, moved)
 
 
+def test_what_a_touch_left_is_idle_and_soon_the_zero():
+    """It widens the band by 30 uT, and the zero follows by 50 ms; then at its own pace again."""
+    for left, idle in ((69e-6, True), (71e-6, False)):
+        zero = banded(hold=0.2, time_constant=10.0, widening_rate=0.0, residue=30e-6)
+        assert not zero.step(0.0, np.full(3, 1e-3))
+        assert zero.step(0.1, np.full(3, left)) is idle
+    zero.step(1.0, np.full(3, 1e-3))
+    for time in (1.1, 1.2):
+        assert zero.step(time, np.full(3, 60e-6))
+        assert not zero.drift.any()  # until idleness has held
+    zero.step(1.31, np.full(3, 60e-6))
+    np.testing.assert_allclose(zero.drift, 60e-6 * -np.expm1(-0.11 / 0.05))
+    assert not zero.step(1.32, zero.offset + 44e-6)  # 40 uT, and 30 uT e^-2.2
+    for time in (1.33, 1.6, 1.7):
+        zero.step(time, np.full(3, 60e-6))
+    before = zero.offset
+    zero.step(1.9, np.full(3, 65e-6))
+    zero.step(2.0, np.full(3, 65e-6))
+    assert (zero.offset - before).max() < 0.6e-6
+
+
 def test_the_band_ends_at_its_field_on_every_axis():
     for axis in range(3):
         for sign in (-1, 1):

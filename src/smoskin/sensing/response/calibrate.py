@@ -68,7 +68,7 @@ class LabelledTouches:
     force_spread: float = 0.0
     """Standard deviation of the labels' forces along each axis, N."""
     left: float = 0.0
-    """Root mean square of what a touch leaves in each signal once it is gone, T."""
+    """Root mean square of what a touch leaves in each signal once it is gone, T; 0: unknown."""
 
     def __post_init__(self) -> None:
         freeze(self, position=(None, 2))
@@ -82,12 +82,13 @@ class LabelledTouches:
                 raise ArgumentError(f"{name} must be finite; got NaN or infinity")
         if not (self.force[:, 2] < 0).all():
             raise ArgumentError("force must press, with z < 0 N, in every labelled touch")
-        spreads = self.place_spread, self.force_spread, self.left
-        if not all(0 <= spread < np.inf for spread in spreads):
+        if not all(0 <= spread < np.inf for spread in (self.place_spread, self.force_spread)):
             raise ArgumentError(
-                f"place_spread, force_spread and left must be finite and >= 0; got {spreads[0]} m, "
-                f"{spreads[1]} N and {spreads[2]} T"
+                f"place_spread and force_spread must be finite and >= 0; got {self.place_spread} m "
+                f"and {self.force_spread} N"
             )
+        if not 0 <= self.left < np.inf:
+            raise ArgumentError(f"left must be finite and >= 0; got {self.left} T")
 
     def __len__(self) -> int:
         return len(self.position)
@@ -149,11 +150,22 @@ def calibrate_touches(
         grip_modes=np.tensordot(root.T, table.grip_modes, 1),
         warp_modes=None if table.warp_modes is None else root.T @ table.warp_modes,
         misfit=misfit,
-        residue=touches.left / float(np.sqrt(np.trace(table.newton) / table.count)),
+        residue=_residue(table, touches.left, noise),
     )
     # How a chip's field bends shows in single touches as well.
     bent = table_curvature(moved) - table_curvature(table)
     return replace(moved, curvature=table.curvature + bent)
+
+
+def _residue(table: ResponseTable, left: float, noise: Floats) -> float:
+    """Share h of a newton's signals that touches leave, as far as no reading's noise hides it.
+
+    The table's own where that is unknown, 0 T.
+    """
+    if not left:
+        return table.residue
+    variance = max(left**2 - float(np.trace(noise)) / table.count, 0.0)
+    return float(np.sqrt(variance * table.count / np.trace(table.newton)))
 
 
 def _posterior_weights(
