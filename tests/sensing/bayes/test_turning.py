@@ -120,7 +120,9 @@ def test_one_chip_cannot_tell_a_turn(planar, table, monkeypatch):
 
 def test_a_turn_is_a_field_alike_at_all_chips(planar, table):
     known = replace(
-        table, modes=table.modes[:0], grip_modes=table.grip_modes[:0], misfit=1e-14 * np.eye(9)
+        table,
+        **{name: getattr(table, name)[:0] for name in ("modes", "grip_modes", "warp_modes")},
+        misfit=1e-14 * np.eye(9),
     )
     solver = TouchSolver(known, signal_noise(planar))
     place, force = np.array([[0.05, 0.07]]), np.array([[0.05, 0.0, -0.5]])
