@@ -9,6 +9,9 @@ import pytest
 from smoskin.design.skin import SkinDesign
 from smoskin.feasibility import load_design
 
+# Every core has a test process of its own; threads of theirs would only wait for each other.
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
 # What one test process has compiled, the others and their subprocesses need not compile again.
 os.environ.setdefault(
     "JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache" / "jax")
