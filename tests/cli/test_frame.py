@@ -45,6 +45,23 @@ def test_the_package_runs_as_a_module():
     assert (done.returncode, done.stdout) == (0, "smoskin 0.1.0\n")
 
 
+def test_the_program_is_named_and_told_when_it_began(monkeypatch, capsys):
+    import time
+
+    import smoskin.cli
+
+    monkeypatch.setattr(sys, "argv", ["somewhere/__main__.py", "--help"])
+    with pytest.raises(SystemExit) as ended:
+        smoskin.cli._run(0.0)
+    assert ended.value.code == 0
+    assert "Usage: smoskin " in capsys.readouterr().out
+    from types import SimpleNamespace
+
+    clock = frame.clock_of(SimpleNamespace(obj=time.monotonic() - 7.0))
+    assert 7.0 <= clock() < 20.0
+    assert frame.clock_of(SimpleNamespace(obj=None))() < 10.0
+
+
 def test_a_missed_touch_is_exit_code_1(monkeypatch):
     """The demonstration's own answer decides: all found is 0, one missed is 1."""
     from typer.testing import CliRunner

@@ -5,9 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from smoskin.errors import ArgumentError
+from smoskin.errors import ArgumentError, ModelError
 from smoskin.origami.geometry import geometry
 from smoskin.records import Status
+from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.closed_form.sheets import Solution
 
@@ -73,3 +74,8 @@ def test_a_confidence_is_a_chance(planar, least):
         ClosedFormEstimator(planar, least_confidence=least)
     for end in (0.0, 1.0):
         ClosedFormEstimator(planar, least_confidence=end)
+
+
+def test_a_calibration_of_another_design_is_refused(planar, long_planar):
+    with pytest.raises(ModelError, match="design"):
+        ClosedFormEstimator(long_planar, Calibration.nominal(planar))
