@@ -248,3 +248,39 @@ def test_the_trail_keeps_the_last_150_places():
         tally.add(moment(0.1 * k, estimate=estimate))
     assert len(tally.trail) == 150
     np.testing.assert_allclose(tally.trail[[0, -1], 0], [50e-4, 199e-4])
+
+
+def test_plots_begin_with_ten_flat_seconds_of_every_chip(view):
+    plots = view._panel._plots
+    assert [plot.title for plot in plots] == ["S1", "S2", "S3"]
+    for plot in plots:
+        times, *curves = plot.data
+        np.testing.assert_array_equal(times, [-10.0, 0.0])
+        assert len(curves) == 3
+        assert not np.any(curves)
+        assert plot.scales["y"]["range"] == (-20.0, 20.0)
+        assert plot.scales["x"]["time"] is False  # else seconds are dates
+        assert [line.get("stroke") for line in plot.series[1:]] == [
+            color for _, color in panels._AXES
+        ]
+        assert plot.legend["show"] is plot.cursor["show"] is False
+
+
+def test_a_chips_heading_says_what_is_wrong_with_it(view):
+    panel = view._panel
+    flags = [0, int(ChipFlag.MISSING | ChipFlag.OLD), int(ChipFlag.SATURATED)]
+    shown = moment(flags=flags)
+    panel.record(shown)
+    panel.write(shown, 10.0, 0.0, None)
+    assert [plot.title for plot in panel._plots] == ["S1", "S2 · missing, old", "S3 · saturated"]
+
+
+def test_what_is_drawn_is_told_in_the_legend_in_its_colour():
+    from smoskin.service.page.parts import css, html
+    from smoskin.service.page.scene import CREASE, ESTIMATED, SUNK, TRUE
+
+    colors = dict(panels._LEGEND)
+    assert colors == {"estimated": ESTIMATED, "true": TRUE, "rest": CREASE, "sunk": SUNK}
+    text = html("legend", **{name: css(color) for name, color in colors.items()})
+    for color in colors.values():
+        assert f"rgb({color[0]}, {color[1]}, {color[2]})" in text
