@@ -37,13 +37,13 @@ class Stated:
         covariance = np.tile(1e-6 * np.eye(5), (len(places), 1, 1))
         return TouchPosterior(values, covariance, misfit, evidence)
 
-    def one(self, signals, guess=None):
+    def one(self, signals, guess=None, **_):
         return self._answer("one", ALONE)
 
-    def turned(self, signals, guess=None):
+    def turned(self, signals, guess=None, **_):
         return self._answer("turned", TURNED)
 
-    def two(self, signals, guess=None, standing=None):
+    def two(self, signals, guess=None, standing=None, **_):
         return self._answer("two", FIRST, SECOND)
 
 
