@@ -1,6 +1,7 @@
 """Any file is known by its content, told whole or damaged, and told by which command it is read."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -68,6 +69,18 @@ def test_designs_tables_sheets_and_others_are_known_by_their_content(tmp_path, p
     done = CliRunner().invoke(app, ["touches", "plan", "--count", "2", "--out", str(sheet)])
     assert done.exit_code == 0
     assert check_file(sheet).facts["rows"].endswith("0 are filled in")
+
+
+def test_a_table_says_whose_it_is_and_what_it_was_made_of(tmp_path):
+    table = load_response_table("planar")
+    for name, known, whose in (
+        ("design", 1.0, "the design, no skin's own"),
+        ("skin", 0.1, "one skin, calibrated by touches"),
+    ):
+        replace(table, modes=known * table.modes).save(tmp_path / name)
+        facts = check_file(tmp_path / name).facts
+        assert facts["of"] == whose
+        assert "presses 12000, pairs 4000, skins 96" in facts["made from"]
 
 
 def test_trained_models_say_what_they_reached_on_what_was_held_out(tmp_path):

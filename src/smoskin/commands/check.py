@@ -160,7 +160,14 @@ def _table(path: Path) -> Facts:
     yield _of_design(table.design_hash)
     yield "chips", ", ".join(map(str, table.chips))
     yield "normal forces", "{:.2f} to {:.2f} N".format(*table.forces)
-    yield "made from", ", ".join(f"{key} {value}" for key, value in table.origin.items())
+    yield (
+        "of",
+        "one skin, calibrated by touches" if table.calibrated else "the design, no skin's own",
+    )
+    parts = dict(table.origin)
+    effort = parts.pop("effort", None)
+    parts |= effort if isinstance(effort, dict) else {}
+    yield "made from", ", ".join(f"{key} {value}" for key, value in parts.items())
 
 
 def _network(path: Path) -> Facts:
