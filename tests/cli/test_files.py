@@ -1,5 +1,6 @@
 """Commands about files: what they are told to do reaches the work, and a damaged file fails."""
 
+import importlib
 import json
 from pathlib import Path
 
@@ -10,7 +11,7 @@ pytest.importorskip("typer")
 from typer.testing import CliRunner
 
 from smoskin.cli import app
-from smoskin.errors import FileError
+from smoskin.errors import FileError, MissingExtraError
 
 
 def invoke(*arguments):
@@ -52,3 +53,29 @@ def test_a_new_design_is_written_as_asked(monkeypatch, tmp_path):
     some = "--cells 2x3 --from optimised --force"
     assert invoke("new-design", "mine", "--out", "a.toml", *some.split()).exit_code == 0
     assert asked[-1] == ("mine", "optimised", "2x3")
+
+
+@pytest.mark.parametrize(
+    ("theme", "words", "needed"),
+    [
+        ("calibration", "fit-paper a.csv", ("writing a calibration", "cli", "tomli_w")),
+        ("optimise", "optimise --out b.toml", ("writing a design", "cli", "tomli_w")),
+        ("score", "score a.table --out judged", ("drawing", "plots", "matplotlib")),
+        ("train", "train a.table --onnx a.onnx", ("writing ONNX files", "onnx", "onnx")),
+    ],
+)
+def test_an_extra_that_is_missing_is_named_before_any_work(
+    monkeypatch, tmp_path, theme, words, needed
+):
+    def refuse(what, extra, module):
+        asked.append((what, extra, module))
+        raise MissingExtraError(what, extra)
+
+    asked = []
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(importlib.import_module(f"smoskin.cli.{theme}"), "require", refuse)
+    # There is no table of touches and no response table: whoever began to work would say so.
+    done = invoke(*words.split())
+    assert asked == [needed]
+    assert isinstance(done.exception, MissingExtraError)
+    assert list(tmp_path.iterdir()) == []

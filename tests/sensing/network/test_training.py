@@ -272,7 +272,8 @@ def test_one_goes_on_from_another(skin):
     assert tuned.model.members == first.members
     assert np.array_equal(tuned.model.centre, first.centre)
     for wrong, said in (
-        (random_network(), "start must be of the same design"),
+        (random_network(chips=(0, 1, 2)), "start must be of the same design"),
+        (random_network(design_hash=skin.content_hash, chips=(0, 1)), "and chips"),
         (random_network(drag=0.1, design_hash=skin.content_hash, chips=(0, 1, 2)), "know drags"),
     ):
         with pytest.raises(ModelError, match=said):
