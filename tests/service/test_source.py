@@ -163,6 +163,20 @@ def test_the_temperature_is_set_and_read() -> None:
     np.testing.assert_allclose(reading.field, 0.9 * cold.field, atol=1e-5)
 
 
+def test_a_warm_skin_moves_as_it_does_in_the_warmth() -> None:
+    touch = Contact(position=(0.05, 0.07), force=(0.0, 0.0, -0.6))
+    twin, warm = ReducedTwin(DESIGN, seed=None), 40.0
+    with TwinSource(twin, temperature=warm, speed=float("inf")) as source:
+        source.touch([touch])
+        reading = source.read()
+    assert reading is not None
+    motion = twin.motion([touch], temperature=warm)
+    expected = twin.sense(motion, time=0.0, temperature=warm).field
+    np.testing.assert_array_equal(reading.field, expected)
+    stiff = twin.sense(twin.motion([touch]), time=0.0, temperature=warm).field
+    assert np.abs(stiff - expected).max() > 5e-6
+
+
 def test_the_whole_sheet_is_the_default() -> None:
     touch = [Contact(position=(0.05, 0.067), force=(0.0, 0.0, -0.5))]
     with open_source("twin://planar?manufactured=yes&seed=3&speed=max&creep=no") as source:
