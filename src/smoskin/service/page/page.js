@@ -31,20 +31,27 @@
     if (event.target instanceof HTMLCanvasElement) event.preventDefault();
   });
 
-  // A box beside a slider shows what the slider holds once it is at rest, whatever was typed.
-  const follow = (box, slider, before, tries) => setTimeout(() => {
-    const held = slider.getAttribute("aria-valuenow");
-    if (held === before && (box.value === "" || Number(box.value) !== Number(held))) {
-      Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(box, held);
-      box.dispatchEvent(new Event("input", { bubbles: true }));
-    }
-    if (tries && document.activeElement !== box) follow(box, slider, held, tries - 1);
-  }, 100);
+  // A box beside a slider shows what was typed, within the slider's ends; else what it held.
+  const sliderOf = (box) => box instanceof HTMLInputElement && box.closest(".mantine-NumberInput-root")
+    ?.parentElement.querySelector('[role="slider"]');
+  let held = "", pending = 0;
+  addEventListener("focusin", (event) => {
+    const slider = sliderOf(event.target);
+    if (!slider) return;
+    clearTimeout(pending);
+    held = slider.getAttribute("aria-valuenow");
+  });
   addEventListener("focusout", (event) => {
-    const box = event.target;
-    const slider = box instanceof HTMLInputElement && box.closest(".mantine-NumberInput-root")
-      ?.parentElement.querySelector('[role="slider"]');
-    if (slider) follow(box, slider, null, 20);
+    const box = event.target, slider = sliderOf(box);
+    if (!slider) return;
+    const end = (name) => Number(slider.getAttribute(`aria-value${name}`)), before = held;
+    pending = setTimeout(() => {
+      const typed = box.value.trim() === "" ? NaN : Number(box.value);
+      const meant = Number.isFinite(typed) ? Math.min(Math.max(typed, end("min")), end("max")) : Number(before);
+      if (typed === meant) return;
+      Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(box, String(meant));
+      box.dispatchEvent(new Event("input", { bubbles: true }));
+    }, 100);
   });
 
   const said = (name) => document.querySelector(`[data-name="${name}"]`)?.textContent.trim() ?? "";
