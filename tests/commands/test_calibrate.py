@@ -392,15 +392,20 @@ def test_a_virtual_rig_calibrates_the_twin_that_then_runs(planar, tmp_path, monk
     assert np.hypot(*off.T).mean() < 2.5e-3
 
 
+def calibration_by(rig, skin, table, folder, monkeypatch):
+    """The words of a calibration whose touches this rig makes, and the file that it writes."""
+    pytest.importorskip("mcap")
+    pytest.importorskip("rosbags")
+    design, start, own = (folder / name for name in ("d.toml", "start.table", "skin.table"))
+    table.save(start)
+    design.write_text(format_design(skin), encoding="utf-8")
+    monkeypatch.setattr("smoskin.cli.calibration.open_rig", lambda name, design: rig)
+    return ["calibrate", str(design), "--table", str(start), "--out", str(own)], own
+
+
 def test_the_touches_of_a_refused_calibration_are_kept(
     skin, table, twin, tmp_path, monkeypatch, capsys
 ):
-    pytest.importorskip("mcap")
-    pytest.importorskip("rosbags")
-    start, own = tmp_path / "start.table", tmp_path / "skin.table"
-    table.save(start)
-    (tmp_path / "d.toml").write_text(format_design(skin), encoding="utf-8")
-
     class InKilonewton(VirtualRig):
         def press(self, contact, timeout=30.0):
             touch = super().press(contact, timeout)
@@ -410,11 +415,10 @@ def test_the_touches_of_a_refused_calibration_are_kept(
         return Contact(position=contact.position, force=factor * contact.force)
 
     rig = InKilonewton(twin, np.random.default_rng(0))
-    monkeypatch.setattr("smoskin.cli.calibration.open_rig", lambda name, design: rig)
-    words = ["calibrate", tmp_path / "d.toml", "--table", start, "--touches", 12, "--out", own]
+    words, own = calibration_by(rig, skin, table, tmp_path, monkeypatch)
     (tmp_path / "skin.touches.csv").touch()  # of an earlier calibration
     with pytest.raises(CalibrationError, match="1000 times too small: in kN"):
-        app([str(word) for word in words], standalone_mode=False)
+        app([*words, "--touches", "12"], standalone_mode=False)
     sheet, recording = (tmp_path / f"skin.touches2.{end}" for end in ("csv", "mcap"))
     told = f"the touches are kept: --sheet {sheet} --recording {recording}\n"
     assert told in capsys.readouterr().err
@@ -431,12 +435,6 @@ def test_the_touches_of_a_refused_calibration_are_kept(
 def test_ctrl_c_keeps_the_touches_that_the_rig_has_made(
     skin, table, twin, tmp_path, monkeypatch, made
 ):
-    pytest.importorskip("mcap")
-    pytest.importorskip("rosbags")
-    start, own = tmp_path / "start.table", tmp_path / "skin.table"
-    table.save(start)
-    (tmp_path / "d.toml").write_text(format_design(skin), encoding="utf-8")
-
     class Interrupting(VirtualRig):
         pressed = 0
 
@@ -447,13 +445,12 @@ def test_ctrl_c_keeps_the_touches_that_the_rig_has_made(
             return super().press(contact, timeout)
 
     rig = Interrupting(twin, np.random.default_rng(0))
-    monkeypatch.setattr("smoskin.cli.calibration.open_rig", lambda name, design: rig)
+    words, own = calibration_by(rig, skin, table, tmp_path, monkeypatch)
     for name in ("_heard", "_kept"):
         monkeypatch.setattr(ending, name, [])
     alarm = signal.getsignal(signal.SIGALRM)
     try:
-        words = ("calibrate", tmp_path / "d.toml", "--table", start, "--out", own)
-        answer = command(*map(str, words))
+        answer = command(*words)
     finally:
         signal.signal(signal.SIGALRM, alarm)
     assert answer.code == 130

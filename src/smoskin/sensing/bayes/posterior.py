@@ -17,6 +17,7 @@ from smoskin.sensing.response.point import PointTable
 from smoskin.sensing.response.table import ResponseTable
 
 _STEPS: Final = 15
+"""Steps at most; what is not settled then is followed at the next reading."""
 _SETTLED: Final = 1e-3
 """Fall of half the squared residual at which steps end."""
 _REWEIGHED: Final = 6

@@ -22,13 +22,12 @@ _FITS: Final = 4.0
 """Squared residual a signal up to which what follows from the last reading is believed."""
 _BRIEF: Final = 3
 """Steps after which many starts are compared."""
-
-
-Solve: TypeAlias = Callable[..., TouchPosterior]
-"""Way to explain signals by touches: a method of `TouchSolver`."""
 _SEARCHES: Final = {1: (3, 1, 2.0), 2: (8, 3, 0.4)}
 """Search for K touches: coarse starts, how many of them are followed to the end at least, and the
 squared residual a signal at which no other is followed."""
+
+Solve: TypeAlias = Callable[..., TouchPosterior]
+"""Way to explain signals by touches: a method of `TouchSolver`."""
 
 
 class TouchSolver:
