@@ -63,15 +63,16 @@ def test_the_program_is_named_and_told_when_it_began(monkeypatch, capsys):
 
 
 def test_a_missed_touch_is_exit_code_1(monkeypatch):
-    """The demonstration's own answer decides: all found is 0, one missed is 1."""
+    """The demonstration's own answer decides: one missed is 1, and so is nothing read."""
     from typer.testing import CliRunner
 
     from smoskin.commands import demo
     from smoskin.commands.demo import DemoResult, Summary
 
-    for found, code in ((2, 0), (1, 1)):
+    for touches, unread, found, code in ((2, 0, 2, 0), (2, 0, 1, 1), (2, 1, 2, 0), (0, 2, 0, 1)):
         summary = Summary(
-            estimator="BayesEstimator", calibration_touches=15, touches=2, found=found,
+            estimator="BayesEstimator", calibration_touches=15, touches=touches, found=found,
+            unread=unread,
             mean_position_error_mm=0.3, mean_force_error_percent=0.2, rate_hz=100.0,
             latency_us_median=500.0, first_touch_after_s=5.0,
         )  # fmt: skip

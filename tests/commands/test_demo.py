@@ -4,6 +4,7 @@ import json
 import os
 import re
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -41,12 +42,13 @@ def test_headless_finds_every_touch_and_says_how_well(planar, tmp_path):
     summary = plain["summary"]
     assert summary["estimator"] == "BayesEstimator"
     assert summary["calibration_touches"] == 15
-    assert summary["touches"] == summary["found"] == len(plain["touches"]) >= 4
+    assert summary["touches"] == summary["found"] >= 3
+    assert summary["touches"] + summary["unread"] == len(plain["touches"]) >= 4
     assert summary["mean_position_error_mm"] < 0.8
     assert summary["mean_force_error_percent"] < 1.0
     assert 0 < summary["first_touch_after_s"] < 60
     assert set(summary) == {
-        "estimator", "calibration_touches", "touches", "found", "mean_position_error_mm",
+        "estimator", "calibration_touches", "touches", "unread", "found", "mean_position_error_mm",
         "mean_force_error_percent", "rate_hz", "latency_us_median", "first_touch_after_s",
     }  # fmt: skip
     recording = open_recording(tmp_path / "demo.mcap")
@@ -54,6 +56,30 @@ def test_headless_finds_every_touch_and_says_how_well(planar, tmp_path):
     statuses = [estimate.status for estimate in recording.estimates()]
     assert statuses[:20] == [Status.NOT_CALIBRATED] * 20
     assert Status.NOT_CALIBRATED not in statuses[20:]
+
+
+def test_touches_that_a_busy_machine_read_nothing_of_are_told_apart(planar, monkeypatch):
+    """The machine stands still while the second touch of the hand is held."""
+    write = demo._Stage.write
+
+    def stall(stage, reading, estimate=None):
+        if not stalls and reading.time > 0.2 + hand.PERIOD:
+            stalls.append(reading.time)
+            time.sleep(hand.PERIOD)
+        write(stage, reading, estimate)
+
+    stalls: list[float] = []
+    monkeypatch.setattr(demo._Stage, "write", stall)
+    result = run_demo(planar, seconds=3.5, page=False)
+    summary = result.summary
+    assert stalls
+    assert summary.unread >= 1
+    assert summary.touches + summary.unread == len(result.touches)
+    assert [touch.status for touch in result.touches].count("NO_READING") == summary.unread
+    assert demo._farewell(result.touches[1:2]) == "The demonstration is over."
+    assert demo._farewell(result.touches).startswith(
+        f"The demonstration is over: {summary.touches} touch"
+    )
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, float("nan"), float("inf")])
@@ -111,6 +137,7 @@ def test_the_page_shows_rig_and_press_and_changes_the_estimator(planar, monkeypa
     press = Contact(position=(0.073, 0.0905), force=(0.25, -0.1, -0.8))
     monkeypatch.setattr(demo, "scripted_hand", lambda *_, **__: (press,))
     monkeypatch.setattr(demo, "_PATIENCE", 60.0)
+    monkeypatch.setattr(demo, "_LIFT", 5.0)  # a busy page may draw nothing for half a second
     monkeypatch.setattr(hand, "HOLD", 600.0)
     monkeypatch.setattr(hand, "PERIOD", 700.0)
     started, stop, urls, results = threading.Event(), threading.Event(), [], []

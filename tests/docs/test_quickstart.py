@@ -76,7 +76,7 @@ def test_the_first_command_is_live_in_the_browser_to_parts_of_a_millimetre(home)
             last = over.inner_text().strip()
         out = process.stdout.read()
         rest.join()
-    assert process.returncode == 0
+    assert process.returncode == 0, out
     touches, off = re.fullmatch(
         r"The demonstration is over: (\d+) touches, (\d\.\d) mm\.", last
     ).groups()

@@ -59,7 +59,8 @@ def demo(
 
     A workshop makes the skin and a rig calibrates it by a few touches, which takes some seconds. A
     scripted hand then touches it anywhere; on the page the mouse presses it too. At the end every
-    touch of the hand is listed beside its estimate; the exit code is 1 if one was missed.
+    touch of the hand is listed beside its estimate; the exit code is 1 if one was missed, or none
+    was read.
     """
     from smoskin.commands.demo import run_demo
 
@@ -88,7 +89,8 @@ def demo(
     if not as_json:
         for name, value in asdict(result.summary).items():
             typer.echo(f"{name}: {value}")
-    if result.summary.found < result.summary.touches:
+    summary = result.summary
+    if summary.found < summary.touches or (summary.unread and not summary.touches):
         raise typer.Exit(1)
 
 

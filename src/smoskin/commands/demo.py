@@ -73,6 +73,9 @@ class Summary:
     calibration_touches: int
     """Touches of the rig that it rests on."""
     touches: int
+    """Touches of the hand that were read while they were held."""
+    unread: int
+    """Touches of the hand in which a machine too busy for it read nothing."""
     found: int
     mean_position_error_mm: float | None
     mean_force_error_percent: float | None
@@ -212,12 +215,14 @@ def _result(
     touches: tuple[JudgedTouch, ...], used: int, counters: Counters, located: float | None
 ) -> DemoResult:
     """The judged touches with their summary."""
+    read = sum(touch.was_read for touch in touches)
     return DemoResult(
         touches=touches,
         summary=Summary(
             estimator=BayesEstimator.__name__,
             calibration_touches=used,
-            touches=len(touches),
+            touches=read,
+            unread=len(touches) - read,
             found=sum(touch.found for touch in touches),
             mean_position_error_mm=_mean([touch.position_error_mm for touch in touches]),
             mean_force_error_percent=_mean([touch.force_error_percent for touch in touches]),
@@ -230,11 +235,12 @@ def _result(
 
 def _farewell(touches: Sequence[JudgedTouch]) -> str:
     """The last sentence of the page."""
-    if not touches:
+    read = sum(touch.was_read for touch in touches)
+    if not read:
         return "The demonstration is over."
     error = _mean([touch.position_error_mm for touch in touches])
     off = "" if error is None else f", {error:.1f} mm"
-    many = "1 touch" if len(touches) == 1 else f"{len(touches)} touches"
+    many = "1 touch" if read == 1 else f"{read} touches"
     return f"The demonstration is over: {many}{off}."
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from smoskin.records import Contact, Estimate, Status
 from smoskin.twin.hand import HOLD, PERIOD, RAMP
 
+_UNREAD: Final = "NO_READING"
 _FOUND: Final = 5e-3
 """Distance within which a touch counts as found, about a fingertip's radius, m."""
 
@@ -55,6 +56,11 @@ class JudgedTouch:
     """Distance of the estimate from the touch."""
     force_error_percent: float | None = None
     """Error of the force vector, relative to the true force."""
+
+    @property
+    def was_read(self) -> bool:
+        """Whether the skin was read at all while the touch was held."""
+        return self.status != _UNREAD
 
 
 class Hand:
@@ -145,7 +151,7 @@ def judge(true: Contact, held: Sequence[Estimate]) -> JudgedTouch:
     commonest = Counter(estimate.status for estimate in held).most_common(1)
     status = commonest[0][0] if commonest else None
     if status is not Status.CONTACT:
-        name = "NO_READING" if status is None else status.name
+        name = _UNREAD if status is None else status.name
         return JudgedTouch(true=Touch.of(true), status=name)
     contacts = [contact for estimate in held for contact in estimate.contacts]
     median = Contact(
