@@ -134,7 +134,7 @@ def test_every_option_of_the_demonstration_reaches_it(monkeypatch, tmp_path):
     def run_demo(design, **options):
         given.update(options, design=design.name)
         options["on_start"](None)
-        summary = SimpleNamespace(found=1, touches=1)
+        summary = SimpleNamespace(found=1, touches=1, unread=0)
         return SimpleNamespace(summary=summary)
 
     monkeypatch.setattr(smoskin.commands.demo, "run_demo", run_demo)
