@@ -50,6 +50,12 @@ load_response_table("a.table")
 from smoskin import load_design, plots
 plots.draw_skin(load_design("planar"))
 """,
+    "mesh": """
+from pathlib import Path
+from smoskin.origami.surface.mesh import read_mesh
+Path("a.obj").write_text("v 0 0 0\\nv 1 0 0\\nv 0 1 0\\nf 1 2 3\\n")
+assert len(read_mesh("a.obj").triangles) == 1
+""",
     "cli": """
 import sys
 from smoskin.cli import main

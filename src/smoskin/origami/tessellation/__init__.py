@@ -1,0 +1,1 @@
+"""Folded sheets that lie on surfaces: found, unfolded, folded again and judged."""

@@ -1,0 +1,252 @@
+"""Vertices of a sheet on a surface: the fairest that meet their conditions.
+
+Decides what is fair, how the conditions are approached, and when to give up. Every vertex is
+described by two parameters of the surface and its height over it, so that a sheet near the start
+has its pitch and its depth. Solves
+
+    minimise 1/2 |y - y_0|_H^2  subject to  c(y) = 0
+
+by Newton's method on a residual that is taken away in steps, c(y) = (1 - t) c(y_0), t from 0 to 1.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from smoskin.arrays import Bools, Floats
+from smoskin.origami.surface.surface import Surface, forms
+from smoskin.origami.tessellation.conditions import Net, angle_slopes, sector_angles, volumes
+
+Alarm = Callable[[str, float], object]
+"""What is told of the work and of the share that is done."""
+
+_NEAR: Final = 1e-6
+"""Residual of a step that counts as reached."""
+_EXACT: Final = 1e-13
+"""Residual at which the last step ends."""
+_SHORTEST: Final = 1 / 64
+"""Shortest step of t before it is given up."""
+_NEWTON: Final = 8
+"""Newton's steps at each t."""
+_FAIR: Final = 25
+"""Steps at the end that seek the fairest sheet."""
+_STILL: Final = 1e-4
+"""Motion over the scale at which the sheet counts as the fairest."""
+_DIVE: Final = 0.5
+"""Longest motion of a step over the scale."""
+_DEPTH: Final = 10.0
+"""Weight of heights against that of ways along the surface."""
+_BOUNDS: Final = (np.radians(27), np.radians(153))
+"""Sector angles that are free; those beyond are pulled back."""
+_BOUND: Final = 10.0
+"""Weight of an angle's excess, 1/rad^2."""
+_SOFT: Final = 1e-8
+"""Compliance of the conditions in the linear system, which keeps it regular."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Problem:
+    """What a sheet must meet."""
+
+    surface: Surface
+    """Surface on which bottom vertices lie."""
+    net: Net
+    """Panels and their corners."""
+    shape: tuple[int, int]
+    """Rows and columns of vertices, 2N + 1 and 2M + 1."""
+    bottom: Bools
+    """(V,): vertices that belong on the surface."""
+    scale: float
+    """m: the length of a cell."""
+    flat_foldable: bool
+    """Whether opposite sector angles must sum to pi."""
+    pull: float = 1e5
+    """Weight of a bottom vertex's height against that of other motions, where it is free; the
+    vertices lie on the surface itself where the sheet need not fold flat."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Solution:
+    """Where the search ended."""
+
+    layers: Floats
+    """(V, 3), m: both parameters and the height of every vertex."""
+    reached: float
+    """Share of the start's residual that could be taken away; 1 where all conditions hold."""
+    residual: float
+    """Largest residual left: of an angle sum, rad, or of a panel's volume over the scale's."""
+
+
+def places(surface: Surface, layers: Floats) -> Floats:
+    """Vertices (V, 3), m, of parameters and heights (V, 3)."""
+    at = forms(surface, layers[:, :2])
+    return np.asarray(at.places + layers[:, 2:] * at.normals)
+
+
+def place_slopes(surface: Surface, layers: Floats) -> tuple[Floats, sparse.csr_array]:
+    """Vertices and their derivatives by parameters and heights, (3 V, 3 V)."""
+    at = forms(surface, layers[:, :2])
+    by = at.slopes + layers[:, 2, None, None] * at.turns
+    blocks = np.concatenate([by, at.normals[:, :, None]], axis=-1)
+    count = len(layers)
+    slopes = sparse.bsr_array(
+        (blocks, np.arange(count), np.arange(count + 1)), shape=(3 * count, 3 * count)
+    )
+    return at.places + layers[:, 2:] * at.normals, slopes.tocsr()
+
+
+def conditions(problem: Problem, layers: Floats) -> tuple[Floats, sparse.csr_array]:
+    """Residuals of planarity, angle sums and flat folding, and their derivatives by the layers."""
+    net = problem.net
+    vertices, by_layers = place_slopes(problem.surface, layers)
+    volume, by_volume = volumes(net, vertices, problem.scale)
+    angles, by_angle = sector_angles(net, vertices), angle_slopes(net, vertices)
+    residuals = [volume, net.around @ angles - 2 * np.pi]
+    slopes = [by_volume, net.around @ by_angle]
+    if problem.flat_foldable:
+        residuals.append(net.opposite @ angles - np.pi)
+        slopes.append(net.opposite @ by_angle)
+    return np.concatenate(residuals), (sparse.vstack(slopes) @ by_layers).tocsr()
+
+
+def settle(
+    problem: Problem, start: Floats, *, deadline: float = np.inf, progress: Alarm | None = None
+) -> Solution:
+    """The fairest sheet that meets the conditions, or how far the search came.
+
+    Parameters
+    ----------
+    start : array, shape (V, 3)
+        Parameters and heights of the vertices at the start, m, towards which it is fair.
+    deadline : float
+        Reading of `time.monotonic` at which the search ends.
+    """
+    search = _Search(problem, start)
+    layers, t, step = start, 0.0, 1.0
+    while t < 1.0:
+        if time.monotonic() > deadline or step < _SHORTEST:
+            return Solution(layers=layers, reached=t, residual=search.residual(layers))
+        aim = min(1.0, t + step)
+        further = search.reach(layers, aim)
+        if further is None:
+            step /= 2
+            continue
+        layers, t, step = further, aim, 2 * step
+        if progress is not None:
+            progress("approaching the surface", 0.8 * t)
+    for k in range(_FAIR):
+        motion = search.step(layers, 0.0, fair=True)
+        layers = layers + motion
+        if np.abs(motion).max() < _STILL * problem.scale or time.monotonic() > deadline:
+            break
+        if progress is not None:
+            progress("seeking the fairest sheet", 0.8 + 0.2 * k / _FAIR)
+    layers = search.polish(layers)
+    return Solution(layers=layers, reached=1.0, residual=search.residual(layers))
+
+
+class _Search:
+    """Newton's steps towards the conditions of a problem, by its fairness."""
+
+    def __init__(self, problem: Problem, start: Floats) -> None:
+        self._problem, self._start = problem, start
+        weights = np.zeros_like(start)
+        weights[problem.bottom, 2] = problem.pull
+        fairness = sparse.kron(_fairness(problem.shape), sparse.diags_array([1.0, 1.0, _DEPTH]))
+        free = np.ones(start.shape, dtype=bool)
+        free[problem.bottom, 2] = problem.flat_foldable
+        self._free = np.flatnonzero(free.ravel())
+        self._fairness = (fairness + sparse.diags_array(weights.ravel())).tocsr()
+        self._inner = self._fairness[self._free][:, self._free]
+        self._begin = conditions(problem, start)[0]
+
+    def residual(self, layers: Floats) -> float:
+        """Largest residual of all conditions."""
+        return float(np.abs(conditions(self._problem, layers)[0]).max(initial=0.0))
+
+    def reach(self, layers: Floats, t: float) -> Floats | None:
+        """Layers at which the share t of the first residual is gone, if they are found."""
+        before = np.inf
+        for _ in range(_NEWTON):
+            motion = self.step(layers, 1.0 - t, fair=True)
+            layers = layers + motion
+            residual = self._left(layers, 1.0 - t)
+            if residual < _NEAR:
+                return layers
+            if not residual < 4 * before:
+                return None
+            before = residual
+        return layers if before < 1e-3 * (1.0 + np.abs(self._begin).max()) else None
+
+    def polish(self, layers: Floats) -> Floats:
+        """Layers that meet the conditions to rounding, by the least motion."""
+        for _ in range(_NEWTON):
+            if self._left(layers, 0.0) < _EXACT:
+                break
+            layers = layers + self.step(layers, 0.0, fair=False)
+        return layers
+
+    def step(self, layers: Floats, share: float, *, fair: bool) -> Floats:
+        """Newton's step to a share of the first residual, fair or the least; bounded in length."""
+        scale = self._problem.scale
+        residual, slopes = conditions(self._problem, layers)
+        residual = residual - share * self._begin
+        slopes = (scale * slopes[:, self._free]).tocsr()
+        weights, pull = self._inner, np.zeros(len(self._free))
+        if fair:
+            pull = (self._fairness @ (layers - self._start).ravel() / scale)[self._free]
+            excess, by_excess = self._excess(layers)
+            weights = weights + _BOUND * (by_excess.T @ by_excess)
+            pull = pull + _BOUND * (by_excess.T @ excess)
+        right = np.concatenate([-pull, -residual])
+        soft = -_SOFT * sparse.eye_array(len(residual))
+        blocks: Any = [[weights, slopes.T], [slopes, soft]]
+        system: Any = sparse.block_array(blocks).tocsc()
+        # Quasi-definite: any symmetric order has a factor, without pivots.
+        factor = splu(
+            system,
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+        answer = factor.solve(right)
+        answer += factor.solve(right - system @ answer)
+        motion = np.zeros(layers.size)
+        motion[self._free] = scale * answer[: len(self._free)]
+        longest = float(np.abs(motion).max())
+        return (motion * min(1.0, _DIVE * scale / max(longest, 1e-300))).reshape(layers.shape)
+
+    def _excess(self, layers: Floats) -> tuple[Floats, sparse.csr_array]:
+        """What sector angles exceed their bounds by, and its derivatives by the free layers."""
+        net, scale = self._problem.net, self._problem.scale
+        vertices, by_layers = place_slopes(self._problem.surface, layers)
+        angles = sector_angles(net, vertices)
+        excess = angles - np.clip(angles, *_BOUNDS)
+        rows = np.flatnonzero(excess)
+        slopes = angle_slopes(net, vertices)[rows] @ by_layers
+        return excess[rows], (scale * slopes[:, self._free]).tocsr()
+
+    def _left(self, layers: Floats, share: float) -> float:
+        """Largest residual over a share of the first."""
+        left = conditions(self._problem, layers)[0] - share * self._begin
+        return float(np.abs(left).max(initial=0.0))
+
+
+def _fairness(shape: tuple[int, int]) -> sparse.csr_array:
+    """Weights of a motion and of its differences between vertices of the same kind, (V, V)."""
+    index = np.arange(shape[0] * shape[1]).reshape(shape)
+    pairs = np.concatenate(
+        [
+            np.stack([index[:-2], index[2:]], axis=-1).reshape(-1, 2),
+            np.stack([index[:, :-2], index[:, 2:]], axis=-1).reshape(-1, 2),
+        ]
+    )
+    rows = np.repeat(np.arange(len(pairs)), 2)
+    ends = np.tile([1.0, -1.0], len(pairs))
+    differences = sparse.csr_array((ends, (rows, pairs.ravel())), shape=(len(pairs), index.size))
+    return sparse.csr_array(differences.T @ differences + 0.03 * sparse.eye_array(index.size))
