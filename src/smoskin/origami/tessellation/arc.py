@@ -26,7 +26,7 @@ def zigzag_angles(cell: MiuraCell, radius: float) -> tuple[float, float]:
     Parameters
     ----------
     radius : float
-        Radius of the cylinder, m.
+        Radius of the cylinder, m; negative where the sheet lies inside.
 
     Raises
     ------
@@ -48,12 +48,13 @@ def zigzag_angles(cell: MiuraCell, radius: float) -> tuple[float, float]:
         turned = 2 * np.cos(mean) * np.sin(tau) + eta * np.sin(mean + tau)
         return float(4 * (1 + eta) * np.sin(mean) * product + eta * turned)
 
-    if half > np.pi / 2 or mean > np.pi / 2 or warp(-mean) >= 0.0:
+    least = -abs(mean)
+    if max(abs(half), abs(mean)) > np.pi / 2 or warp(least) * warp(0.0) >= 0.0:
         raise DesignError(
             f"a cell {1e3 * width:.3g} mm wide and {1e3 * height:.3g} mm high cannot follow a "
-            f"cylinder of radius {1e3 * radius:.3g} mm; take smaller cells or a larger radius"
+            f"cylinder of radius {1e3 * abs(radius):.3g} mm; take smaller cells or a larger radius"
         )
-    tau = float(brentq(warp, -mean, 0.0, xtol=1e-300, rtol=1e-15))
+    tau = float(brentq(warp, least, 0.0, xtol=1e-300, rtol=1e-15))
     return mean - tau, mean + tau
 
 

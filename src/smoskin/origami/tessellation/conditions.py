@@ -89,7 +89,7 @@ def angle_slopes(net: Net, places: Floats) -> sparse.csr_array:
     by_second = np.cross(normal, second) / (second**2).sum(-1, keepdims=True)
     nodes = np.stack([net.corners.after, net.corners.before, net.corners.at], axis=1)
     parts = np.stack([by_first, by_second, -by_first - by_second], axis=1)
-    return _gather(nodes, parts, len(places))
+    return gather(nodes, parts, len(places))
 
 
 def warps(net: Net, places: Floats) -> Floats:
@@ -106,7 +106,7 @@ def volumes(net: Net, places: Floats, scale: float) -> tuple[Floats, sparse.csr_
     a, b, c = q - p, r - p, s - p
     by_a, by_b, by_c = np.cross(b, c), np.cross(c, a), np.cross(a, b)
     parts = np.stack([-by_a - by_b - by_c, by_a, by_b, by_c], axis=1) / scale**3
-    return (a * by_a).sum(-1) / scale**3, _gather(net.facets, parts, len(places))
+    return (a * by_a).sum(-1) / scale**3, gather(net.facets, parts, len(places))
 
 
 def _arms(net: Net, places: Floats) -> tuple[Floats, Floats]:
@@ -122,7 +122,7 @@ def _angle(first: Floats, second: Floats) -> Floats:
     return np.asarray(np.arctan2(sine, (first * second).sum(-1)))
 
 
-def _gather(nodes: Ints, parts: Floats, count: int) -> sparse.csr_array:
+def gather(nodes: Ints, parts: Floats, count: int) -> sparse.csr_array:
     """A row for each group of nodes (R, n) with the derivatives (R, n, 3) by their places."""
     rows = np.broadcast_to(np.arange(len(nodes))[:, None, None], parts.shape)
     columns = 3 * nodes[:, :, None] + np.arange(3)
