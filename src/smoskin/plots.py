@@ -17,6 +17,7 @@ from smoskin.arrays import Floats, floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, MissingExtraError
 from smoskin.origami.geometry import geometry
+from smoskin.origami.sheet import Sheet
 from smoskin.outputs import check_output, write_output
 from smoskin.records import Contact, Estimate, Reading
 
@@ -24,8 +25,10 @@ try:
     from matplotlib import rc_context
     from matplotlib.axes import Axes
     from matplotlib.backend_bases import FigureCanvasBase
+    from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.figure import Figure
     from matplotlib.patches import Circle, Ellipse, Rectangle
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 except ImportError as error:
     raise MissingExtraError("drawing", "plots") from error
 
@@ -243,6 +246,43 @@ def draw_readings(readings: Sequence[Reading], axes: Axes | None = None) -> Axes
     axes.set(xlabel="time (s)", ylabel="change of field (µT)")
     axes.legend(fontsize=6, ncols=3)
     return axes
+
+
+def draw_sheet(sheet: Sheet, pattern: Floats, title: str) -> Figure:
+    """A folded sheet in space, and its flat pattern (V, 2), m, with ridges and valleys."""
+    with styled():
+        figure = Figure(figsize=(7.5, 3.9), layout="constrained")
+        space = figure.add_subplot(1, 2, 1, projection="3d")
+        panels = Poly3DCollection(
+            1e3 * sheet.vertices[sheet.facets],
+            facecolors=BLUE,
+            edgecolors=INK,
+            linewidths=0.3,
+            shade=True,
+        )
+        space.add_collection3d(panels)
+        low, high = 1e3 * sheet.vertices.min(axis=0), 1e3 * sheet.vertices.max(axis=0)
+        half = (high - low).max() / 2
+        middle = (low + high) / 2
+        for axis, centre in zip("xyz", middle, strict=True):
+            space.set(
+                **{f"{axis}lim": (centre - half, centre + half), f"{axis}label": f"{axis} (mm)"}
+            )
+        space.set_title(title)
+        flat = figure.add_subplot(1, 2, 2)
+        flat.add_collection(
+            PolyCollection(
+                list(1e3 * pattern[sheet.facets]), facecolor="none", edgecolor=INK, linewidth=0.4
+            )
+        )
+        for ridge, colour in ((True, RED), (False, BLUE)):
+            ends = 1e3 * pattern[sheet.creases[sheet.mountain == ridge]]
+            flat.add_collection(LineCollection(list(ends), colors=colour, linewidths=0.7))
+        flat.autoscale_view()
+        flat.set(xlabel="x (mm)", ylabel="y (mm)", title="flat; ridges red, valleys blue")
+        flat.set_aspect("equal")
+        lay_out(figure)
+    return figure
 
 
 def _axes(axes: Axes | None, inches: tuple[float, float]) -> Axes:

@@ -55,7 +55,16 @@ def _app() -> "typer.Typer":
         from smoskin.cli.frame import app
     except ImportError as error:
         raise MissingExtraError("the command line", "cli") from error
-    from smoskin.cli import calibration, files, live, optimise, score, skins, train  # noqa: F401
+    from smoskin.cli import (  # noqa: F401
+        calibration,
+        files,
+        live,
+        optimise,
+        score,
+        skins,
+        tessellate,
+        train,
+    )
 
     return app
 

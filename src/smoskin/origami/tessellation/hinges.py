@@ -68,7 +68,7 @@ def fold_angles(vertices: Floats, hinges: Ints) -> Floats:
     return np.asarray(np.arctan2(sine, (left * right).sum(1)))
 
 
-def angle_slopes(vertices: Floats, hinges: Ints) -> sparse.csr_array:
+def fold_slopes(vertices: Floats, hinges: Ints) -> sparse.csr_array:
     """Derivatives of the fold angles by the coordinates, (H, 3 V)."""
     axis, b, c, left, right = _arms(vertices, hinges)
     length = np.linalg.norm(axis, axis=1, keepdims=True)
@@ -81,9 +81,7 @@ def angle_slopes(vertices: Floats, hinges: Ints) -> sparse.csr_array:
     return gather(hinges, parts, len(vertices))
 
 
-def _arms(
-    vertices: Floats, hinges: Ints
-) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+def _arms(vertices: Floats, hinges: Ints) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """Axis and wings from the axis' start, and the normals of both sides, which point up."""
     start = vertices[hinges[:, 0]]
     axis, b, c = (vertices[hinges[:, k]] - start for k in (1, 2, 3))
@@ -134,8 +132,8 @@ def _towards(places: Floats, frame: Frame, lengths: Floats, aim: Floats) -> Floa
     slopes = sparse.vstack(
         [
             sparse.diags_array(_BAR / lengths) @ bars,
-            _PANEL * angle_slopes(places, frame.panels),
-            angle_slopes(places, frame.creases),
+            _PANEL * fold_slopes(places, frame.panels),
+            fold_slopes(places, frame.creases),
         ]
     ).tocsr()
     residuals = np.concatenate(
@@ -170,9 +168,11 @@ def rigid_modes(vertices: Floats, facets: Ints, count: int = 2) -> tuple[Floats,
     units /= np.linalg.norm(units, axis=1, keepdims=True)
     bars = gather(pairs, np.stack([units, -units], axis=1), len(vertices))
     rows: Any = sparse.vstack([bars, _warp_slopes(vertices, facets)]).tocsr()
-    rigid = _rigid_motions(vertices)
+    rigid = rigid_motions(vertices)
     if vertices.size <= 800:
-        _, values, motions = np.linalg.svd(rows.toarray() @ (np.eye(vertices.size) - rigid @ rigid.T))
+        _, values, motions = np.linalg.svd(
+            rows.toarray() @ (np.eye(vertices.size) - rigid @ rigid.T)
+        )
         order = np.argsort(values)[6 : 6 + count]
         return values[order], motions[order].reshape(count, -1, 3)
     stiff: Any = (rows.T @ rows).tocsc()
@@ -198,7 +198,7 @@ def _warp_slopes(vertices: Floats, facets: Ints) -> sparse.csr_array:
     return gather(facets, parts, len(vertices))
 
 
-def _rigid_motions(vertices: Floats) -> Floats:
+def rigid_motions(vertices: Floats) -> Floats:
     """Three shifts and three turns, (3 V, 6), orthonormal."""
     arms = vertices - vertices.mean(axis=0)
     turns = [np.cross(axis, arms).ravel() for axis in np.eye(3)]

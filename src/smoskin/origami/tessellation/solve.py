@@ -21,6 +21,7 @@ from scipy.sparse.linalg import splu
 from smoskin.arrays import Bools, Floats
 from smoskin.origami.surface.surface import Surface, forms
 from smoskin.origami.tessellation.conditions import Net, angle_slopes, sector_angles, volumes
+from smoskin.origami.tessellation.hinges import Frame, fold_angles, fold_slopes
 
 Alarm = Callable[[str, float], object]
 """What is told of the work and of the share that is done."""
@@ -43,7 +44,9 @@ _DEPTH: Final = 10.0
 """Weight of heights against that of ways along the surface."""
 _BOUNDS: Final = (np.radians(27), np.radians(153))
 """Sector angles that are free; those beyond are pulled back."""
-_BOUND: Final = 10.0
+_SHARPEST: Final = np.radians(110)
+"""Fold angle that is free; beyond it creases take too much of the panels."""
+_BOUND: Final = 30.0
 """Weight of an angle's excess, 1/rad^2."""
 _SOFT: Final = 1e-8
 """Compliance of the conditions in the linear system, which keeps it regular."""
@@ -57,6 +60,8 @@ class Problem:
     """Surface on which bottom vertices lie."""
     net: Net
     """Panels and their corners."""
+    frame: Frame
+    """Bars and hinges, of which creases have bounds."""
     shape: tuple[int, int]
     """Rows and columns of vertices, 2N + 1 and 2M + 1."""
     bottom: Bools
@@ -65,7 +70,7 @@ class Problem:
     """m: the length of a cell."""
     flat_foldable: bool
     """Whether opposite sector angles must sum to pi."""
-    pull: float = 1e5
+    pull: float = 3e3
     """Weight of a bottom vertex's height against that of other motions, where it is free; the
     vertices lie on the surface itself where the sheet need not fold flat."""
 
@@ -172,9 +177,8 @@ class _Search:
     def reach(self, layers: Floats, t: float) -> Floats | None:
         """Layers at which the share t of the first residual is gone, if they are found."""
         before = np.inf
-        for _ in range(_NEWTON):
-            motion = self.step(layers, 1.0 - t, fair=True)
-            layers = layers + motion
+        for k in range(_NEWTON):
+            layers = layers + self.step(layers, 1.0 - t, fair=k < 3)
             residual = self._left(layers, 1.0 - t)
             if residual < _NEAR:
                 return layers
@@ -222,14 +226,20 @@ class _Search:
         return (motion * min(1.0, _DIVE * scale / max(longest, 1e-300))).reshape(layers.shape)
 
     def _excess(self, layers: Floats) -> tuple[Floats, sparse.csr_array]:
-        """What sector angles exceed their bounds by, and its derivatives by the free layers."""
+        """Excess of sector and fold angles over their bounds, and its derivatives."""
         net, scale = self._problem.net, self._problem.scale
         vertices, by_layers = place_slopes(self._problem.surface, layers)
         angles = sector_angles(net, vertices)
-        excess = angles - np.clip(angles, *_BOUNDS)
-        rows = np.flatnonzero(excess)
-        slopes = angle_slopes(net, vertices)[rows] @ by_layers
-        return excess[rows], (scale * slopes[:, self._free]).tocsr()
+        folds = fold_angles(vertices, self._problem.frame.creases)
+        values = np.concatenate(
+            [angles - np.clip(angles, *_BOUNDS), folds - np.clip(folds, -_SHARPEST, _SHARPEST)]
+        )
+        slopes = sparse.vstack(
+            [angle_slopes(net, vertices), fold_slopes(vertices, self._problem.frame.creases)]
+        ).tocsr()
+        rows = np.flatnonzero(values)
+        beyond = slopes[rows] @ by_layers
+        return values[rows], (scale * beyond[:, self._free]).tocsr()
 
     def _left(self, layers: Floats, share: float) -> float:
         """Largest residual over a share of the first."""

@@ -18,6 +18,7 @@ from smoskin.origami.cell import size
 from smoskin.origami.sheet import Sheet, build_sheet
 from smoskin.origami.surface.surface import Surface, curvatures, forms
 from smoskin.origami.tessellation.arc import arc_sheet
+from smoskin.origami.tessellation.attachment import attach, attached_sheet
 from smoskin.origami.tessellation.conditions import Net, net_of
 from smoskin.origami.tessellation.hinges import (
     Folding,
@@ -119,8 +120,7 @@ def tessellate(
         raise ArgumentError(f"time_limit must be > 0 s; got {time_limit}")
     deadline = time.monotonic() + time_limit
     radius, one_way = _survey(surface, cell, cells)
-    parameters, heights = arc_sheet(cell, cells, radius)
-    start = np.column_stack([parameters.reshape(-1, 2), heights.ravel()])
+    start, shape = _start(surface, cell, cells, radius, one_way=one_way)
     if not surface.holds(start[:, :2]).all():
         raise ArgumentError("the surface must reach under the whole sheet; take fewer cells")
     regular = build_sheet(cell, cells)
@@ -130,8 +130,9 @@ def tessellate(
         problem = Problem(
             surface=surface,
             net=net,
-            shape=parameters.shape[:2],
-            bottom=(np.indices(heights.shape)[1] % 2 == 0).ravel(),
+            frame=frame_of(places(surface, start), regular.facets, regular.creases),
+            shape=shape,
+            bottom=(np.indices(shape)[1] % 2 == 0).ravel(),
             scale=float(size(cell).length),
             flat_foldable=foldable,
         )
@@ -169,6 +170,19 @@ def _survey(surface: Surface, cell: MiuraCell, cells: tuple[int, int]) -> tuple[
     one_way = bool(gauss <= _ONE_WAY * np.median(largest) ** 2)
     bend = -float(np.mean(at.second[..., 1, 1] / at.metric[..., 1, 1]))
     return (1 / bend if abs(bend) * height > 1e-9 else np.inf), one_way
+
+
+def _start(
+    surface: Surface, cell: MiuraCell, cells: tuple[int, int], radius: float, *, one_way: bool
+) -> tuple[Floats, tuple[int, int]]:
+    """Layers to begin with, (V, 3), and the rows and columns of vertices."""
+    parameters, heights = arc_sheet(cell, cells, radius)
+    if not one_way:
+        across = np.arange(-cells[1], cells[1] + 1) * float(size(cell).width) / 2
+        zigzag = parameters[..., 1] - across
+        parameters, heights = attached_sheet(attach(surface, cell, cells), cell, zigzag)
+    layers = np.column_stack([parameters.reshape(-1, 2), heights.ravel()])
+    return layers, (2 * cells[0] + 1, 2 * cells[1] + 1)
 
 
 def _judged(
@@ -234,7 +248,11 @@ def _reported(
 
 
 def _advice(
-    net: Net, vertices: Floats, measures: tuple[Gate, ...], solution: Solution, cells: tuple[int, int]
+    net: Net,
+    vertices: Floats,
+    measures: tuple[Gate, ...],
+    solution: Solution,
+    cells: tuple[int, int],
 ) -> str:
     """Where a sheet fails and what would fit, in a sentence; empty where nothing fails."""
     failed = [gate for gate in measures if not gate.holds]
@@ -244,7 +262,9 @@ def _advice(
     share = solution.reached
     reason = f"the search came {100 * share:.0f} % of the way to the surface"
     if solution.reached == 1.0:
-        worst = by_name.get("least_sector_angle") or by_name.get("largest_sector_angle") or failed[0]
+        worst = (
+            by_name.get("least_sector_angle") or by_name.get("largest_sector_angle") or failed[0]
+        )
         reason = f"{worst.name} is {worst.value:.3g} {worst.unit}, its limit {worst.limit:.3g}"
         if "sector_angle" in worst.name and worst.where is not None:
             place = ", ".join(f"{1e3 * v:.0f}" for v in vertices[net.corners.at[worst.where]])

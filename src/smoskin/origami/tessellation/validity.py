@@ -27,7 +27,7 @@ SECTORS: Final = (float(np.radians(25)), float(np.radians(155)))
 COVERAGE: Final = 0.95
 DEPTH: Final = 0.2
 COLUMNS: Final = 0.1
-GAP: Final = 0.2
+GAP: Final = 0.25
 """Share of a panel's least height that a crease's gap may take."""
 
 
@@ -106,7 +106,7 @@ def _gates(sheet: Candidate, nominal: Nominal) -> Iterator[Gate]:
     folds = fold_angles(sheet.vertices, sheet.frame.creases)
     wrong = np.where(sheet.mountain, folds >= 0, folds <= 0).astype(float)
     yield _most("creases_turned_over", np.array([wrong.sum()]), 0.0, "1")
-    least, most = np.degrees(SECTORS)
+    least, most = (float(np.degrees(bound)) for bound in SECTORS)
     yield _least("least_sector_angle", np.degrees(angles), least, "deg")
     yield _most("largest_sector_angle", np.degrees(angles), most, "deg")
     covered = footprint(sheet.surface, sheet.layers, sheet.bottom, net.facets) / nominal.area
@@ -115,7 +115,7 @@ def _gates(sheet: Candidate, nominal: Nominal) -> Iterator[Gate]:
     yield _most("depth_deviation", deviation, DEPTH, "1")
     yield _most("column_height_deviation", off / nominal.column, COLUMNS, "1")
     gap = 2 * nominal.plate * np.tan(np.abs(folds) / 2)
-    room = GAP * _least_heights(sheet.vertices, net.facets).min()
+    room = GAP * float(_least_heights(sheet.vertices, net.facets).min())
     yield _most("crease_gap", 1e3 * gap, 1e3 * room, "mm")
 
 
@@ -124,18 +124,14 @@ def _most(name: str, values: Floats, limit: float, unit: str) -> Gate:
     sizes = np.abs(values)
     where = int(np.argmax(sizes))
     value = float(sizes[where])
-    return Gate(
-        name=name, value=value, limit=limit, unit=unit, holds=value <= limit, where=where
-    )
+    return Gate(name=name, value=value, limit=limit, unit=unit, holds=value <= limit, where=where)
 
 
 def _least(name: str, values: Floats, limit: float, unit: str) -> Gate:
     """A gate above which all values must stay."""
     where = int(np.argmin(values))
     value = float(values[where])
-    return Gate(
-        name=name, value=value, limit=limit, unit=unit, holds=value >= limit, where=where
-    )
+    return Gate(name=name, value=value, limit=limit, unit=unit, holds=value >= limit, where=where)
 
 
 def footprint(surface: Surface, layers: Floats, bottom: Bools, facets: Ints) -> float:
