@@ -171,11 +171,10 @@ def named_surface(
         from smoskin.origami.surface.chart import chart_of
         from smoskin.origami.surface.mesh import read_mesh
 
+        point, direction = 1e-3 * _vector("at", at), _vector("along", along)
         length, width, _ = (float(extent) for extent in size(cell))
         reach = ((cells[0] + 1) * length, (cells[1] + 1) * width)
-        chart = chart_of(
-            read_mesh(text), 1e-3 * _vector("at", at), _vector("along", along), reach, length
-        )
+        chart = chart_of(read_mesh(text), point, direction, reach, length)
         return chart, chart.roughness
     kind, _, numbers = text.partition(":")
     if kind not in _KINDS:

@@ -24,6 +24,10 @@ _ITERATIONS: Final = 150
 """Steps of the minimiser."""
 
 
+_CORNERS: Final = ((0, 0), (1, 0), (0, 1), (1, 1))
+"""Corners of a panel by its rows and columns of nodes."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Attachment:
     """A lattice of a sheet on a surface."""
@@ -131,31 +135,35 @@ class Energy:
         phi = self._fold + turns
         along = np.sin(phi) / np.sin(self._fold)
         across = np.cos(self._fold) / np.cos(phi)
-        edges = places[1:] - places[:-1]
-        first = (edges[:, 1:] + edges[:, :-1]) / (2 * self._steps[0])
-        edges = places[:, 1:] - places[:, :-1]
-        second = (edges[1:] + edges[:-1]) / (2 * self._steps[1])
-        c11, c22 = (first**2).sum(-1) / along**2, (second**2).sum(-1) / across**2
-        c12 = (first * second).sum(-1) / (along * across)
-        det = c11 * c22 - c12**2
-        density, weight = STRETCH * (c11 + c22 + 1 / det - 3), along * across
-        by11, by22 = STRETCH * (1 - c22 / det**2), STRETCH * (1 - c11 / det**2)
-        by12 = 2 * STRETCH * c12 / det**2
-        by_first = 2 * first * (weight * by11 / along**2)[..., None]
-        by_first += second * (by12)[..., None]
-        by_second = 2 * second * (weight * by22 / across**2)[..., None]
-        by_second += first * (by12)[..., None]
-        # By the stretches: C falls as their inverse squares, and the area grows.
-        by_along = across * density - weight * (2 * c11 * by11 + c12 * by12) / along
-        by_across = along * density - weight * (2 * c22 * by22 + c12 * by12) / across
+        weight = along * across / 4
+        total, by_places = 0.0, np.zeros_like(places)
+        by_along, by_across = np.zeros_like(phi), np.zeros_like(phi)
+        # At each corner of a panel by its own two edges: means over the panel would leave a
+        # motion, up and down in turn, that costs nothing.
+        for i, j in _CORNERS:
+            side, end = _part(j), _part(i)
+            first = (places[1:] - places[:-1])[:, side] / self._steps[0]
+            second = (places[:, 1:] - places[:, :-1])[end] / self._steps[1]
+            c11, c22 = (first**2).sum(-1) / along**2, (second**2).sum(-1) / across**2
+            c12 = (first * second).sum(-1) / (along * across)
+            det = c11 * c22 - c12**2
+            density = STRETCH * (c11 + c22 + 1 / det - 3)
+            by11, by22 = STRETCH * (1 - c22 / det**2), STRETCH * (1 - c11 / det**2)
+            by12 = 2 * STRETCH * c12 / det**2
+            total += float((weight * density).sum())
+            mixed = (weight * by12 / (along * across))[..., None]
+            push = 2 * first * (weight * by11 / along**2)[..., None] + second * mixed
+            by_places[1:][:, side] += push / self._steps[0]
+            by_places[:-1][:, side] -= push / self._steps[0]
+            push = 2 * second * (weight * by22 / across**2)[..., None] + first * mixed
+            by_places[end][:, 1:] += push / self._steps[1]
+            by_places[end][:, :-1] -= push / self._steps[1]
+            # C falls as the inverse squares of the stretches, and the area grows with them.
+            by_along += across / 4 * density - weight * (2 * c11 * by11 + c12 * by12) / along
+            by_across += along / 4 * density - weight * (2 * c22 * by22 + c12 * by12) / across
         by_turns = by_along * np.cos(phi) / np.sin(self._fold)
         by_turns += by_across * np.cos(self._fold) * np.sin(phi) / np.cos(phi) ** 2
-        by_places = np.zeros_like(places)
-        for i, j in ((0, 0), (1, 0), (0, 1), (1, 1)):
-            rows, columns = slice(i, i - 1 or None), slice(j, j - 1 or None)
-            by_places[rows, columns] += (2 * i - 1) * by_first / (2 * self._steps[0])
-            by_places[rows, columns] += (2 * j - 1) * by_second / (2 * self._steps[1])
-        return float((weight * density).sum()), by_places, by_turns
+        return total, by_places, by_turns
 
     def _bend(self, places: Floats, normals: Floats) -> tuple[float, Floats, Floats]:
         """Energy of bending, by places and by normals."""
@@ -177,9 +185,13 @@ class Energy:
         mean = (normals[1:, 1:] + normals[1:, :-1] + normals[:-1, 1:] + normals[:-1, :-1]) / 4
         twist = (mixed * mean).sum(-1)
         total += 2 * float((twist**2).sum())
-        for i, j in ((0, 0), (1, 0), (0, 1), (1, 1)):
-            rows, columns = slice(i, i - 1 or None), slice(j, j - 1 or None)
-            sign = (2 * i - 1) * (2 * j - 1)
-            by_places[rows, columns] += 4 * sign * factor * twist[..., None] * mean
-            by_normals[rows, columns] += twist[..., None] * mixed
+        for i, j in _CORNERS:
+            sign, part = (2 * i - 1) * (2 * j - 1), (_part(i), _part(j))
+            by_places[part] += 4 * sign * factor * twist[..., None] * mean
+            by_normals[part] += twist[..., None] * mixed
         return total, by_places, by_normals
+
+
+def _part(end: int) -> slice:
+    """Nodes at the first or the last end of every panel."""
+    return slice(end, end - 1 or None)

@@ -20,6 +20,8 @@ _NEWTON: Final = 12
 """Gauss-Newton steps at each."""
 _BAR: Final = 1e3
 """Weight of a bar's strain against the angle of a crease, rad."""
+DENSE: Final = 800
+"""Coordinates up to which singular values come from a dense decomposition."""
 _PANEL: Final = 10.0
 """Weight of a panel's bend against the angle of a crease."""
 
@@ -169,7 +171,7 @@ def rigid_modes(vertices: Floats, facets: Ints, count: int = 2) -> tuple[Floats,
     bars = gather(pairs, np.stack([units, -units], axis=1), len(vertices))
     rows: Any = sparse.vstack([bars, _warp_slopes(vertices, facets)]).tocsr()
     rigid = rigid_motions(vertices)
-    if vertices.size <= 800:
+    if vertices.size <= DENSE:
         _, values, motions = np.linalg.svd(
             rows.toarray() @ (np.eye(vertices.size) - rigid @ rigid.T)
         )

@@ -196,7 +196,7 @@ def _judged(
     """A solution with its gates and its flat pattern."""
     length, width, height = (float(extent) for extent in size(cell))
     vertices = places(problem.surface, solution.layers)
-    pattern, closure = unfold(vertices, regular.facets)
+    pattern, closure = unfold(vertices, regular.facets, solution.layers[:, :2])
     candidate = Candidate(
         surface=problem.surface,
         net=problem.net,

@@ -18,11 +18,11 @@ _STEPS: Final = 10
 """Gauss-Newton steps."""
 
 
-def unfold(vertices: Floats, facets: Ints) -> tuple[Floats, float]:
+def unfold(vertices: Floats, facets: Ints, towards: Floats) -> tuple[Floats, float]:
     """Flat places of the vertices (V, 2), m, and the largest length that does not fit, m.
 
     Edges and diagonals of all panels keep their lengths in the sense of least squares. The pattern
-    is seen from above, its middle at (0, 0), and its first row's ends differ along x alone.
+    is seen from above, its middle at (0, 0), turned as near as can be towards places (V, 2).
 
     Raises
     ------
@@ -48,9 +48,17 @@ def unfold(vertices: Floats, facets: Ints) -> tuple[Floats, float]:
         flat = flat + motion
         if np.abs(motion).max() < 1e-15:
             break
-    flat = flat - flat.mean(axis=0)
+    flat = _turned(flat - flat.mean(axis=0), towards - towards.mean(axis=0))
     misfit = np.linalg.norm(flat[pairs[:, 0]] - flat[pairs[:, 1]], axis=1) - lengths
     return flat, float(np.abs(misfit).max())
+
+
+def _turned(flat: Floats, towards: Floats) -> Floats:
+    """Places turned about (0, 0) as near as can be to others."""
+    cosine = float((flat * towards).sum())
+    sine = float((flat[:, 0] * towards[:, 1] - flat[:, 1] * towards[:, 0]).sum())
+    turn = np.array([[cosine, sine], [-sine, cosine]]) / max(np.hypot(cosine, sine), 1e-300)
+    return np.asarray(flat @ turn)
 
 
 def lengths_of(facets: Ints) -> Ints:

@@ -109,7 +109,7 @@ def _gates(sheet: Candidate, nominal: Nominal) -> Iterator[Gate]:
     least, most = (float(np.degrees(bound)) for bound in SECTORS)
     yield _least("least_sector_angle", np.degrees(angles), least, "deg")
     yield _most("largest_sector_angle", np.degrees(angles), most, "deg")
-    covered = footprint(sheet.surface, sheet.layers, sheet.bottom, net.facets) / nominal.area
+    covered = footprint(sheet.surface, sheet.layers, net.facets) / nominal.area
     yield _least("coverage", np.array([covered]), COVERAGE, "1")
     deviation = np.where(sheet.bottom, 0.0, heights / nominal.depth - 1)
     yield _most("depth_deviation", deviation, DEPTH, "1")
@@ -134,7 +134,7 @@ def _least(name: str, values: Floats, limit: float, unit: str) -> Gate:
     return Gate(name=name, value=value, limit=limit, unit=unit, holds=value >= limit, where=where)
 
 
-def footprint(surface: Surface, layers: Floats, bottom: Bools, facets: Ints) -> float:
+def footprint(surface: Surface, layers: Floats, facets: Ints) -> float:
     """Area of the surface under a sheet, m^2, by its panels' corners moved down to it."""
     p, q, r, s = (layers[facets[:, k], :2] for k in range(4))
     first, second = r - p, s - q

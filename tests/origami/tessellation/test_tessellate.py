@@ -1,0 +1,127 @@
+"""Sheets on the surfaces that were fixed beforehand, and what is refused."""
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smoskin.commands.tessellate import named_surface
+from smoskin.errors import ArgumentError, DesignError
+from smoskin.origami.cell import size
+from smoskin.origami.sheet import build_sheet
+from smoskin.origami.surface.analytic import Cylinder, HeightField, Plane, Sphere
+from smoskin.origami.surface.chart import chart_of
+from smoskin.origami.tessellation.documents import refolding_error
+from smoskin.origami.tessellation.tessellate import tessellate
+from triangle_meshes import meshed
+
+SURFACES = {
+    case["name"]: case
+    for case in tomllib.loads((Path(__file__).parent / "surfaces.toml").read_text())["surface"]
+}
+FOLDING = [name for name, case in SURFACES.items() if case["kind"].startswith("c")]
+PASSING = ["wide sphere", "sphere", "wide saddle", "bump", "bump of small cells", "noisy sphere"]
+"""Surfaces bent two ways that pass every gate; the others are too tight for cells so large."""
+QUICK = ["cylinder", "forearm", "wide sphere"]
+
+
+def on(name, planar, **options):
+    """The sheet on one of the surfaces."""
+    case = SURFACES[name]
+    scale, cells = case.get("scale", 1.0), tuple(case["cells"])
+    cell = replace(
+        planar.cell, panel_a=scale * planar.cell.panel_a, panel_b=scale * planar.cell.panel_b
+    )
+    surface, _ = named_surface(case["kind"], cell, cells, (0, 0, 0), (1, 0, 0))
+    if case.get("noisy"):
+        length, width, _ = (float(extent) for extent in size(cell))
+        reach = ((cells[0] + 1) * length, (cells[1] + 1) * width)
+        half = (reach[0] / 2 + length, reach[1] / 2 + length)
+        mesh = meshed(surface, half, noise=1e-4)
+        surface = chart_of(mesh, (0, 0, 0), (1, 0, 0), reach, length)
+    return tessellate(surface, cell, cells, **options)
+
+
+def judge(made, name):
+    """A cylinder's or cone's sheet folds by its creases; any folds again to where it lay."""
+    assert made.holds, [gate for gate in made.gates if not gate.holds]
+    assert made.advice == ""
+    if name in FOLDING:
+        assert made.folds
+    if made.folding is not None:
+        assert made.folding.strain < 0.005
+        assert refolding_error(made) < 0.2e-3
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_surfaces_get_sheets_that_pass_every_gate(planar, name):
+    judge(on(name, planar), name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted({*FOLDING, *PASSING} - {*QUICK}))
+def test_all_cylinders_and_cones_and_most_others_pass_every_gate(planar, name):
+    judge(on(name, planar, refold=SURFACES[name]["cells"][0] < 24), name)
+
+
+def test_a_surface_too_tight_fails_with_its_reason(planar):
+    made = on("saddle", planar, refold=False)
+    assert not made.holds
+    assert made.advice.count(" cells") == 1
+    assert "would more likely fit" in made.advice
+
+
+def test_a_plane_gives_back_the_regular_sheet(planar):
+    made = tessellate(Plane(), planar.cell, (6, 6))
+    regular = build_sheet(planar.cell, (6, 6))
+    off = made.sheet.vertices - regular.vertices
+    np.testing.assert_allclose(off, np.broadcast_to(off[0], off.shape), atol=1e-9)
+    np.testing.assert_array_equal(made.sheet.creases, regular.creases)
+    np.testing.assert_allclose(made.normals, np.broadcast_to([0, 0, 1.0], (13, 7, 3)))
+    assert made.flat_foldable
+
+
+def test_a_cylinder_is_the_same_all_along_its_axis(planar):
+    made = tessellate(Cylinder(0.08), planar.cell, (4, 4), refold=False)
+    grid = made.sheet.vertices.reshape(9, 9, 3)
+    step = grid[2:] - grid[:-2]
+    np.testing.assert_allclose(step, np.broadcast_to(step[0, 0], step.shape), atol=1e-9)
+
+
+def test_the_difference_from_planar_falls_as_the_curvature(planar):
+    flat = tessellate(Plane(), planar.cell, (3, 3), refold=False).sheet.vertices
+    off = [
+        np.abs(tessellate(Cylinder(r), planar.cell, (3, 3), refold=False).sheet.vertices - flat)
+        for r in (10.0, 100.0, 1000.0)
+    ]
+    np.testing.assert_allclose(np.diff(np.log10([x.max() for x in off])), -1.0, atol=0.05)
+
+
+def test_a_sheet_that_only_unfolds_says_that_it_does_not_fold(planar):
+    made = tessellate(Sphere(0.267), planar.cell, (4, 4))
+    assert made.holds
+    assert not made.flat_foldable
+    assert not made.folds
+    assert 1e-5 < made.rigidity[0] < 1e-3
+    assert made.folding.twist > 1e-4
+
+
+def test_what_no_sheet_can_lie_on_is_refused(planar):
+    with pytest.raises(ArgumentError, match=r"cells must be at least \(1, 1\); got \(0, 6\)"):
+        tessellate(Plane(), planar.cell, (0, 6))
+    with pytest.raises(ArgumentError, match="time_limit must be > 0 s"):
+        tessellate(Plane(), planar.cell, (1, 1), time_limit=0.0)
+    with pytest.raises(DesignError, match=r"radius of 25 mm at .* take cells 0\.75 times as large"):
+        tessellate(Cylinder(0.025), planar.cell, (2, 1))
+    line = np.linspace(-0.05, 0.05, 11)
+    with pytest.raises(ArgumentError, match="must reach under the whole sheet"):
+        tessellate(HeightField(line, line, np.zeros((11, 11))), planar.cell, (6, 6))
+
+
+def test_a_search_that_runs_out_of_time_tells_how_far_it_came(planar):
+    made = tessellate(Sphere(0.1), planar.cell, (6, 6), time_limit=1e-3)
+    assert not made.holds
+    assert made.advice.startswith("the search came 0 % of the way")
+    assert made.folding is None
