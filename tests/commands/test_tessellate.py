@@ -7,7 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 from smoskin.cli import app
-from smoskin.commands.tessellate import named_surface, numbers, tessellate_surface
+from smoskin.commands.tessellate import numbers, tessellate_surface
+from smoskin.commands.tessellate.surfaces import named_surface
 from smoskin.errors import ArgumentError, FileError
 from smoskin.origami.surface.analytic import Bump, Cone, Cylinder, Plane
 from smoskin.origami.surface.surface import curvatures, forms

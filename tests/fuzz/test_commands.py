@@ -88,6 +88,10 @@ COMMANDS = {
         *("p.table", "p.table", "FILE", "--out=", "--design=", "--skins=", "--touches=", "--seed="),
         *("--places=", "--count=", "--drag=", "--pairs=", "--chips=", "--json"),
     ),
+    "tessellate": (
+        *("plane", "plane", "FILE", "--cells=", "--out=", "--design=", "--scale=", "--at="),
+        *("--along=", "--time-limit=", "--force", "--json"),
+    ),
     "optimise": (
         "--out=o.toml",
         "--out=",
@@ -136,6 +140,7 @@ OUTPUT_OF = {
     "fit-paper plot": ("full.csv", "--out=c.toml", "--plot="),
     "virtual-bench": ("",),
     "new-design": ("mine", "--out="),
+    "tessellate": ("plane", "--cells", "1", "1", "--out="),
     "demo": ("--headless", "--record="),
     "run": ("twin://planar?mechanics=reduced&speed=max", "--seconds=0", "--record="),
 }
@@ -162,6 +167,7 @@ def place(tmp_path, monkeypatch):
             "smoskin.mechanics.sheet.tangent.Tangent.__init__",
             "smoskin.sensing.network.training.train_network",
             "smoskin.commands.fit_paper.judged_fit",
+            "smoskin.commands.tessellate.tessellate",
         ):
             monkeypatch.setattr(name, begin)
         yield
@@ -229,7 +235,7 @@ def refused(words: tuple[str, ...]) -> None:
 def test_an_output_that_cannot_be_written_is_told_before_work_begins():
     def drawn():
         for (name, parts), output in itertools.product(OUTPUT_OF.items(), OUTPUTS):
-            if name in ("sweep", "score") and output in ("folder", "missing/o", ".", ""):
+            if name in ("sweep", "score", "tessellate") and output in ("folder", "missing/o", ".", ""):
                 continue  # which are folders, or can be made
             start = [word for word in name.split() if word not in ("export", "onnx", "plot")]
             words = (*start, *parts[:-1], parts[-1] + output)

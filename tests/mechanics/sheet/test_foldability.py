@@ -22,7 +22,9 @@ def test_rigid_columns_leave_nothing_but_folding(planar):
 
 def test_a_sheet_that_is_one_rigid_plate_hardly_folds(planar):
     springs = replace(springs_of(planar), crease=1e6, panel_bending=1e6)
-    assert np.abs(shares(Plane(), planar, springs)).max() < 0.05
+    share = shares(Plane(), planar, springs)
+    assert abs(share.mean()) < 0.005
+    assert np.abs(share).max() < 0.07  # it tilts
 
 
 def test_a_press_on_a_cylinder_folds_nearly_as_much_as_on_a_plane(planar):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smoskin.commands.tessellate import named_surface
+from smoskin.commands.tessellate.surfaces import named_surface
 from smoskin.errors import ArgumentError, DesignError
 from smoskin.origami.cell import size
 from smoskin.origami.sheet import build_sheet

@@ -77,7 +77,7 @@ class Problem:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Solution:
-    """Where the search ended."""
+    """End of a search."""
 
     layers: Floats
     """(V, 3), m: both parameters and the height of every vertex."""

@@ -254,7 +254,7 @@ def _advice(
     solution: Solution,
     cells: tuple[int, int],
 ) -> str:
-    """Where a sheet fails and what would fit, in a sentence; empty where nothing fails."""
+    """Place and reason of a failure and what would fit; empty where nothing fails."""
     failed = [gate for gate in measures if not gate.holds]
     if not failed:
         return ""

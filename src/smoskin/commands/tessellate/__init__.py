@@ -1,10 +1,9 @@
 """Tessellates a surface: a folded sheet that lies on it, its flat pattern, and whether both hold.
 
-Decides how surfaces are named, which files come out, and that no pattern is written of a sheet
-that fails a gate: nobody should cut it.
+Decides which files come out, and that no pattern is written of a sheet that fails a gate: nobody
+should cut it.
 """
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,14 +12,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from smoskin.arguments import typed
-from smoskin.arrays import Floats
-from smoskin.design.skin import MiuraCell, SkinDesign
+from smoskin.commands.tessellate.surfaces import named_surface
+from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, require
 from smoskin.mechanics.sheet.foldability import fold_shares
 from smoskin.mechanics.sheet.lattice import springs_of
-from smoskin.origami.cell import size
-from smoskin.origami.surface.analytic import Bump, Cone, Cylinder, Plane, Saddle, Sphere
-from smoskin.origami.surface.surface import Surface
+from smoskin.origami.surface.analytic import Plane
 from smoskin.origami.tessellation import documents
 from smoskin.origami.tessellation.tessellate import Tessellation, tessellate
 from smoskin.outputs import check_output, write_output
@@ -29,16 +26,6 @@ from smoskin.roles import Progress
 if TYPE_CHECKING:
     from rich.table import Table
 
-_KINDS: Final[dict[str, tuple[Any, str]]] = {
-    "plane": (Plane, ""),
-    "cylinder": (Cylinder, "R"),
-    "cone": (Cone, "R1,R2,H"),
-    "sphere": (Sphere, "R"),
-    "saddle": (Saddle, "R"),
-    "bump": (Bump, "HEIGHT,WIDTH"),
-}
-"""Surfaces in closed form and what their lengths, in mm, are."""
-_MESHES: Final = (".stl", ".obj", ".ply")
 _ALWAYS: Final = ("validity.json", "sheet.svg")
 _SOUND: Final = ("sheet.fold", "pattern.fold", "sheet.obj", "pattern.svg")
 """Files of a sheet that passes every gate."""
@@ -163,34 +150,6 @@ def tessellate_surface(
     return report
 
 
-def named_surface(
-    text: str, cell: MiuraCell, cells: tuple[int, int], at: Sequence[float], along: Sequence[float]
-) -> tuple[Surface, float]:
-    """The surface of a text, and how rough a mesh is, m."""
-    if Path(text).suffix.lower() in _MESHES:
-        from smoskin.origami.surface.chart import chart_of
-        from smoskin.origami.surface.mesh import read_mesh
-
-        point, direction = 1e-3 * _vector("at", at), _vector("along", along)
-        length, width, _ = (float(extent) for extent in size(cell))
-        reach = ((cells[0] + 1) * length, (cells[1] + 1) * width)
-        chart = chart_of(read_mesh(text), point, direction, reach, length)
-        return chart, chart.roughness
-    kind, _, numbers = text.partition(":")
-    if kind not in _KINDS:
-        forms = ", ".join(f"{name}:{what}" if what else name for name, (_, what) in _KINDS.items())
-        raise ArgumentError(f"surface must be {forms} or a file {', '.join(_MESHES)}; got {text!r}")
-    make, names = _KINDS[kind]
-    found = re.split(",", numbers) if numbers else []
-    try:
-        lengths = [1e-3 * float(number) for number in found]
-    except ValueError:
-        lengths = []
-    if len(lengths) != len(names.split(",")) * bool(names):
-        raise ArgumentError(f"surface must be {kind}:{names} with lengths in mm; got {text!r}")
-    return make(*lengths), 0.0
-
-
 def numbers(name: str, text: str) -> list[float]:
     """Numbers of a text such as 0,40,120."""
     try:
@@ -199,14 +158,6 @@ def numbers(name: str, text: str) -> list[float]:
         raise ArgumentError(
             f"{name} must be three numbers such as 0,40,120; got {text!r}"
         ) from error
-
-
-def _vector(name: str, values: Sequence[float]) -> Floats:
-    """Three finite numbers."""
-    given = np.array(values, dtype=np.float64)
-    if given.shape != (3,) or not np.isfinite(given).all():
-        raise ArgumentError(f"{name} must be three numbers; got {tuple(values)}")
-    return given
 
 
 def _share(made: Tessellation, design: SkinDesign) -> float:
