@@ -1,5 +1,6 @@
 """Sheets on the surfaces that were fixed beforehand, and what is refused."""
 
+import time
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -11,8 +12,9 @@ from smoskin.commands.tessellate.surfaces import named_surface
 from smoskin.errors import ArgumentError, DesignError
 from smoskin.origami.cell import size
 from smoskin.origami.sheet import build_sheet
-from smoskin.origami.surface.analytic import Cylinder, HeightField, Plane, Sphere
+from smoskin.origami.surface.analytic import Bump, Cone, Cylinder, HeightField, Plane, Sphere
 from smoskin.origami.surface.chart import chart_of
+from smoskin.origami.surface.mesh import Mesh
 from smoskin.origami.tessellation.documents import refolding_error
 from smoskin.origami.tessellation.tessellate import tessellate
 from triangle_meshes import meshed
@@ -118,6 +120,46 @@ def test_what_no_sheet_can_lie_on_is_refused(planar):
     line = np.linspace(-0.05, 0.05, 11)
     with pytest.raises(ArgumentError, match="must reach under the whole sheet"):
         tessellate(HeightField(line, line, np.zeros((11, 11))), planar.cell, (6, 6))
+
+
+def test_a_cylinder_across_the_sheet_is_refused_with_the_way_out(planar):
+    mesh = meshed(Cylinder(0.1), (0.08, 0.08))
+    across = chart_of(mesh, (0, 0, 0), (0, 1, 0), (0.08, 0.1), 0.02)
+    with pytest.raises(ArgumentError, match="turn the direction by 90 degrees"):
+        tessellate(across, planar.cell, (3, 3))
+
+
+def test_a_hollow_takes_a_sheet_too(planar):
+    made = tessellate(Bump(-0.01, 0.05), planar.cell, (3, 3), refold=False)
+    assert made.holds, made.advice
+
+
+def test_the_inside_of_a_tube_folds_as_its_outside_does(planar):
+    mesh = meshed(Cylinder(0.15), (0.1, 0.12))
+    inside = Mesh(mesh.vertices, mesh.triangles[:, ::-1])
+    surface = chart_of(inside, (0, 0, 0), (1, 0, 0), (0.1, 0.14), 0.02)
+    made = tessellate(surface, planar.cell, (4, 4), refold=False)
+    assert made.holds, made.advice
+    assert made.folds
+
+
+@pytest.mark.slow
+def test_time_grows_with_the_vertices_alone_but_for_their_logarithm(planar):
+    def seconds(count):
+        cell = replace(
+            planar.cell, panel_a=0.6 * planar.cell.panel_a, panel_b=0.6 * planar.cell.panel_b
+        )
+        radius = 0.016 * count
+        begin = time.process_time()
+        made = tessellate(
+            Cone(0.95 * radius, 1.05 * radius, 0.012 * count), cell, (count, count), refold=False
+        )
+        assert made.holds, made.advice
+        return time.process_time() - begin
+
+    few, many = seconds(10), seconds(20)
+    vertices = np.array([21**2, 41**2])
+    assert many / few < 1.6 * np.divide(*(vertices * np.log(vertices))[::-1])
 
 
 def test_a_search_that_runs_out_of_time_tells_how_far_it_came(planar):

@@ -110,7 +110,8 @@ def tessellate(
     Raises
     ------
     ArgumentError
-        If there is no cell, or the surface ends under the sheet.
+        If there is no cell, the surface ends under the sheet, or it is bent along the sheet's x
+        alone, where a sheet does not fold.
     DesignError
         If the surface is bent more tightly than a cell can follow.
     """
@@ -168,7 +169,12 @@ def _survey(surface: Surface, cell: MiuraCell, cells: tuple[int, int]) -> tuple[
         )
     gauss = np.median(np.abs(principal.prod(axis=-1)))
     one_way = bool(gauss <= _ONE_WAY * np.median(largest) ** 2)
-    bend = -float(np.mean(at.second[..., 1, 1] / at.metric[..., 1, 1]))
+    along, bend = (-float(np.mean(at.second[..., k, k] / at.metric[..., k, k])) for k in (0, 1))
+    if one_way and abs(along) > max(abs(bend), 1e-6):
+        raise ArgumentError(
+            "the surface must be bent along the sheet's y, and be straight along its x, the axis; "
+            "turned otherwise a sheet does not fold: turn the direction by 90 degrees"
+        )
     return (1 / bend if abs(bend) * height > 1e-9 else np.inf), one_way
 
 
