@@ -74,6 +74,13 @@ def test_the_regular_sheet_has_one_motion_that_only_folds(sheet):
     assert abs(rise).min() > 1e-3
 
 
+def test_a_single_cell_folds_too(planar):
+    sheet = build_sheet(planar.cell, (1, 1))
+    values, _ = rigid_modes(sheet.vertices, sheet.facets)
+    assert values[0] < 1e-13
+    assert values[1] > 0.1
+
+
 def test_both_ways_to_the_singular_values_agree(planar, monkeypatch):
     small, large = (build_sheet(planar.cell, cells) for cells in ((3, 4), (8, 8)))
     assert small.vertices.size <= 800 < large.vertices.size

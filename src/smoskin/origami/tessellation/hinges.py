@@ -172,9 +172,9 @@ def rigid_modes(vertices: Floats, facets: Ints, count: int = 2) -> tuple[Floats,
     rows: Any = sparse.vstack([bars, _warp_slopes(vertices, facets)]).tocsr()
     rigid = rigid_motions(vertices)
     if vertices.size <= DENSE:
-        _, values, motions = np.linalg.svd(
-            rows.toarray() @ (np.eye(vertices.size) - rigid @ rigid.T)
-        )
+        whole = rows.toarray() @ (np.eye(vertices.size) - rigid @ rigid.T)
+        _, values, motions = np.linalg.svd(whole)
+        values = np.pad(values, (0, vertices.size - len(values)))  # fewer rows than coordinates
         order = np.argsort(values)[6 : 6 + count]
         return values[order], motions[order].reshape(count, -1, 3)
     stiff: Any = (rows.T @ rows).tocsc()
