@@ -33,6 +33,14 @@ def tessellate(
     scale: Annotated[float, Option(help="Factor on the cell's edges.")] = 1.0,
     at: Annotated[str, Option(help="x,y,z of a mesh under the sheet's middle, mm.")] = "0,0,0",
     along: Annotated[str, Option(help="Direction of the sheet's x: a limb's axis.")] = "1,0,0",
+    own_columns: Annotated[
+        bool,
+        Option(
+            "--own-columns",
+            help="Let each column have its own height, within 10 %, so that sheets fold on "
+            "surfaces bent two ways too.",
+        ),
+    ] = False,
     time_limit: Annotated[float, Option(help="Longest search, s.")] = 60.0,
     force: Force = False,
     as_json: Json = False,
@@ -53,6 +61,7 @@ def tessellate(
             scale=scale,
             at=numbers("at", at),
             along=numbers("along", along),
+            own_columns=own_columns,
             time_limit=time_limit,
             force=force,
             progress=bar,

@@ -110,6 +110,17 @@ def test_a_sheet_that_only_unfolds_says_that_it_does_not_fold(planar):
     assert made.folding.twist > 1e-4
 
 
+@pytest.mark.parametrize("name", ["wide sphere", "wide saddle", "bump"])
+def test_with_columns_of_their_own_sheets_fold_on_surfaces_bent_two_ways(planar, name):
+    made = on(name, planar, own_columns=True)
+    assert made.holds, made.advice
+    assert made.folds
+    assert made.folding.strain < 1e-9
+    lifts = np.abs(made.lifts)
+    assert 0.05e-3 < lifts.max() < 1e-3
+    assert refolding_error(made) < 1e-9
+
+
 def test_what_no_sheet_can_lie_on_is_refused(planar):
     with pytest.raises(ArgumentError, match=r"cells must be at least \(1, 1\); got \(0, 6\)"):
         tessellate(Plane(), planar.cell, (0, 6))

@@ -40,7 +40,9 @@ def regular(planar):
         closure=0.0,
         flat_foldable=True,
     )
-    nominal = Nominal(area=9 * length * width, depth=height, plate=0.5e-3, column=10e-3)
+    nominal = Nominal(
+        area=9 * length * width, depth=height, plate=0.5e-3, column=10e-3, own_columns=False
+    )
     return candidate, nominal
 
 
@@ -73,6 +75,9 @@ def test_a_fault_fails_its_gate(regular):
     candidate, nominal = regular
     lifted = failing(moved(candidate, 23, [0, 0, 0.06e-3]), nominal)  # a bottom vertex
     assert lifted == {"planarity", "angle_sum", "flat_folding", "distance_to_surface"}
+    own = replace(nominal, own_columns=True)
+    assert "distance_to_surface" not in failing(moved(candidate, 23, [0, 0, 0.9e-3]), own)
+    assert "distance_to_surface" in failing(moved(candidate, 23, [0, 0, 1.1e-3]), own)
     assert "column_height_deviation" in failing(moved(candidate, 23, [0, 0, 1.1e-3]), nominal)
     assert "depth_deviation" in failing(moved(candidate, 24, [0, 0, 2e-3]), nominal)
     assert "creases_turned_over" in failing(moved(candidate, 24, [0, 0, -16e-3]), nominal)

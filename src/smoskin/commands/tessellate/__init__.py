@@ -81,6 +81,8 @@ class TessellationReport:
             rows.add_row(
                 "largest panel twist on the way, deg", f"{np.degrees(made.folding.twist):.2g}"
             )
+        longest = 1e3 * np.abs(made.lifts).max()
+        rows.add_row("columns longer or shorter by up to, mm", f"{longest:.2g}")
         if self.roughness:
             rows.add_row("mesh off its chart, mm rms", f"{1e3 * self.roughness:.3g}")
         return [gates, rows]
@@ -96,6 +98,7 @@ def tessellate_surface(
     scale: float = 1.0,
     at: Sequence[float] = (0.0, 0.0, 0.0),
     along: Sequence[float] = (1.0, 0.0, 0.0),
+    own_columns: bool = False,
     time_limit: float = 60.0,
     force: bool = False,
     progress: Progress | None = None,
@@ -110,6 +113,8 @@ def tessellate_surface(
         Factor on the panels' edges of the design's cell.
     at, along : sequence of float
         Point of a mesh in mm, and direction of the sheet's x: that of a limb's axis.
+    own_columns : bool
+        Whether every column may have its own height, so that a sheet folds on any surface.
 
     Raises
     ------
@@ -134,7 +139,7 @@ def tessellate_surface(
     shape, roughness = named_surface(surface, cell, cells, at, along)
     plate, column = design.panels.thickness / 2, design.columns.height
     arguments: dict[str, Any] = {"plate": plate, "column": column, "time_limit": time_limit}
-    made = tessellate(shape, cell, cells, progress=progress, **arguments)
+    made = tessellate(shape, cell, cells, own_columns=own_columns, progress=progress, **arguments)
     planar = tessellate(Plane(), cell, cells, refold=False, **arguments)
     shares = [_share(sheet, design) for sheet in (made, planar)]
     report = TessellationReport(

@@ -68,6 +68,7 @@ def validity(made: Tessellation, **more: Any) -> str:
         "folds": made.folds,
         "flat_foldable": made.flat_foldable,
         "lowest_singular_values": list(made.rigidity),
+        "columns_longer_mm": np.round(1e3 * made.lifts, 6).tolist(),
         "refolding_strain": None if folding is None else folding.strain,
         "refolding_twist_deg": None if folding is None else float(np.degrees(folding.twist)),
         "refolding_error_mm": None if folding is None else 1e3 * refolding_error(made),

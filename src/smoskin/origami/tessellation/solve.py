@@ -70,7 +70,7 @@ class Problem:
     """m: the length of a cell."""
     flat_foldable: bool
     """Whether opposite sector angles must sum to pi."""
-    pull: float = 3e3
+    pull: float
     """Weight of a bottom vertex's height against that of other motions, where it is free; the
     vertices lie on the surface itself where the sheet need not fold flat."""
 

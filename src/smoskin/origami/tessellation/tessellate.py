@@ -37,6 +37,10 @@ _TIGHTEST: Final = 0.8
 _ONE_WAY: Final = 0.1
 """Largest Gaussian curvature over the square of the largest one at which a surface is bent one
 way; charts of noisy meshes stay below."""
+_PULL: Final = 3e3
+"""Weight of bottom vertices' heights where all columns are equal."""
+_PULL_OF_OWN: Final = 10.0
+"""The same where every column has its own height."""
 FREE: Final = 1e-6
 """Lowest singular value below which a sheet folds by its creases alone."""
 
@@ -74,6 +78,11 @@ class Tessellation:
         return all(gate.holds for gate in self.gates)
 
     @property
+    def lifts(self) -> Floats:
+        """Height of each bottom vertex over the surface, (2N + 1, M + 1), m; its column's more."""
+        return np.asarray(self.layers[self.sheet.columns, 2])
+
+    @property
     def folds(self) -> bool:
         """Whether creases alone let the sheet fold."""
         return self.rigidity[0] < FREE
@@ -87,6 +96,7 @@ def tessellate(
     *,
     plate: float = 0.5e-3,
     column: float = 10e-3,
+    own_columns: bool = False,
     time_limit: float = 60.0,
     refold: bool = True,
     progress: Alarm | None = None,
@@ -102,6 +112,9 @@ def tessellate(
         The planar cell, whose extent is kept as well as the surface lets it be.
     plate, column : float
         Thickness of the panels on one face of the film, and the columns' height, m.
+    own_columns : bool
+        Whether every column may have its own height, within 10 %: then a sheet that folds is
+        sought on any surface, and no other.
     time_limit : float
         s; the sheet that was reached by then is judged.
     refold : bool
@@ -126,19 +139,28 @@ def tessellate(
         raise ArgumentError("the surface must reach under the whole sheet; take fewer cells")
     regular = build_sheet(cell, cells)
     net = net_of(regular.facets)
+    length, width, height = (float(extent) for extent in size(cell))
+    nominal = Nominal(
+        area=cells[0] * length * cells[1] * width,
+        depth=height,
+        plate=plate,
+        column=column,
+        own_columns=own_columns,
+    )
     best: tuple[Candidate, tuple[Gate, ...], Floats, Solution] | None = None
-    for foldable in (True, False) if one_way else (False,):
+    for foldable in (True,) if own_columns else (True, False) if one_way else (False,):
         problem = Problem(
             surface=surface,
             net=net,
             frame=frame_of(places(surface, start), regular.facets, regular.creases),
             shape=shape,
             bottom=(np.indices(shape)[1] % 2 == 0).ravel(),
-            scale=float(size(cell).length),
+            scale=length,
             flat_foldable=foldable,
+            pull=_PULL_OF_OWN if own_columns else _PULL,
         )
         solution = settle(problem, start, deadline=deadline, progress=progress)
-        judged = _judged(problem, solution, regular, cell, cells, (plate, column))
+        judged = _judged(problem, solution, regular, nominal)
         if best is None or _failures(judged[1]) < _failures(best[1]):
             best = (*judged, solution)
         if _failures(best[1]) == 0 or time.monotonic() > deadline:
@@ -192,15 +214,9 @@ def _start(
 
 
 def _judged(
-    problem: Problem,
-    solution: Solution,
-    regular: Sheet,
-    cell: MiuraCell,
-    cells: tuple[int, int],
-    parts: tuple[float, float],
+    problem: Problem, solution: Solution, regular: Sheet, nominal: Nominal
 ) -> tuple[Candidate, tuple[Gate, ...], Floats]:
     """A solution with its gates and its flat pattern."""
-    length, width, height = (float(extent) for extent in size(cell))
     vertices = places(problem.surface, solution.layers)
     pattern, closure = unfold(vertices, regular.facets, solution.layers[:, :2])
     candidate = Candidate(
@@ -213,9 +229,6 @@ def _judged(
         mountain=regular.mountain,
         closure=closure,
         flat_foldable=problem.flat_foldable,
-    )
-    nominal = Nominal(
-        area=cells[0] * length * cells[1] * width, depth=height, plate=parts[0], column=parts[1]
     )
     return candidate, gates(candidate, nominal), pattern
 

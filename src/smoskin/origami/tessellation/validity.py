@@ -83,6 +83,8 @@ class Nominal:
     """m: thickness of the panels on one face of the film."""
     column: float
     """m: height of the columns."""
+    own_columns: bool
+    """Whether every column has a height of its own, which takes up a bottom vertex's."""
 
 
 def gates(sheet: Candidate, nominal: Nominal) -> tuple[Gate, ...]:
@@ -100,7 +102,8 @@ def _gates(sheet: Candidate, nominal: Nominal) -> Iterator[Gate]:
         yield _most("flat_folding", net.opposite @ angles - np.pi, ANGLES, "rad")
     yield _most("unfolding_closure", 1e3 * np.array([sheet.closure]), 1e3 * CLOSURE, "mm")
     off = np.where(sheet.bottom, heights, 0.0)
-    yield _most("distance_to_surface", 1e3 * off, 1e3 * DISTANCE, "mm")
+    distance = COLUMNS * nominal.column if nominal.own_columns else DISTANCE
+    yield _most("distance_to_surface", 1e3 * off, 1e3 * distance, "mm")
     crossings = intersections(sheet.vertices, net.facets)
     yield _most("self_intersections", np.array([float(len(crossings))]), 0.0, "1")
     folds = fold_angles(sheet.vertices, sheet.frame.creases)
