@@ -72,7 +72,7 @@ class TessellationReport:
             holds = "yes" if gate.holds else "NO"
             gates.add_row(gate.name, f"{gate.value:.4g}", f"{gate.limit:.4g}", gate.unit, holds)
         rows = Table("how it folds", "value", title="What follows")
-        rows.add_row("folds by its creases alone", "yes" if made.folds else "no: it cannot sense")
+        rows.add_row("folds by its creases alone", "yes" if made.folds else "no: it is locked")
         rows.add_row("lowest singular values", " and ".join(f"{v:.2g}" for v in made.rigidity))
         shares = f"{self.fold_share:.3f}, planar {self.planar_fold_share:.3f}"
         rows.add_row("share of a press that folds its cell", shares)
