@@ -139,14 +139,7 @@ def tessellate(
         raise ArgumentError("the surface must reach under the whole sheet; take fewer cells")
     regular = build_sheet(cell, cells)
     net = net_of(regular.facets)
-    length, width, height = (float(extent) for extent in size(cell))
-    nominal = Nominal(
-        area=cells[0] * length * cells[1] * width,
-        depth=height,
-        plate=plate,
-        column=column,
-        own_columns=own_columns,
-    )
+    nominal = _nominal(cell, cells, plate, column, own_columns=own_columns)
     best: tuple[Candidate, tuple[Gate, ...], Floats, Solution] | None = None
     for foldable in (True,) if own_columns else (True, False) if one_way else (False,):
         problem = Problem(
@@ -155,7 +148,7 @@ def tessellate(
             frame=frame_of(places(surface, start), regular.facets, regular.creases),
             shape=shape,
             bottom=(np.indices(shape)[1] % 2 == 0).ravel(),
-            scale=length,
+            scale=float(size(cell).length),
             flat_foldable=foldable,
             pull=_PULL_OF_OWN if own_columns else _PULL,
         )
@@ -167,6 +160,20 @@ def tessellate(
             break
     assert best is not None
     return _reported(best, regular, cells, refold=refold)
+
+
+def _nominal(
+    cell: MiuraCell, cells: tuple[int, int], plate: float, column: float, *, own_columns: bool
+) -> Nominal:
+    """What the planar cell says that a sheet should be."""
+    length, width, height = (float(extent) for extent in size(cell))
+    return Nominal(
+        area=cells[0] * length * cells[1] * width,
+        depth=height,
+        plate=plate,
+        column=column,
+        own_columns=own_columns,
+    )
 
 
 def _survey(surface: Surface, cell: MiuraCell, cells: tuple[int, int]) -> tuple[float, bool]:
