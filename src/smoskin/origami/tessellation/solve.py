@@ -144,6 +144,7 @@ def settle(
         layers, t, step = further, aim, 2 * step
         if progress is not None:
             progress("approaching the surface", 0.8 * t)
+    there = layers
     for k in range(_FAIR):
         motion = search.step(layers, 0.0, fair=True)
         layers = layers + motion
@@ -152,6 +153,8 @@ def settle(
         if progress is not None:
             progress("seeking the fairest sheet", 0.8 + 0.2 * k / _FAIR)
     layers = search.polish(layers)
+    if not search.residual(layers) < _NEAR:  # seeking what is fairer led astray
+        layers = search.polish(there)
     return Solution(layers=layers, reached=1.0, residual=search.residual(layers))
 
 
