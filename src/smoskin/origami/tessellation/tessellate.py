@@ -13,16 +13,15 @@ import numpy as np
 from smoskin.arguments import typed
 from smoskin.arrays import Floats
 from smoskin.design.skin import MiuraCell
-from smoskin.errors import ArgumentError, DesignError
+from smoskin.errors import ArgumentError, DesignError, SmoskinError
 from smoskin.origami.cell import size
 from smoskin.origami.sheet import Sheet, build_sheet
 from smoskin.origami.surface.surface import Surface, curvatures, forms
 from smoskin.origami.tessellation.arc import arc_sheet
 from smoskin.origami.tessellation.attachment import attach, attached_sheet
-from smoskin.origami.tessellation.conditions import Net, net_of
+from smoskin.origami.tessellation.conditions import net_of
 from smoskin.origami.tessellation.hinges import (
     Folding,
-    Frame,
     fold,
     fold_angles,
     frame_of,
@@ -41,6 +40,8 @@ _PULL: Final = 3e3
 """Weight of bottom vertices' heights where all columns are equal."""
 _PULL_OF_OWN: Final = 10.0
 """The same where every column has its own height."""
+_SMALLER: Final = (0.8, 0.6, 0.4)
+"""Sizes that are tried, over the one asked for, where this does not fit."""
 FREE: Final = 1e-6
 """Lowest singular value below which a sheet folds by its creases alone."""
 
@@ -132,47 +133,122 @@ def tessellate(
         raise ArgumentError(f"cells must be at least (1, 1); got {cells}")
     if not time_limit > 0.0:
         raise ArgumentError(f"time_limit must be > 0 s; got {time_limit}")
-    deadline = time.monotonic() + time_limit
-    radius, one_way = _survey(surface, cell, cells)
-    start, shape = _start(surface, cell, cells, radius, one_way=one_way)
-    if not surface.holds(start[:, :2]).all():
-        raise ArgumentError("the surface must reach under the whole sheet; take fewer cells")
-    regular = build_sheet(cell, cells)
-    net = net_of(regular.facets)
-    nominal = _nominal(cell, cells, plate, column, own_columns=own_columns)
-    best: tuple[Candidate, tuple[Gate, ...], Floats, Solution] | None = None
-    for foldable in (True,) if own_columns else (True, False) if one_way else (False,):
-        problem = Problem(
-            surface=surface,
-            net=net,
-            frame=frame_of(places(surface, start), regular.facets, regular.creases),
-            shape=shape,
-            bottom=(np.indices(shape)[1] % 2 == 0).ravel(),
-            scale=float(size(cell).length),
-            flat_foldable=foldable,
-            pull=_PULL_OF_OWN if own_columns else _PULL,
-        )
-        solution = settle(problem, start, deadline=deadline, progress=progress)
-        judged = _judged(problem, solution, regular, nominal)
-        if best is None or _failures(judged[1]) < _failures(best[1]):
-            best = (*judged, solution)
-        if _failures(best[1]) == 0 or time.monotonic() > deadline:
-            break
-    assert best is not None
-    return _reported(best, regular, cells, refold=refold)
-
-
-def _nominal(
-    cell: MiuraCell, cells: tuple[int, int], plate: float, column: float, *, own_columns: bool
-) -> Nominal:
-    """What the planar cell says that a sheet should be."""
-    length, width, height = (float(extent) for extent in size(cell))
-    return Nominal(
-        area=cells[0] * length * cells[1] * width,
-        depth=height,
+    order = _Order(
+        surface=surface,
+        cell=cell,
+        cells=cells,
         plate=plate,
         column=column,
         own_columns=own_columns,
+        deadline=time.monotonic() + time_limit,
+        progress=progress,
+    )
+    found = _best(order)
+    return _reported(order, found, refold=refold)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Order:
+    """What is asked for."""
+
+    surface: Surface
+    cell: MiuraCell
+    cells: tuple[int, int]
+    plate: float
+    column: float
+    own_columns: bool
+    deadline: float
+    progress: Alarm | None
+
+    def scaled(self, share: float) -> "_Order":
+        """The same of a sheet so many times as large in all its parts."""
+        a, b = share * self.cell.panel_a, share * self.cell.panel_b
+        return replace(
+            self,
+            cell=replace(self.cell, panel_a=a, panel_b=b),
+            plate=share * self.plate,
+            column=share * self.column,
+            progress=None,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Found:
+    """A sheet with its gates and its flat pattern."""
+
+    candidate: Candidate
+    measures: tuple[Gate, ...]
+    pattern: Floats
+    solution: Solution
+    regular: Sheet
+    """The planar sheet of the same cells."""
+
+    @property
+    def failed(self) -> list[Gate]:
+        """Gates that do not hold."""
+        return [gate for gate in self.measures if not gate.holds]
+
+
+def _best(order: _Order) -> _Found:
+    """The sheet with the fewest gates that fail, of those that are tried."""
+    radius, one_way = _survey(order.surface, order.cell, order.cells)
+    start = _start(order, radius, one_way=one_way)
+    if not order.surface.holds(start[:, :2]).all():
+        raise ArgumentError("the surface must reach under the whole sheet; take fewer cells")
+    tried: list[_Found] = []
+    for foldable in (True,) if order.own_columns else (True, False) if one_way else (False,):
+        tried.append(_found(order, start, foldable=foldable))
+        if not tried[-1].failed or time.monotonic() > order.deadline:
+            break
+    return min(tried, key=lambda found: len(found.failed))
+
+
+def _found(order: _Order, start: Floats, *, foldable: bool) -> _Found:
+    """The sheet that the search ends at, judged."""
+    regular = build_sheet(order.cell, order.cells)
+    shape = (2 * order.cells[0] + 1, 2 * order.cells[1] + 1)
+    problem = Problem(
+        surface=order.surface,
+        net=net_of(regular.facets),
+        frame=frame_of(places(order.surface, start), regular.facets, regular.creases),
+        shape=shape,
+        bottom=(np.indices(shape)[1] % 2 == 0).ravel(),
+        scale=float(size(order.cell).length),
+        flat_foldable=foldable,
+        pull=_PULL_OF_OWN if order.own_columns else _PULL,
+    )
+    solution = settle(problem, start, deadline=order.deadline, progress=order.progress)
+    vertices = places(problem.surface, solution.layers)
+    pattern, closure = unfold(vertices, regular.facets, solution.layers[:, :2])
+    candidate = Candidate(
+        surface=problem.surface,
+        net=problem.net,
+        frame=frame_of(vertices, regular.facets, regular.creases),
+        layers=solution.layers,
+        vertices=vertices,
+        bottom=problem.bottom,
+        mountain=regular.mountain,
+        closure=closure,
+        flat_foldable=foldable,
+    )
+    return _Found(
+        candidate=candidate,
+        measures=gates(candidate, _nominal(order)),
+        pattern=pattern,
+        solution=solution,
+        regular=regular,
+    )
+
+
+def _nominal(order: _Order) -> Nominal:
+    """What the planar cell says that a sheet should be."""
+    length, width, height = (float(extent) for extent in size(order.cell))
+    return Nominal(
+        area=order.cells[0] * length * order.cells[1] * width,
+        depth=height,
+        plate=order.plate,
+        column=order.column,
+        own_columns=order.own_columns,
     )
 
 
@@ -207,95 +283,63 @@ def _survey(surface: Surface, cell: MiuraCell, cells: tuple[int, int]) -> tuple[
     return (1 / bend if abs(bend) * height > 1e-9 else np.inf), one_way
 
 
-def _start(
-    surface: Surface, cell: MiuraCell, cells: tuple[int, int], radius: float, *, one_way: bool
-) -> tuple[Floats, tuple[int, int]]:
-    """Layers to begin with, (V, 3), and the rows and columns of vertices."""
+def _start(order: _Order, radius: float, *, one_way: bool) -> Floats:
+    """Layers to begin with, (V, 3)."""
+    cell, cells = order.cell, order.cells
     parameters, heights = arc_sheet(cell, cells, radius)
     if not one_way:
         across = np.arange(-cells[1], cells[1] + 1) * float(size(cell).width) / 2
-        zigzag = parameters[..., 1] - across
-        parameters, heights = attached_sheet(attach(surface, cell, cells), cell, zigzag)
-    layers = np.column_stack([parameters.reshape(-1, 2), heights.ravel()])
-    return layers, (2 * cells[0] + 1, 2 * cells[1] + 1)
+        attached = attach(order.surface, cell, cells)
+        parameters, heights = attached_sheet(attached, cell, parameters[..., 1] - across)
+    return np.column_stack([parameters.reshape(-1, 2), heights.ravel()])
 
 
-def _judged(
-    problem: Problem, solution: Solution, regular: Sheet, nominal: Nominal
-) -> tuple[Candidate, tuple[Gate, ...], Floats]:
-    """A solution with its gates and its flat pattern."""
-    vertices = places(problem.surface, solution.layers)
-    pattern, closure = unfold(vertices, regular.facets, solution.layers[:, :2])
-    candidate = Candidate(
-        surface=problem.surface,
-        net=problem.net,
-        frame=frame_of(vertices, regular.facets, regular.creases),
-        layers=solution.layers,
-        vertices=vertices,
-        bottom=problem.bottom,
-        mountain=regular.mountain,
-        closure=closure,
-        flat_foldable=problem.flat_foldable,
-    )
-    return candidate, gates(candidate, nominal), pattern
-
-
-def _failures(measures: tuple[Gate, ...]) -> int:
-    """Gates that do not hold."""
-    return sum(not gate.holds for gate in measures)
-
-
-def _reported(
-    best: tuple[Candidate, tuple[Gate, ...], Floats, Solution],
-    regular: Sheet,
-    cells: tuple[int, int],
-    *,
-    refold: bool,
-) -> Tessellation:
+def _reported(order: _Order, found: _Found, *, refold: bool) -> Tessellation:
     """The sheet with how it folds, and advice where a gate does not hold."""
-    candidate, measures, pattern, solution = best
-    frame: Frame = candidate.frame
-    angles = fold_angles(candidate.vertices, frame.creases)
+    candidate, regular = found.candidate, found.regular
+    angles = fold_angles(candidate.vertices, candidate.frame.creases)
     values, _ = rigid_modes(candidate.vertices, regular.facets)
-    found = solution.reached == 1.0
+    refold = refold and found.solution.reached == 1.0
     at = forms(candidate.surface, candidate.layers[regular.columns.ravel(), :2])
     return Tessellation(
         sheet=replace(regular, vertices=candidate.vertices),
         normals=at.normals.reshape(*regular.columns.shape, 3),
-        pattern=pattern,
+        pattern=found.pattern,
         angles=angles,
         layers=candidate.layers,
         flat_foldable=candidate.flat_foldable,
-        gates=measures,
+        gates=found.measures,
         rigidity=(float(values[0]), float(values[1])),
-        folding=fold(pattern, frame, angles) if refold and found else None,
-        advice=_advice(candidate.net, candidate.vertices, measures, solution, cells),
+        folding=fold(found.pattern, candidate.frame, angles) if refold else None,
+        advice=f"{_reason(found)}; {_what_fits(order)}" if found.failed else "",
     )
 
 
-def _advice(
-    net: Net,
-    vertices: Floats,
-    measures: tuple[Gate, ...],
-    solution: Solution,
-    cells: tuple[int, int],
-) -> str:
-    """Place and reason of a failure and what would fit; empty where nothing fails."""
-    failed = [gate for gate in measures if not gate.holds]
-    if not failed:
-        return ""
-    by_name = {gate.name: gate for gate in failed}
-    share = solution.reached
-    reason = f"the search came {100 * share:.0f} % of the way to the surface"
-    if solution.reached == 1.0:
-        worst = (
-            by_name.get("least_sector_angle") or by_name.get("largest_sector_angle") or failed[0]
-        )
-        reason = f"{worst.name} is {worst.value:.3g} {worst.unit}, its limit {worst.limit:.3g}"
-        if "sector_angle" in worst.name and worst.where is not None:
-            place = ", ".join(f"{1e3 * v:.0f}" for v in vertices[net.corners.at[worst.where]])
-            reason += f", at ({place}) mm"
-        share = 0.8
-    share = max(0.2, min(0.9, share))
-    fewer = " x ".join(str(max(1, int(share * count))) for count in cells)
-    return f"{reason}; it would more likely fit {1 / share:.1f} times the radius or {fewer} cells"
+def _reason(found: _Found) -> str:
+    """Place and reason of a failure."""
+    if found.solution.reached < 1.0:
+        return f"the search came {100 * found.solution.reached:.0f} % of the way to the surface"
+    sectors = [gate for gate in found.failed if "sector_angle" in gate.name]
+    worst = (sectors or found.failed)[0]
+    reason = f"{worst.name} is {worst.value:.3g} {worst.unit}, its limit {worst.limit:.3g}"
+    if worst in sectors and worst.where is not None:
+        place = found.candidate.vertices[found.candidate.net.corners.at[worst.where]]
+        reason += f", at ({', '.join(f'{1e3 * v:.0f}' for v in place)}) mm"
+    return reason
+
+
+def _what_fits(order: _Order) -> str:
+    """How much wider a surface would have to be, as far as there is time to try it."""
+    for share in _SMALLER:
+        if time.monotonic() > order.deadline:
+            return "there was no time left to look for what would fit"
+        try:
+            fits = not _best(order.scaled(share)).failed
+        except SmoskinError:
+            fits = False
+        if fits:
+            return (
+                f"a surface {1 / share:.2g} times as wide would fit, or a sheet {share:g} times as "
+                "large in all its parts"
+            )
+    return f"not even a surface {1 / _SMALLER[-1]:g} times as wide would fit"
