@@ -33,6 +33,7 @@ USUAL = {
     "simulate": {"temperature": 25.0, "mechanics": "whole", "seed": 0},
     "sweep": {"kind": "grid", "temperature": "25", "skins": 0, "mechanics": "whole", "seed": 0},
     "table": {"seed": 0},
+    "tessellate": {"scale": 1.0, "at": "0,0,0", "along": "1,0,0", "time_limit": 60.0},
     "train": {"drag": 0.0, "seed": 0, "out": "network.safetensors"},
     "virtual-bench": {"seed": 0, "sheet": "whole", "out": "touches.csv"},
 }  # fmt: skip
