@@ -42,9 +42,9 @@ def named_surface(
         forms = ", ".join(f"{name}:{what}" if what else name for name, (_, what) in _KINDS.items())
         raise ArgumentError(f"surface must be {forms} or a file {', '.join(_MESHES)}; got {text!r}")
     make, names = _KINDS[kind]
-    found = numbers.split(",") if numbers else []
+    parts = numbers.split(",") if numbers else []
     try:
-        lengths = [1e-3 * float(number) for number in found]
+        lengths = [1e-3 * float(number) for number in parts]
     except ValueError:
         lengths = []
     if len(lengths) != len(names.split(",")) * bool(names):

@@ -135,13 +135,13 @@ class Sphere:
         # (k u, 2 r (k - 1)) with k = 1 / (1 + u . u / 4 r^2), whose derivatives follow.
         k = 1 / (1 + (u * u).sum(-1) / (4 * r**2))
         by = -((k**2)[..., None]) * u / (2 * r**2)
-        one = np.eye(2)
+        unit = np.eye(2)
         two = (k**3 / (2 * r**4))[..., None, None] * (u[..., :, None] * u[..., None, :]) - (
             k**2 / (2 * r**2)
-        )[..., None, None] * one
-        flat = u[..., :, None] * by[..., None, :] + k[..., None, None] * one
+        )[..., None, None] * unit
+        flat = u[..., :, None] * by[..., None, :] + k[..., None, None] * unit
         third = u[..., :, None, None] * two[..., None, :, :] + (
-            one[:, :, None] * by[..., None, None, :] + one[:, None, :] * by[..., None, :, None]
+            unit[:, :, None] * by[..., None, None, :] + unit[:, None, :] * by[..., None, :, None]
         )
         drop = -k * (u * u).sum(-1) / (2 * r)
         return Jet(

@@ -111,8 +111,8 @@ def _on_triangle(corners: Floats, point: Floats) -> Floats:
 
 def _at(mesh: Mesh, parameters: Floats, place: Floats) -> Floats:
     """Parameters at a place on the mesh, by the plane map of the vertices round it."""
-    known = np.flatnonzero(np.isfinite(parameters).all(axis=1))
-    near = known[np.argsort(((mesh.vertices[known] - place) ** 2).sum(1))[:7]]
+    charted = np.flatnonzero(np.isfinite(parameters).all(axis=1))
+    near = charted[np.argsort(((mesh.vertices[charted] - place) ** 2).sum(1))[:7]]
     away = np.column_stack([mesh.vertices[near] - place, np.ones(len(near))])
     return np.asarray(np.linalg.lstsq(away, parameters[near], rcond=1e-6)[0][3])
 
@@ -149,16 +149,18 @@ def _geodesic(mesh: Mesh, start: int, tangent: Floats, wide: Floats) -> Floats:
     settled[start] = spreads[start] = True
     band = float(np.median(length))
     while (front := np.flatnonzero(spreads[ahead] & ~settled[behind])).size:
-        known, new = ahead[front], behind[front]
-        first, normal = tangents[known], normals[known]
+        source, new = ahead[front], behind[front]
+        first, normal = tangents[source], normals[source]
         second = np.cross(normal, first)
         flat = np.stack([(edge[front] * first).sum(1), (edge[front] * second).sum(1)], axis=1)
         flat *= (length[front] / np.maximum(np.linalg.norm(flat, axis=1), 1e-300))[:, None]
         weights = 1 / np.maximum(length[front], 1e-12)
-        told = np.column_stack([parameters[known] + flat, _carried(first, normal, normals[new])])
+        proposed = np.column_stack(
+            [parameters[source] + flat, _carried(first, normal, normals[new])]
+        )
         names, which = np.unique(new, return_inverse=True)
         total = np.bincount(which, weights)
-        sums = np.stack([np.bincount(which, weights * column) for column in told.T], 1)
+        sums = np.stack([np.bincount(which, weights * column) for column in proposed.T], 1)
         means = np.asarray(sums / total[:, None], dtype=np.float64)
         reach = np.linalg.norm(means[:, :2], axis=1)
         now = reach <= reach.min() + band

@@ -66,11 +66,11 @@ class Mesh:
                 f"{int((counts > 2).sum())} edges of the mesh have over two triangles, one near "
                 f"{self._place(edges[counts > 2][0])}; it must be one surface without inner walls"
             )
-        once, counts = np.unique(directed, axis=0, return_counts=True)
+        each, counts = np.unique(directed, axis=0, return_counts=True)
         if (counts > 1).any():
             raise ArgumentError(
                 f"triangles of the mesh are turned against their neighbours near "
-                f"{self._place(once[counts > 1][0])}; make its normals point outside everywhere"
+                f"{self._place(each[counts > 1][0])}; make its normals point outside everywhere"
             )
 
     @cached_property

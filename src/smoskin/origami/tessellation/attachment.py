@@ -51,7 +51,7 @@ def attach(surface: Surface, cell: MiuraCell, cells: tuple[int, int]) -> Attachm
     energy = Energy(surface, cell, cells)
     scale = float(size(cell).length)
     objective: Any = energy.value
-    found = minimize(
+    result = minimize(
         objective,
         np.concatenate([energy.lattice.ravel() / scale, np.zeros(4 * cells[0] * cells[1])]),
         args=(scale,),
@@ -59,8 +59,8 @@ def attach(surface: Surface, cell: MiuraCell, cells: tuple[int, int]) -> Attachm
         method="L-BFGS-B",
         options={"maxiter": _ITERATIONS, "ftol": 1e-8, "gtol": 1e-6},
     )
-    parameters, turns = energy.split(found.x, scale)
-    return Attachment(parameters, cell.fold_angle + turns, float(found.fun) / turns.size)
+    parameters, turns = energy.split(result.x, scale)
+    return Attachment(parameters, cell.fold_angle + turns, float(result.fun) / turns.size)
 
 
 def attached_sheet(

@@ -80,11 +80,11 @@ def validity(made: Tessellation, **more: Any) -> str:
 def refolding_error(made: Tessellation) -> float:
     """Root mean square by which the refolded pattern misses the sheet, m, moved on to it."""
     assert made.folding is not None
-    found = made.folding.steps[-1] - made.folding.steps[-1].mean(axis=0)
+    refolded = made.folding.steps[-1] - made.folding.steps[-1].mean(axis=0)
     aim = made.sheet.vertices - made.sheet.vertices.mean(axis=0)
-    left, _, right = np.linalg.svd(found.T @ aim)
+    left, _, right = np.linalg.svd(refolded.T @ aim)
     mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    off = found @ (left @ mirror @ right) - aim
+    off = refolded @ (left @ mirror @ right) - aim
     return float(np.sqrt((off**2).sum(axis=1).mean()))
 
 

@@ -23,8 +23,8 @@ from smoskin.origami.surface.surface import Surface, forms
 from smoskin.origami.tessellation.conditions import Net, angle_slopes, sector_angles, volumes
 from smoskin.origami.tessellation.hinges import Frame, fold_angles, fold_slopes
 
-Alarm = Callable[[str, float], object]
-"""What is told of the work and of the share that is done."""
+Listener = Callable[[str, float], object]
+"""Listener to the work: what is being done, and the share that is done."""
 
 _NEAR: Final = 1e-6
 """Residual of a step that counts as reached."""
@@ -120,7 +120,7 @@ def conditions(problem: Problem, layers: Floats) -> tuple[Floats, sparse.csr_arr
 
 
 def settle(
-    problem: Problem, start: Floats, *, deadline: float = np.inf, progress: Alarm | None = None
+    problem: Problem, start: Floats, *, deadline: float = np.inf, progress: Listener | None = None
 ) -> Solution:
     """The fairest sheet that meets the conditions, or how far the search came.
 

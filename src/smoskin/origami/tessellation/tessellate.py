@@ -27,7 +27,7 @@ from smoskin.origami.tessellation.hinges import (
     frame_of,
     rigid_modes,
 )
-from smoskin.origami.tessellation.solve import Alarm, Problem, Solution, places, settle
+from smoskin.origami.tessellation.solve import Listener, Problem, Solution, places, settle
 from smoskin.origami.tessellation.unfold import unfold
 from smoskin.origami.tessellation.validity import Candidate, Gate, Nominal, gates
 
@@ -69,7 +69,7 @@ class Tessellation:
     creases alone where the first is zero, and stiffly where it comes near the second."""
     folding: Folding | None
     """The way from flat to folded, by lengths and fold angles alone; None where it was not asked
-    for or the sheet could not be found."""
+    for or the sheet could not be judged."""
     advice: str
     """What would fit where a gate does not hold; empty otherwise."""
 
@@ -100,7 +100,7 @@ def tessellate(
     own_columns: bool = False,
     time_limit: float = 60.0,
     refold: bool = True,
-    progress: Alarm | None = None,
+    progress: Listener | None = None,
 ) -> Tessellation:
     """The sheet of ``cells = (N, M)`` cells round the middle of a surface, judged.
 
@@ -143,8 +143,8 @@ def tessellate(
         deadline=time.monotonic() + time_limit,
         progress=progress,
     )
-    found = _best(order)
-    return _reported(order, found, refold=refold)
+    judged = _best(order)
+    return _reported(order, judged, refold=refold)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -158,7 +158,7 @@ class _Order:
     column: float
     own_columns: bool
     deadline: float
-    progress: Alarm | None
+    progress: Listener | None
 
     def scaled(self, share: float) -> "_Order":
         """The same of a sheet so many times as large in all its parts."""
@@ -173,7 +173,7 @@ class _Order:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Found:
+class _Judged:
     """A sheet with its gates and its flat pattern."""
 
     candidate: Candidate
@@ -189,21 +189,21 @@ class _Found:
         return [gate for gate in self.measures if not gate.holds]
 
 
-def _best(order: _Order) -> _Found:
+def _best(order: _Order) -> _Judged:
     """The sheet with the fewest gates that fail, of those that are tried."""
     radius, one_way = _survey(order.surface, order.cell, order.cells)
     start = _start(order, radius, one_way=one_way)
     if not order.surface.holds(start[:, :2]).all():
         raise ArgumentError("the surface must reach under the whole sheet; take fewer cells")
-    tried: list[_Found] = []
+    tried: list[_Judged] = []
     for foldable in (True,) if order.own_columns else (True, False) if one_way else (False,):
-        tried.append(_found(order, start, foldable=foldable))
+        tried.append(_judge(order, start, foldable=foldable))
         if not tried[-1].failed or time.monotonic() > order.deadline:
             break
-    return min(tried, key=lambda found: len(found.failed))
+    return min(tried, key=lambda judged: len(judged.failed))
 
 
-def _found(order: _Order, start: Floats, *, foldable: bool) -> _Found:
+def _judge(order: _Order, start: Floats, *, foldable: bool) -> _Judged:
     """The sheet that the search ends at, judged."""
     regular = build_sheet(order.cell, order.cells)
     shape = (2 * order.cells[0] + 1, 2 * order.cells[1] + 1)
@@ -231,7 +231,7 @@ def _found(order: _Order, start: Floats, *, foldable: bool) -> _Found:
         closure=closure,
         flat_foldable=foldable,
     )
-    return _Found(
+    return _Judged(
         candidate=candidate,
         measures=gates(candidate, _nominal(order)),
         pattern=pattern,
@@ -241,7 +241,7 @@ def _found(order: _Order, start: Floats, *, foldable: bool) -> _Found:
 
 
 def _nominal(order: _Order) -> Nominal:
-    """What the planar cell says that a sheet should be."""
+    """Measures of a sheet by the planar cell."""
     length, width, height = (float(extent) for extent in size(order.cell))
     return Nominal(
         area=order.cells[0] * length * order.cells[1] * width,
@@ -294,36 +294,36 @@ def _start(order: _Order, radius: float, *, one_way: bool) -> Floats:
     return np.column_stack([parameters.reshape(-1, 2), heights.ravel()])
 
 
-def _reported(order: _Order, found: _Found, *, refold: bool) -> Tessellation:
+def _reported(order: _Order, judged: _Judged, *, refold: bool) -> Tessellation:
     """The sheet with how it folds, and advice where a gate does not hold."""
-    candidate, regular = found.candidate, found.regular
+    candidate, regular = judged.candidate, judged.regular
     angles = fold_angles(candidate.vertices, candidate.frame.creases)
     values, _ = rigid_modes(candidate.vertices, regular.facets)
-    refold = refold and found.solution.reached == 1.0
+    refold = refold and judged.solution.reached == 1.0
     at = forms(candidate.surface, candidate.layers[regular.columns.ravel(), :2])
     return Tessellation(
         sheet=replace(regular, vertices=candidate.vertices),
         normals=at.normals.reshape(*regular.columns.shape, 3),
-        pattern=found.pattern,
+        pattern=judged.pattern,
         angles=angles,
         layers=candidate.layers,
         flat_foldable=candidate.flat_foldable,
-        gates=found.measures,
+        gates=judged.measures,
         rigidity=(float(values[0]), float(values[1])),
-        folding=fold(found.pattern, candidate.frame, angles) if refold else None,
-        advice=f"{_reason(found)}; {_what_fits(order)}" if found.failed else "",
+        folding=fold(judged.pattern, candidate.frame, angles) if refold else None,
+        advice=f"{_reason(judged)}; {_what_fits(order)}" if judged.failed else "",
     )
 
 
-def _reason(found: _Found) -> str:
+def _reason(judged: _Judged) -> str:
     """Place and reason of a failure."""
-    if found.solution.reached < 1.0:
-        return f"the search came {100 * found.solution.reached:.0f} % of the way to the surface"
-    sectors = [gate for gate in found.failed if "sector_angle" in gate.name]
-    worst = (sectors or found.failed)[0]
+    if judged.solution.reached < 1.0:
+        return f"the search came {100 * judged.solution.reached:.0f} % of the way to the surface"
+    sectors = [gate for gate in judged.failed if "sector_angle" in gate.name]
+    worst = (sectors or judged.failed)[0]
     reason = f"{worst.name} is {worst.value:.3g} {worst.unit}, its limit {worst.limit:.3g}"
     if worst in sectors and worst.where is not None:
-        place = found.candidate.vertices[found.candidate.net.corners.at[worst.where]]
+        place = judged.candidate.vertices[judged.candidate.net.corners.at[worst.where]]
         reason += f", at ({', '.join(f'{1e3 * v:.0f}' for v in place)}) mm"
     return reason
 

@@ -57,8 +57,8 @@ def _turned(flat: Floats, towards: Floats) -> Floats:
     """Places turned about (0, 0) as near as can be to others."""
     cosine = float((flat * towards).sum())
     sine = float((flat[:, 0] * towards[:, 1] - flat[:, 1] * towards[:, 0]).sum())
-    turn = np.array([[cosine, sine], [-sine, cosine]]) / max(np.hypot(cosine, sine), 1e-300)
-    return np.asarray(flat @ turn)
+    rotation = np.array([[cosine, sine], [-sine, cosine]]) / max(np.hypot(cosine, sine), 1e-300)
+    return np.asarray(flat @ rotation)
 
 
 def lengths_of(facets: Ints) -> Ints:

@@ -73,7 +73,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Nominal:
-    """What the planar cell says that a sheet should be."""
+    """Measures of a sheet by the planar cell."""
 
     area: float
     """m^2: part of the surface to be covered."""
