@@ -29,6 +29,7 @@ def posed(cell, surface, radius, *, foldable=True, pull=3e3):
         bottom=heights.ravel() == 0,
         scale=float(size(cell).length),
         flat_foldable=foldable,
+        sharpest=np.radians(110),
         pull=pull,
     )
     return problem, start

@@ -44,8 +44,6 @@ _DEPTH: Final = 10.0
 """Weight of heights against that of ways along the surface."""
 _BOUNDS: Final = (np.radians(27), np.radians(153))
 """Sector angles that are free; those beyond are pulled back."""
-_SHARPEST: Final = np.radians(110)
-"""Fold angle that is free; beyond it creases take too much of the panels."""
 _BOUND: Final = 30.0
 """Weight of an angle's excess, 1/rad^2."""
 _SOFT: Final = 1e-8
@@ -70,6 +68,8 @@ class Problem:
     """m: the length of a cell."""
     flat_foldable: bool
     """Whether opposite sector angles must sum to pi."""
+    sharpest: float
+    """Fold angle that is free, rad; creases beyond take too much of the panels."""
     pull: float
     """Weight of a bottom vertex's height against that of other motions, where it is free; the
     vertices lie on the surface itself where the sheet need not fold flat."""
@@ -230,12 +230,12 @@ class _Search:
 
     def _excess(self, layers: Floats) -> tuple[Floats, sparse.csr_array]:
         """Excess of sector and fold angles over their bounds, and its derivatives."""
-        net, scale = self._problem.net, self._problem.scale
+        net, scale, limit = self._problem.net, self._problem.scale, self._problem.sharpest
         vertices, by_layers = place_slopes(self._problem.surface, layers)
         angles = sector_angles(net, vertices)
         folds = fold_angles(vertices, self._problem.frame.creases)
         values = np.concatenate(
-            [angles - np.clip(angles, *_BOUNDS), folds - np.clip(folds, -_SHARPEST, _SHARPEST)]
+            [angles - np.clip(angles, *_BOUNDS), folds - np.clip(folds, -limit, limit)]
         )
         slopes = sparse.vstack(
             [angle_slopes(net, vertices), fold_slopes(vertices, self._problem.frame.creases)]

@@ -29,7 +29,7 @@ from smoskin.origami.tessellation.hinges import (
 )
 from smoskin.origami.tessellation.solve import Listener, Problem, Solution, places, settle
 from smoskin.origami.tessellation.unfold import unfold
-from smoskin.origami.tessellation.validity import Candidate, Gate, Nominal, gates
+from smoskin.origami.tessellation.validity import GAP, Candidate, Gate, Nominal, gates
 
 _TIGHTEST: Final = 0.8
 """Largest product of a curvature and a cell's width that a cell can follow."""
@@ -40,6 +40,10 @@ _PULL: Final = 3e3
 """Weight of bottom vertices' heights where all columns are equal."""
 _PULL_OF_OWN: Final = 10.0
 """The same where every column has its own height."""
+_SHARPEST: Final = np.radians(110)
+"""Fold angle that is free however thin the plates are."""
+_SPARE: Final = 0.7
+"""Share of the room for a crease's gap that is free, as panels grow slimmer on the surface."""
 _SMALLER: Final = (0.8, 0.6, 0.4)
 """Sizes that are tried, over the one asked for, where this does not fit."""
 FREE: Final = 1e-6
@@ -215,6 +219,7 @@ def _judge(order: _Order, start: Floats, *, foldable: bool) -> _Judged:
         bottom=(np.indices(shape)[1] % 2 == 0).ravel(),
         scale=float(size(order.cell).length),
         flat_foldable=foldable,
+        sharpest=_sharpest(order),
         pull=_PULL_OF_OWN if order.own_columns else _PULL,
     )
     solution = settle(problem, start, deadline=order.deadline, progress=order.progress)
@@ -238,6 +243,14 @@ def _judge(order: _Order, start: Floats, *, foldable: bool) -> _Judged:
         solution=solution,
         regular=regular,
     )
+
+
+def _sharpest(order: _Order) -> float:
+    """Fold angle whose gap leaves the planar cell's panels room enough, rad."""
+    cell = order.cell
+    height = min(cell.panel_a, cell.panel_b) * np.sin(cell.sector_angle)
+    room = _SPARE * GAP * height / (2 * order.plate)
+    return float(min(_SHARPEST, 2 * np.arctan(room)))
 
 
 def _nominal(order: _Order) -> Nominal:
