@@ -31,6 +31,7 @@ TIERS: Final[tuple[Tier, ...]] = ("mirror", "importers", "default")
 _SOURCES: Final = "src/smoskin"
 _LEFT_OUT: Final = (".git", ".venv", "__pycache__", ".*_cache", "*.egg-info", "node_modules")
 _SUMMARY: Final = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", re.M)
+_ENDLESS: Final = "the tests do not end"
 _MOST_UNSOUND: Final = 20
 """Tests that may fail on the sound code before the copy itself must be wrong."""
 
@@ -47,7 +48,7 @@ class Judgement:
     tier: Tier
     """How far the tests had to go."""
     by: str
-    """The test that noticed it; empty where none did."""
+    """The test that noticed it, or how else it shows; empty where it does not."""
 
     @property
     def text(self) -> str:
@@ -110,7 +111,10 @@ class Bench:
         ]:
             code, output = self._pytest(tests)
             if code is None:
-                return "timed out", ""
+                # Tests that end on the sound code alone: whoever runs them notices.
+                self._write(path, source)
+                sound, _ = self._pytest(tests)
+                return ("timed out", "") if sound is None else ("killed", _ENDLESS)
             if code in (0, 5):  # passed, or nothing to run
                 break
             failed = _SUMMARY.findall(output)

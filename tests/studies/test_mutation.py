@@ -190,6 +190,13 @@ def test_tests_that_do_not_end_are_ended(project):
     assert time.monotonic() - start < 30
 
 
+def test_a_fault_that_lets_tests_run_for_ever_is_killed(project):
+    waits = TEST.replace("assert half(4.0) == 2.0", "while half(4.0) != 2.0:\n        pass")
+    (project / "tests/room/test_half.py").write_text(waits, encoding="utf-8")
+    (judgement,) = judge_all(project, [wanted("arithmetic", 8)], deadline=3.0)
+    assert (judgement.outcome, judgement.by) == ("killed", "the tests do not end")
+
+
 def test_only_the_package_has_faults(project):
     with pytest.raises(ArgumentError, match=r"below src/smoskin; got a\.py"):
         judge_all(project, faults_in("a.py", "y = 1"))

@@ -305,3 +305,12 @@ def test_a_whole_table_comes_back_from_its_file(tmp_path):
     bare = replace(table, modes=table.modes[:0], grip_modes=table.grip_modes[:0])
     bare.save(tmp_path / "b")
     assert len(load_response_table(tmp_path / "b").modes) == 0
+
+
+@pytest.mark.parametrize(("share", "known"), [(0.049, True), (0.051, False)])
+def test_a_table_is_one_skins_where_modes_leave_5_percent_of_a_press_open(share, known):
+    table = random_table(modes=1)
+    assert replace(table, modes=share * table.mean[None]).calibrated is known
+    by_drags = table.basis.exponents[:, :2].any(axis=1)[:, None]
+    drags = np.where(by_drags, table.mean, share * table.mean)[None]
+    assert replace(table, modes=drags).calibrated is known
