@@ -68,6 +68,12 @@ _SYMMETRIC: Final = {"add", "multiply", "minimum", "maximum", "min", "max", "hyp
 """Functions whose arguments may be exchanged."""
 _HARMLESS: Final = {"strict", "help", "encoding", "exist_ok", "dtype", "out", "optimize", "name"}
 """Keyword arguments that guard or explain and change no result."""
+_LOOKS: Final = {
+    *("anchor", "color", "flat_shading", "font_screen_scale", "intensity", "legend", "padding"),
+    *("point_shape", "point_size", "thickness"),
+    *("brand_color", "ground_color", "sky_color", "show_logo", "show_share_button"),
+}
+"""Keyword arguments of what is drawn: no number depends on them, eyes judge them on pictures."""
 _MESSAGES: Final = (ast.Raise, ast.JoinedStr, ast.Assert)
 _ANNOTATIONS: Final = ("annotation", "returns", "decorator_list", "bases", "type_params")
 
@@ -216,12 +222,24 @@ def _is_harmless(node: ast.AST, messages: bool) -> bool:
     if isinstance(node, _MESSAGES) and not messages:
         return not (isinstance(node, ast.Raise) and "Exit" in ast.unparse(node))
     if isinstance(node, ast.keyword):
-        return node.arg in _HARMLESS
+        return node.arg in _HARMLESS | _LOOKS
     if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
         return True
     if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__":
         return True
+    if isinstance(node, ast.AnnAssign) and node.value is not None and _is_color(node.value):
+        return True
     return _is_docstring(node)
+
+
+def _is_color(node: ast.expr) -> bool:
+    """Whether a constant is a colour: three whole numbers of 8 bits, which eyes judge."""
+    numbers = ast.literal_eval(node) if isinstance(node, ast.Tuple) and _is_plain(node) else ()
+    return len(numbers) == 3 and all(type(n) is int and 0 <= n < 256 for n in numbers)
+
+
+def _is_plain(node: ast.Tuple) -> bool:
+    return all(isinstance(part, ast.Constant) for part in node.elts)
 
 
 def _is_docstring(node: ast.AST) -> bool:
@@ -325,7 +343,7 @@ def _calls(node: ast.Call) -> Iterator[tuple[str, ast.expr]]:
     for k, keyword in enumerate(node.keywords):
         before, after = node.keywords[:k], node.keywords[k + 1 :]
         # All arguments of a record are needed: without one it cannot be made.
-        if keyword.arg and keyword.arg not in _HARMLESS and not name[:1].isupper():
+        if keyword.arg and keyword.arg not in _HARMLESS | _LOOKS and not name[:1].isupper():
             yield "argument", _with(node, keywords=[*before, *after])
         if keyword.arg == "axis" and isinstance(keyword.value, ast.Constant | ast.UnaryOp):
             value = ast.unparse(keyword.value)

@@ -21,6 +21,7 @@ def half(value: float, least: float = 0.0) -> float:
         raise ValueError(f"value must be at least {least + 1}")
     return max(value, least) / 2
 '''
+NOT_COLORS = ("(9, 3.0)", "(7, 3.0)", "(8, 6.0)", "(8, 1.5)")
 TEST = """from smoskin.room.half import half
 
 
@@ -65,6 +66,7 @@ def changes(source: str, **options) -> dict[str, set[str]]:
         ("y = a if c else b", "condition", {"y = a", "y = b", "y = (a if not c else b)"}),
         ("raise typer.Exit(1)", "exit", {"raise typer.Exit(0)"}),
         ("raise typer.Exit(1)", "constant", {"raise typer.Exit(0)", "raise typer.Exit(2)"}),
+        ("y: Final = (8, 3.0)", "constant", {f"y: Final = {x}" for x in NOT_COLORS}),
         ("def f(a=3): pass", "constant", {"def f(a=4): pass", "def f(a=2): pass"}),
     ],
 )
@@ -85,6 +87,8 @@ def test_every_kind_changes_its_place(source, kind, expected):
         "y = zip(strict=True)",
         "y = Record(a=b)",
         "y = maximum(a, b)",
+        "y: Final = (213, 94, 0)",
+        "y = add_line(thickness=0.1)",
     ],
 )
 def test_places_that_cannot_matter_are_left_alone(source):

@@ -286,15 +286,14 @@ def _check_loads(model: PressModel) -> None:
     """Enough loads of each kind, counted."""
     press = -model.touches.force[:, 2]
     shear = np.abs(model.touches.force[:, :2])
-    pressed = model.touched & (press > 0)
-    straight = pressed & (shear.max(axis=1) <= _STRAIGHT * press)
+    straight = model.touched & (shear.max(axis=1) <= _STRAIGHT * press)
     needs = [("stiffness_variation", straight, "straight presses")]
     for layer in range(len(model.design.coefficients.folding_correction_x)):
         for axis, name in enumerate("xy"):
             mainly = (shear[:, axis] > shear[:, 1 - axis]) & (shear[:, axis] >= _SHEARED * press)
             number = f"folding_correction_{name} of layer {layer + 1} (from the rim inwards)"
             what = f"loads with a drag in {name.upper()} on its cells"
-            needs.append((number, pressed & mainly & (model.layer == layer), what))
+            needs.append((number, model.touched & mainly & (model.layer == layer), what))
     for site, read in zip(model.design.halls, model.read.T, strict=False):
         needs.append((f"field_factor of chip {site.name}", read, "readings"))
     for number, loads, what in needs:
@@ -352,7 +351,7 @@ def _prior(model: PressModel) -> Floats:
 def _start(model: PressModel, nominal: Calibration, sigma: Floats) -> Floats:
     """Numbers to start from: the v_a of least residual, each with the v_s that fits the presses."""
     press = -model.touches.force[:, 2]
-    straight = model.touched & (model.depth > 0) & (press > 0)
+    straight = model.touched & (model.depth > 0)
     straight &= np.abs(model.touches.force[:, :2]).max(axis=1) <= _STRAIGHT * press
     problem = _Problem(model, sigma)
     candidates = []
