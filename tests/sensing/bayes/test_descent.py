@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from smoskin.sensing.bayes.posterior import TouchProblem
 from smoskin.sensing.bayes.priors import TouchPriors
 from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.signals.signals import signal_noise
@@ -50,3 +51,45 @@ def test_a_step_moves_a_place_by_3_cm_and_a_force_by_a_factor_of_e_at_most(solve
         other = problem.descend(signals, start, steps=steps + 1).unknowns
         assert np.abs(other - one)[:2].max() <= 0.03 + 1e-12
         assert abs(other - one)[4] <= 1.0 + 1e-12
+
+
+class Bent:
+    """A problem of a straight touch whose signals bend so that whole steps lead uphill."""
+
+    touch = np.array([0.05, 0.07, -0.9])
+    mix = np.random.default_rng(5).normal(size=(3, 9)) / [[0.01], [0.01], [0.3]]
+
+    def __init__(self, table, noise, slope=1.0):
+        self.asked, self._slope = 0, slope
+        priors = TouchPriors(drag_spread=0.0)
+        self._problem = TouchProblem(self, 1, table, noise, 1e-12 * np.eye(9), priors)
+
+    def __call__(self, at):
+        self.asked += 1
+        bent = (at - self.touch) @ self.mix
+        return 1e-4 * np.arctan(bent), self._slope * 1e-4 * self.mix / (1 + bent**2)
+
+    def cost(self, start, steps=15):
+        signals, _ = self(self.touch)
+        self.asked = 0
+        return self._problem.descend(signals, np.array(start), steps=steps).cost
+
+
+@pytest.mark.parametrize(
+    ("start", "costs"),
+    [
+        ((0.06, 0.05, -1.5), [6895.76, 5980.51, *[6419.157] * 3, 1429.741, 339.288, 6.51676]),
+        ((0.07, 0.09, -2.0), [7082.94, 6666.93, *[6487.395] * 3, 1949.464, 236.909, 0.33116]),
+    ],
+)
+def test_signals_that_bend_are_followed_in_the_same_steps_as_ever(table, skin, start, costs):
+    bent = Bent(table, signal_noise(skin))
+    taken = [bent.cost(start, steps) for steps in range(1, 9)]
+    np.testing.assert_allclose(taken, costs, rtol=2e-5)
+
+
+def test_a_descent_that_finds_no_way_down_ends_after_ten_tries(table, skin):
+    bent = Bent(table, signal_noise(skin), slope=-1.0)
+    start = (0.06, 0.05, -1.5)
+    assert bent.cost(start) == bent.cost(start, steps=1)
+    assert bent.cost(start) and bent.asked == 1 + 10
