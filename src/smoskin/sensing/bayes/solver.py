@@ -127,15 +127,14 @@ class TouchSolver:
         if len(begun) > followed > 1:
             brief = [problem.descend(signals, one, standing, _BRIEF) for one in begun]
             begun = [one.unknowns for one in sorted(brief, key=lambda one: one.cost)]
-        best: Descent | None = None
-        for tried, one in enumerate(begun):
-            if best and tried >= followed and 2 * best.cost < good * len(signals):
+        tried: list[Descent] = []
+        for one in begun:
+            if len(tried) >= followed and 2 * tried[0].cost < good * len(signals):
                 break
-            found = problem.descend(signals, one, standing)
-            if best is None or found.cost < best.cost:
-                best = found
-        if best is not None and (standing is None or 2 * best.cost < fits):
-            return problem.posterior(best, standing)
+            tried.append(problem.descend(signals, one, standing))
+            tried.sort(key=lambda found: found.cost)
+        if tried and (standing is None or 2 * tried[0].cost < fits):
+            return problem.posterior(tried[0], standing)
         if standing is not None:
             return self._solve(touches, problem, starts, signals, None, None, 0.0)
         # Nothing that presses explains them; an answer is given all the same.

@@ -184,8 +184,8 @@ class ChipGuard:
         """Whether a chip repeats its field to the bit while the others' fields move."""
         frozen, last, since = False, self._last, self._since
         for k in range(len(since)):
-            x, beyond = 3 * k, 3 * k + 3
-            if not last or values[x] != last[x] or values[x:beyond] != last[x:beyond]:
+            own = slice(3 * k, 3 * k + 3)
+            if values[own] != last[own]:
                 since[k], self._then[k] = 0, values
                 continue
             since[k] += 1
