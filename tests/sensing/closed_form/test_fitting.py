@@ -210,6 +210,21 @@ def test_a_load_counts_for_what_it_acts_on(planar, row, force, missed):
             fitting._check_loads(model)
 
 
+@pytest.mark.parametrize(("attenuation", "odd"), [(0.12, 1.0), (0.3, 1.05), (0.7, 1.0)])
+def test_a_fit_starts_from_what_most_presses_say(planar, attenuation, odd):
+    """Nobody knows how stiff the rubber is; one of nine presses is odd."""
+    model = PressModel(planar, table(planar, LOADS[:9], read=False), 1)
+    nominal = Calibration.nominal(planar)
+    numbers = model.start(nominal)
+    numbers[model.layout.attenuation] = attenuation
+    press = 1.7 * model.press_stiffness(numbers) * 2e-4 * np.where(np.arange(9) == 3, odd, 1.0)
+    made = table(planar, np.multiply.outer(press, [0.0, 0.0, -1.0]), read=False)
+    given = PressModel(planar, made, 1)
+    start = fitting._start(given, nominal, fitting._sigmas(given, np.full(3, 0.02), 0.0))
+    assert start[model.layout.attenuation] == attenuation
+    assert np.exp(start[model.layout.stiffness_variation]) == pytest.approx(1.7)
+
+
 def test_straight_presses_are_counted(planar):
     loads = [(0.0, 0.026, -0.5)] * 7 + LOADS[7:]
     with pytest.raises(

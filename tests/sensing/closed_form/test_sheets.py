@@ -7,6 +7,7 @@ from smoskin.mechanics.sheet.touches import vertex_shares
 from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.closed_form.confidence import motion_noise
+from smoskin.sensing.closed_form.location import decide
 from smoskin.sensing.closed_form.measured import MeasuredSheet
 from smoskin.sensing.closed_form.sheets import IdealSheet
 from tables import ideal_answers, solve_all
@@ -100,3 +101,20 @@ def test_the_ideal_misfit_is_what_lies_across_the_press(planar):
         along = (press @ motion[read]) ** 2 / (press @ press)
         assert found.misfit == pytest.approx(1 - along / (motion @ motion), abs=1e-9)
         assert (found.misfit > 1e-3) == (noise > 0)
+
+
+def test_motions_that_no_cell_makes_along_one_axis_are_no_touch(planar):
+    """A press turns all magnets away from it: along one axis these read as a press, not both."""
+    ways, answers = sheets(planar)
+    press = answers.motions[..., 0]
+    rng, sheet = np.random.default_rng(5), ways["ideal"]
+    nobodys = {(False, True): 0, (True, False): 0}
+    for n, m in rng.integers(0, 6, (200, 2)):
+        motion = press[n, m].copy()
+        axis = int(rng.integers(2))
+        motion[[3 + axis, 6 + axis]] = rng.normal(size=2) * np.abs(motion).max()
+        cell = decide(sheet._rule, (motion @ sheet._readout)[:4].reshape(2, 2))
+        if (cell < 0).any():
+            nobodys[tuple((cell < 0).tolist())] += 1
+            assert sheet.solve(motion) is None
+    assert min(nobodys.values()) > 5

@@ -358,6 +358,16 @@ def test_what_is_no_model_file_is_refused(tmp_path):
         load_model(path)
 
 
+def test_a_model_of_no_examples_or_outputs_is_refused():
+    good = model()
+    none = {"support": good.support[:0], "weights": good.weights[:0]}
+    with pytest.raises(ModelError, match="must have examples and outputs"):
+        replace(good, **none)
+    outputs = {"weights": good.weights[:, :0], "slope": good.slope[:, :0], "outputs": ()}
+    with pytest.raises(ModelError, match="must have examples and outputs"):
+        replace(good, **outputs, intercept=good.intercept[:0], residual=good.residual[:0, :0])
+
+
 def test_wrong_use_is_refused():
     estimator = LearnedEstimator(model(), ZERO)
     four = Reading(time=0.0, field=np.zeros((4, 3)))

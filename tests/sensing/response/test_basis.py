@@ -140,3 +140,11 @@ def test_what_is_no_batch_of_touches_is_refused():
             BASIS.rows(*wrong)
     with pytest.raises(ArgumentError, match="force must have shape"):
         BASIS.rows(place, place)
+
+
+@pytest.mark.parametrize("shapes", [((2, 1, 2), (2, 3)), ((2, 2), (3, 3)), ((2, 2), (2, 1, 3))])
+def test_touches_are_rows_of_places_and_as_many_of_forces(shapes):
+    with pytest.raises(ArgumentError, match=r"must have shapes \(B, 2\) and \(B, 3\)"):
+        TouchBasis(extent=(0.06, 0.05), lines_x=(0.0, 0.06), lines_y=(0.02,)).rows(
+            *map(np.zeros, shapes)
+        )
