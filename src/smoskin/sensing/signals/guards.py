@@ -163,8 +163,8 @@ class ChipGuard:
                 low = degrees
             if degrees > high:
                 high = degrees
-        known = low <= high
-        if known and not (least < low and high < most and high - low < _APART):
+        # Chips that tell no temperature are as warm as each other, and within every limit.
+        if not (least < low and high < most and high - low < _APART):
             return Status.CHIP_MISSING
         return None
 

@@ -126,8 +126,9 @@ class Signals:
         self._precision = np.linalg.inv(signal_noise(design))
         self._given = zeroed
         self._tracking, self._idle = tracking or ZeroTracking(), idle
-        self._settling = None if creep is None or not len(creep.times) else Settling(creep)
-        self._bend = None if self._settling is None else Bend(field_curvature(design))
+        self._undone: tuple[Settling, Bend] | None = None
+        if creep is not None and len(creep.times):
+            self._undone = Settling(creep), Bend(field_curvature(design))
         self.reset()
 
     @property
@@ -227,8 +228,8 @@ class Signals:
         self._zero.rest()
         self._guard.forget()
         self._settled_time = math.inf
-        if self._settling is not None:
-            self._settling.reset()
+        if self._undone is not None:
+            self._undone[0].reset()
 
     def _offsets(self, readings: Sequence[Reading]) -> Floats:
         """Fields of the good ones of these readings less the design's, (N, S, 3), T."""
@@ -253,13 +254,13 @@ class Signals:
 
     def _settled(self, time: float, raised: Floats) -> Floats:
         """Signals with creep undone."""
-        if self._settling is None or self._bend is None:
+        if self._undone is None:
             return raised
+        settling, bend = self._undone
         elapsed = max(time - self._settled_time, 0.0)
         self._settled_time = time
         # Motions creep, and fields are not linear in them.
-        straight = self._bend.straightened(raised)
-        return self._bend.bent(self._settling.step(elapsed, straight))
+        return bend.bent(settling.step(elapsed, bend.straightened(raised)))
 
     def _refused(self, status: Status) -> Signal:
         return Signal(np.full_like(self.rest_field, np.nan), self._thermometer.rubber, status)
