@@ -214,6 +214,8 @@ def test_wrong_examples_are_refused():
         replace(examples, group=np.zeros(81))
     with pytest.raises(ArgumentError, match="field and time must be finite"):
         replace(examples, field=np.full((81, 3, 3), np.nan))
+    with pytest.raises(ArgumentError, match="field and time must be finite"):
+        replace(examples, time=np.append(examples.time[:-1], np.inf))
     with pytest.raises(ArgumentError, match=r"field must have the chips \(7,\); got 3 chips"):
         train_model(examples, Encoding(chips=(7,)))
     with pytest.raises(ArgumentError, match="rows must be at least 1; got 0"):

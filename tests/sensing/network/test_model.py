@@ -13,6 +13,7 @@ from networks import random_network, tiny_network
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.mechanics.viscoelasticity import ELASTIC
 from smoskin.records import Contact, Reading, Status
+from smoskin.sensing.learned.gaussian_process import Prediction
 from smoskin.sensing.learned.inputs import direction_and_strength
 from smoskin.sensing.network.estimator import NetworkEstimator
 from smoskin.sensing.network.model import Ensemble, Layer, load_network
@@ -218,6 +219,14 @@ def test_readings_are_believed_up_to_a_novelty_of_one(skin, monkeypatch):
         estimate = estimator.step(reading)
         assert estimate.status is status
         assert len(estimate.contacts) == (status is Status.CONTACT)
+
+
+def test_numbers_that_are_none_are_no_answer(skin, monkeypatch):
+    estimator = zeroed(skin, tiny_network(skin))
+    answer = Prediction(np.full((1, 5), np.nan), np.eye(5)[None], np.zeros(1))
+    monkeypatch.setattr(Ensemble, "predict", lambda self, *given: answer)
+    reading = ReducedTwin(skin, seed=None).read([TOUCH])
+    assert estimator.step(reading).status is Status.OUT_OF_RANGE
 
 
 def test_signals_unlike_those_of_training_are_not_believed(skin):

@@ -149,6 +149,11 @@ def test_a_killed_training_goes_on_to_the_same_numbers(skin, tmp_path):
     checkpoint, curve = tmp_path / "checkpoint", tmp_path / "curve.jsonl"
     with pytest.raises(Killed):
         train_network(
+            skin, reduced_table(skin), effort=SHORT, checkpoint=checkpoint, progress=killer(0)
+        )
+    assert not checkpoint.exists()
+    with pytest.raises(Killed):
+        train_network(
             skin,
             reduced_table(skin),
             effort=SHORT,

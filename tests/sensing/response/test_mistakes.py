@@ -349,6 +349,10 @@ def test_a_chip_that_fits_three_times_worse_than_the_others_is_told(known, size,
     np.testing.assert_allclose(np.abs(judged.residual), 1.5 * np.tile(factor, (24, 1)))
     sentence = f"chip 2 fits {size:.1f} times worse than the others"
     assert (sentence in judged.warnings) is told
+    everything, known.meant = known.residual, touches(count=4)
+    known.residual = everything[:4]  # too few to tell a chip from a touch
+    assert sentence not in judge_touches(TABLE, known.meant, NOISE).warnings
+    known.meant, known.residual = touches(), everything
     # What is within the noise is no chip's fault.
     known.residual = known.residual * 0.9 / (1.5 * size) * 3
     assert judge_touches(TABLE, known.meant, NOISE).warnings == ()
