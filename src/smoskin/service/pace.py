@@ -1,5 +1,6 @@
 """The pace of a source: decides when its next reading is due, and that closing ends a wait."""
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -68,10 +69,10 @@ class Pace:
 
 
 def require_between(
-    name: str, value: float, least: float, most: float, *, unless: float = 0.0
+    name: str, value: float, least: float, most: float, *, unless: float = math.nan
 ) -> None:
     """Raise `ArgumentError` for what is no number between these two, nor that other one."""
     number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-    if not (number and (least <= value <= most or (unless and value == unless))):
-        other = f" or {unless:g}" if unless else ""
+    if not (number and (least <= value <= most or value == unless)):
+        other = "" if math.isnan(unless) else f" or {unless:g}"
         raise ArgumentError(f"{name} must be from {least:g} to {most:g}{other}; got {value!r}")

@@ -1,5 +1,6 @@
 """The live page as a sink: what it refuses, that it never waits, and how it ends."""
 
+import asyncio
 import socket
 import threading
 import time
@@ -12,12 +13,13 @@ import pytest
 
 from pages import NOTHING, PLANAR, SHEET, TOUCH, assert_gone, reading
 from smoskin.errors import ArgumentError, SmoskinError
-from smoskin.records import Reading
+from smoskin.records import Contact, Reading
 from smoskin.roles import Source
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst
 from smoskin.service.loop import Loop
 from smoskin.service.page import view as views
+from smoskin.service.page.markers import UNITS
 from smoskin.service.page.view import View
 
 
@@ -179,6 +181,39 @@ def test_what_people_ask_for_is_called_back_in_their_words() -> None:
             assert next_label in view._panel.actions.options
         view._do("Stop recording")
         assert "Record" in view._panel.actions.options
+
+
+def test_the_right_button_sets_a_finger_that_stays_until_it_is_pressed_again() -> None:
+    seen: list[tuple[Contact, ...]] = []
+
+    def right(view: View, phase: str, place: tuple[float, float]) -> tuple[Contact, ...]:
+        """What is pressed once a pointer has come straight over a place of the sheet."""
+        under = np.array([*place, 0.0]) * UNITS
+        camera = SimpleNamespace(position=under + [0.0, 0.0, 50.0])
+        event = SimpleNamespace(
+            phase=phase, client=SimpleNamespace(camera=camera), end_position=under
+        )
+        asyncio.run(view._set_finger(event))
+        time.sleep(0.15)
+        return seen[-1]
+
+    with View(PLANAR, on_press=seen.append) as view:
+        for phase, place in (("start", (0.05, 0.07)), ("update", (0.06, 0.1)), ("end", (0.06, 0.1))):
+            (contact,) = right(view, phase, place)
+            np.testing.assert_allclose(contact.position, (0.05, 0.07), atol=1e-6)
+        assert right(view, "start", (0.06, 0.1)) == ()
+        assert right(view, "end", (0.06, 0.1)) == ()
+    assert len(seen) == 2
+
+
+def test_a_recording_may_stand_before_its_first_reading() -> None:
+    player = SimpleNamespace(
+        recording=SimpleNamespace(duration=1.0), speed=1.0, paused=True, ended=False, goal=None,
+        position=0.0,
+    )  # fmt: skip
+    with View(PLANAR, player=player) as view:
+        time.sleep(0.15)
+        assert view._failure is None
 
 
 def test_words_may_be_announced_in_place_of_a_status() -> None:
