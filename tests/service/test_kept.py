@@ -54,10 +54,11 @@ def test_touches_are_kept_under_names_that_are_free(tmp_path):
     for x in (0.03, 0.04):
         rig.press(contact(x))
     (tmp_path / "own.touches2.mcap").touch()
+    (tmp_path / "own.touches4.csv").touch()
     names = []
     for _ in range(3):
         names.append(rig.keep(tmp_path / "own.table").removeprefix("the touches are kept: "))
-    stems = [tmp_path / f"own.touches{number}" for number in ("", "3", "4")]
+    stems = [tmp_path / f"own.touches{number}" for number in ("", "3", "5")]
     assert names == [f"--sheet {stem}.csv --recording {stem}.mcap" for stem in stems]
     recording = open_recording(f"{stems[0]}.mcap")
     assert [reading.time for reading in recording.readings()] == [0, 1, 2, 3, 10, 11, 12, 13]

@@ -193,9 +193,9 @@ def _surveyed(path: Path, file: BinaryIO) -> Recording:
                     earliest, latest = min(earliest, moment), max(latest, moment)
                 elif topic == ESTIMATE_TOPIC:
                     estimates += 1
-                elif topic == DESCRIPTION_TOPIC and description is None:
+                elif topic == DESCRIPTION_TOPIC:
                     description = codec.decode_description(payload)
-                elif topic == DESIGN_TOPIC and not document:
+                elif topic == DESIGN_TOPIC:
                     document = codec.decode_document(payload)
     if description is None:
         raise RecordingError(_nameless(layout, lost, topics))
