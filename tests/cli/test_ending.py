@@ -100,6 +100,14 @@ def test_what_jax_compiles_is_kept_in_the_users_folder(monkeypatch, tmp_path, gi
     assert folder.is_dir() == (given is None)
 
 
+def test_where_no_folder_for_caches_is_named_it_is_the_usual_one(monkeypatch, tmp_path):
+    monkeypatch.setattr(os, "environ", {"HOME": str(tmp_path)})
+    keep_compiled()
+    folder = tmp_path / ".cache" / "smoskin" / "jax"
+    assert folder.is_dir()
+    assert os.environ["JAX_COMPILATION_CACHE_DIR"] == str(folder)
+
+
 def stopped(program, number, again=0.0, before=""):
     """A program that hears signals, stopped once it says that it works; and what it left."""
     start = (
