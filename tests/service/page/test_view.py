@@ -198,7 +198,11 @@ def test_the_right_button_sets_a_finger_that_stays_until_it_is_pressed_again() -
         return seen[-1]
 
     with View(PLANAR, on_press=seen.append) as view:
-        for phase, place in (("start", (0.05, 0.07)), ("update", (0.06, 0.1)), ("end", (0.06, 0.1))):
+        for phase, place in (
+            ("start", (0.05, 0.07)),
+            ("update", (0.06, 0.1)),
+            ("end", (0.06, 0.1)),
+        ):
             (contact,) = right(view, phase, place)
             np.testing.assert_allclose(contact.position, (0.05, 0.07), atol=1e-6)
         assert right(view, "start", (0.06, 0.1)) == ()
