@@ -189,7 +189,7 @@ def test_the_right_button_sets_a_finger_that_stays_until_it_is_pressed_again() -
     def right(view: View, phase: str, place: tuple[float, float]) -> tuple[Contact, ...]:
         """What is pressed once a pointer has come straight over a place of the sheet."""
         under = np.array([*place, 0.0]) * UNITS
-        camera = SimpleNamespace(position=under + [0.0, 0.0, 50.0])
+        camera = SimpleNamespace(position=np.add(under, [0.0, 0.0, 50.0]))
         event = SimpleNamespace(
             phase=phase, client=SimpleNamespace(camera=camera), end_position=under
         )
