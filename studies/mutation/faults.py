@@ -66,8 +66,11 @@ _DROPPED: Final = {"sqrt", "abs", "square", "hypot", "exp", "log", "sorted", "cl
 """Functions whose first argument may stand in for the call."""
 _SYMMETRIC: Final = {"add", "multiply", "minimum", "maximum", "min", "max", "hypot", "isclose"}
 """Functions whose arguments may be exchanged."""
-_HARMLESS: Final = {"strict", "help", "encoding", "exist_ok", "dtype", "out", "optimize", "name"}
-"""Keyword arguments that guard or explain and change no result."""
+_HARMLESS: Final = {
+    *("strict", "encoding", "exist_ok", "help", "hint", "name"),
+    *("dtype", "out", "optimize", "overwrite_a", "maxsize"),
+}
+"""Keyword arguments that guard, explain, or save time and memory, and change no result."""
 _LOOKS: Final = {
     *("anchor", "color", "flat_shading", "font_screen_scale", "intensity", "legend", "padding"),
     *("point_shape", "point_size", "thickness"),

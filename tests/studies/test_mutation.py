@@ -85,6 +85,8 @@ def test_every_kind_changes_its_place(source, kind, expected):
         "if TYPE_CHECKING:\n    import a",
         '__all__ = ["a"] + ["b"]',
         "y = zip(strict=True)",
+        "y = slider(hint='drag me')",
+        "y = lru_cache(maxsize=8)",
         "y = Record(a=b)",
         "y = maximum(a, b)",
         "y: Final = (213, 94, 0)",
