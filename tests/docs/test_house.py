@@ -41,9 +41,9 @@ def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # 24,000 lines held all that skins are made, judged and read with; 3,910 more keep bad sheets,
     # wrong arguments, damaged files, failing chips and visitors of the page from going wrong in
     # silence; 1,500 are laws of contact and worlds to be judged in;
-    # 180 keep time and show what is missed; 345 learn a skin's law of contact;
+    # 180 keep time and show what is missed; 374 learn a skin's law of contact;
     # 3,000 lay sheets on surfaces, unfold them and judge what was found.
-    assert sum(text.count("\n") for text in FILES.values()) <= 33_150
+    assert sum(text.count("\n") for text in FILES.values()) <= 33_179
 
 
 def test_no_file_has_over_450_lines():

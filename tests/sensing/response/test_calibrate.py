@@ -5,14 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.linalg import block_diag
+from scipy.stats import multivariate_normal
 
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.origami.geometry import places_to_the_rim
+from smoskin.sensing.response import calibrate
 from smoskin.sensing.response.calibrate import (
     LabelledTouches,
     TouchPlanner,
     calibrate_touches,
+    label_noise,
 )
 from smoskin.sensing.response.fit import table_curvature
 from smoskin.sensing.signals.signals import signal_noise
@@ -264,6 +268,22 @@ def test_the_misfit_of_each_signal_grows_to_what_it_misses():
     far = labelled(table, np.zeros(3), count=400, off=1e3 * off)
     grown = np.sqrt(np.diag(calibrate_touches(table, far, 1e-18 * np.eye(9)).misfit)) / size
     assert_allclose(grown, 1e3 * factor, rtol=0.1)
+
+
+def test_the_likelihood_of_touches_is_the_joint_density():
+    table = random_table()
+    noise = 1e-12 * (np.eye(9) + 0.3)
+    touches = labelled(table, np.array([0.5, -1.0, 0.2]), count=8)
+    found = calibrate._posterior_weights(table, touches, noise)
+    place, force, flat = touches.position, touches.force, touches.signals.reshape(8, 9)
+    own = noise + (force**2).sum(axis=1)[:, None, None] * found.misfit
+    own += label_noise(table, place, force, (touches.place_spread, touches.force_spread))
+    modes = table.mode_signals(place, force).swapaxes(1, 2).reshape(72, -1)
+    density = multivariate_normal(
+        table.signals(place, force).ravel(), block_diag(*own) + modes @ modes.T
+    )
+    constant = 36 * np.log(2 * np.pi)
+    assert found.evidence == pytest.approx(density.logpdf(flat.ravel()) + constant, rel=1e-6)
 
 
 def expected_error(table, noise, covariance):

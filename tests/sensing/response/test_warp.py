@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from smoskin.sensing.bayes.estimator import BayesEstimator
+from smoskin.sensing.response import calibrate
 from smoskin.sensing.response.calibrate import LabelledTouches, TouchPlanner, calibrate_touches
 from smoskin.sensing.response.table import load_response_table
 from smoskin.sensing.response.warp import LineWarp, PlaceWarp, Unwarp
@@ -150,6 +151,22 @@ def test_a_few_touches_tell_the_law_of_contact(table, drawn):
     stated = (moved**2).sum(axis=1)
     # No misfit spoils these signals, which what is stated allows for.
     assert 0.3 < np.sqrt((off**2).mean() / stated.mean()) < 1.5
+
+
+@pytest.mark.parametrize(("much", "factor"), [(0.0, 0.25), (0.5, 0.5), (1.2, 1.0)])
+def test_how_far_laws_are_off_is_learned(table, drawn, much, factor):
+    """As far as the skin's law is off from the table's, so much is left open of it."""
+    _, touches, noise = drawn
+    rng = np.random.default_rng(8)
+    weights = np.sqrt(0.5) * rng.choice([-1.0, 1.0], len(table.modes))
+    weights[-len(table.contact.spread) :] *= much * np.sqrt(2)
+    signals = table.moved(weights).signals(touches.position, touches.force)
+    signals += rng.multivariate_normal(np.zeros(9), noise, 30)
+    pressed = replace(touches, signals=signals.reshape(30, 3, 3))
+    known = calibrate_touches(table, pressed, noise)
+    assumed = replace(table, warp_modes=factor * table.warp_modes)
+    alone = calibrate._posterior_weights(assumed, pressed, noise)
+    np.testing.assert_allclose(known.warps[0], alone.weights @ assumed.warp_modes, rtol=1e-9)
 
 
 def test_the_estimator_answers_places_not_loads(table, drawn, planar):

@@ -23,6 +23,8 @@ _ROUNDS: Final = 4
 """Rounds in which weights and misfit are found from each other."""
 _LINEAR: Final = 4
 """Times that signals are made linear in the modes' weights, by which places warp."""
+_WARPED: Final = (0.25, 0.5, 1.0)
+"""Factors on how far laws of contact may be off, of which the likeliest is taken."""
 _LEAST: Final = 0.25
 """Smallest factor on the misfit's variance in a round."""
 _PLACES: Final = (17, 23)
@@ -129,17 +131,22 @@ def calibrate_touches(
     After the touches the modes' weights are ``N(w, P)``: ``P = (1 + sum_n M_n R_n^-1 M_n^T)^-1``
     and ``w = P sum_n M_n R_n^-1 (y_n - s_n)``, with ``R_n = N + J_n L J_n^T + |F_n|^2 D E D``. The
     diagonal D >= 1 makes the mean square of what each signal misses, and of what is open of it,
-    what R says. The table is ``mean + sum_k w_k modes_k``, with modes ``sqrt(P) modes``; the
-    curvature of the field moves as far as that of single touches does.
+    what R says. Laws of contact are off by as much of their prior deviation, a quarter, a half or
+    all of it, as makes the touches likeliest. The table is ``mean + sum_k w_k modes_k``, with modes
+    ``sqrt(P) modes``; the curvature of the field moves as far as that of single touches does.
     """
     if not len(touches) or touches.signals.shape[1] != len(table.chips):
         raise ArgumentError(
             f"touches must be at least one, with {len(table.chips)} chips; got {len(touches)} "
             f"with {touches.signals.shape[1]}"
         )
-    weights = np.zeros(len(table.modes))
-    for _ in range(1 if table.warp_modes is None else _LINEAR):
-        weights, covariance, misfit = _posterior_weights(table, touches, noise, weights)
+    priors = [table]
+    if table.warp is None and table.warp_modes is not None:
+        priors = [replace(table, warp_modes=factor * table.warp_modes) for factor in _WARPED]
+    found = [_posterior_weights(prior, touches, noise) for prior in priors]
+    table, (weights, covariance, misfit, _) = max(
+        zip(priors, found, strict=True), key=lambda one: one[1].evidence
+    )
     # The root of the covariance mixes the old modes into new ones of one deviation each.
     power, mixes = np.linalg.eigh(covariance)
     root = mixes * np.sqrt(np.maximum(power, 0.0))
@@ -168,13 +175,31 @@ def _residue(table: ResponseTable, left: float, noise: Floats) -> float:
     return float(np.sqrt(variance * table.count / np.trace(table.newton)))
 
 
-def _posterior_weights(
-    table: ResponseTable, touches: LabelledTouches, noise: Floats, near: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """Weights w (K,) of the modes, their covariance P (K, K), and the misfit D E D (C, C).
+class _Posterior(NamedTuple):
+    """What touches tell of the modes' weights."""
 
-    Signals are taken as linear in the weights near these, (K,).
-    """
+    weights: Floats
+    """w, (K,)."""
+    covariance: Floats
+    """P, (K, K)."""
+    misfit: Floats
+    """D E D, (C, C)."""
+    evidence: float
+    """Logarithm of the likelihood of all signals, but for a constant."""
+
+
+def _posterior_weights(table: ResponseTable, touches: LabelledTouches, noise: Floats) -> _Posterior:
+    """The posterior, by signals that are linear in the weights near those found before."""
+    found = _linear_posterior(table, touches, noise, np.zeros(len(table.modes)))
+    for _ in range(0 if table.warp_modes is None else _LINEAR - 1):
+        found = _linear_posterior(table, touches, noise, found.weights)
+    return found
+
+
+def _linear_posterior(
+    table: ResponseTable, touches: LabelledTouches, noise: Floats, near: Floats
+) -> _Posterior:
+    """The same where signals are linear in the weights near these, (K,)."""
     y = touches.signals.reshape(len(touches), -1)
     here = table.moved(near)
     residual = y - here.signals(touches.position, touches.force, touches.temperature)
@@ -197,7 +222,11 @@ def _posterior_weights(
         expected = np.einsum("ncc->nc", noise) + squared[:, None] * np.diag(misfit)
         ratio = ((missed**2 + still_open) / expected).mean(axis=0)
         stretch = np.maximum(stretch * np.sqrt(np.maximum(ratio, _LEAST)), 1.0)
-    return weights, covariance, stretch[:, None] * table.misfit * stretch
+    volume = np.linalg.slogdet(precision)[1].sum() + np.linalg.slogdet(covariance)[1]
+    away = np.einsum("nc,ncd,nd->", residual, precision, residual)
+    away -= weights @ np.einsum("nkc,nc->k", weighed, residual)
+    misfit = stretch[:, None] * table.misfit * stretch
+    return _Posterior(weights, covariance, misfit, float(volume - away) / 2)
 
 
 class TouchPlanner:
