@@ -294,6 +294,29 @@ def test_a_message_that_cannot_be_read_is_named_with_its_place(recorded: Path) -
     assert len(list(recording.readings())) == 6
 
 
+def records_of(chunk: bytes) -> list[bytes]:
+    """Records of an unpacked chunk, one by one."""
+    found = []
+    while chunk:
+        (length,) = struct.unpack_from("<Q", chunk, 1)
+        found.append(chunk[: 9 + length])
+        chunk = chunk[9 + length :]
+    return found
+
+
+def test_an_estimate_whose_reading_is_missing_is_nobodys(recorded: Path) -> None:
+    whole = open_recording(recorded)
+    times = [reading.time for reading in whole.readings()]
+    with open(recorded, "rb") as file:
+        chunks = [records_of(mcap.load(file, span) or b"") for span in whole.spans]
+    # One moment a chunk after the first, a reading and then its estimate.
+    del chunks[2][1], chunks[3][0], chunks[5][0]
+    recording = open_recording(chunked(recorded, *map(b"".join, chunks)))
+    pairs = [(reading.time, estimate and estimate.time) for reading, estimate in recording]
+    told = [(time, time) for time in times]
+    assert pairs == [told[0], (times[1], None), told[3], told[5]]
+
+
 def test_what_is_lost_is_told(recorded: Path) -> None:
     content = bytearray(recorded.read_bytes())
     assert open_recording(recorded).damage == ""

@@ -117,6 +117,13 @@ def test_a_scattered_skin_is_found_within_its_own_uncertainty(planar, skin_and_f
     assert 1e-6 < field < 3e-6
 
 
+def test_a_fit_comes_to_the_same_numbers_as_ever(skin_and_fit):
+    fit = skin_and_fit[1]
+    assert fit.noise == pytest.approx((1.913816e-2, 1.782892e-2, 1.918523e-6), rel=1e-5)
+    assert fit.calibration.coefficients.attenuation[0] == pytest.approx(0.3688304, rel=1e-6)
+    assert fit.calibration.sheet_stiffness == pytest.approx(4941.4482, rel=1e-6)
+
+
 def test_the_paper_s_v_f_are_found_again(planar):
     rng = np.random.default_rng(3)
     design = replace(planar, coefficients=replace(planar.coefficients, stiffness_variation=1.3))
