@@ -94,3 +94,11 @@ def test_a_descent_that_finds_no_way_down_ends_after_ten_tries(table, skin):
     assert bent.cost(start) == bent.cost(start, steps=1)
     bent.cost(start)
     assert bent.asked == 1 + 10
+
+
+@pytest.mark.parametrize(("gain", "asked"), [(0.95e-3, 1), (1.05e-3, 2)])
+def test_a_step_is_worth_taking_for_a_thousandth_of_a_nat(table, skin, gain, asked):
+    bent, away = Bent(table, signal_noise(skin)), np.array([1e-9, 2e-9, 3e-8])
+    costs = bent.cost(bent.touch + away)  # as small as the square of how far it is away
+    bent.cost(bent.touch + away * np.sqrt(gain / costs))
+    assert bent.asked == asked

@@ -118,3 +118,14 @@ def test_motions_that_no_cell_makes_along_one_axis_are_no_touch(planar):
             nobodys[tuple((cell < 0).tolist())] += 1
             assert sheet.solve(motion) is None
     assert min(nobodys.values()) > 5
+
+
+def test_touches_anywhere_are_believed_by_the_ideal_sheet_and_little_else(planar):
+    ways, answers = sheets(planar)
+    rng, sheet = np.random.default_rng(6), ways["ideal"]
+    places = rng.uniform(0.0, 1.0, (500, 2)) * geometry(planar).extent
+    load = np.column_stack([np.full(500, 0.5), rng.uniform(-0.3, 0.3, (500, 2))])
+    shares = vertex_shares(planar, places)
+    seen = np.einsum("tnm,nmkf,tf->tk", shares, answers.motions, load)
+    misfits = [found.misfit for found in map(sheet.solve, seen) if found is not None]
+    assert max(misfits) < sheet.most_misfit < 2 * max(misfits)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from smoskin.sensing.bayes.estimator import BayesEstimator
+from smoskin.sensing.bayes.priors import TouchPosterior
 from smoskin.sensing.response import calibrate
 from smoskin.sensing.response.calibrate import LabelledTouches, TouchPlanner, calibrate_touches
 from smoskin.sensing.response.table import load_response_table
@@ -192,3 +193,15 @@ def test_files_keep_the_law_of_contact(table, drawn, tmp_path):
     np.testing.assert_array_equal(read.warp, known.warp)
     np.testing.assert_array_equal(read.warp_modes, known.warp_modes)
     assert read.calibrated
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_warp_along_one_axis_is_undone_along_that_axis(table, planar, axis):
+    coefficients = np.zeros(len(table.contact.spread))
+    coefficients[axis * len(table.contact._lines[0].spread)] = 1e-3  # all loads 1 mm further on
+    estimator = BayesEstimator(planar, replace(table, warp=coefficients))
+    values = np.array([[0.05, 0.07, 0.0, 0.0, -0.5]])
+    found = TouchPosterior(values, 1e-8 * np.eye(5)[None], 0.0, 0.0)
+    touches, covariance = estimator._touches(found)
+    np.testing.assert_allclose(touches[0] - values[0], -1e-3 * (np.arange(5) == axis), atol=1e-9)
+    np.testing.assert_allclose(covariance, found.covariance)
