@@ -51,6 +51,20 @@ def test_the_board_carries_what_the_touches_push_sideways(sheet, small, cases):
     np.testing.assert_allclose(carried, push.sum(axis=1), atol=1e-8)
 
 
+def test_a_drag_is_taken_up_where_the_press_has_come_to(sheet, cases, monkeypatch):
+    relax, begun, ended = sheet._equilibrium.relax, [], []
+
+    def noted(loads, *, tolerance, start=None):
+        begun.append(start)
+        ended.append(relax(loads, tolerance=tolerance, start=start).displacements)
+        return relax(loads, tolerance=tolerance, start=start)
+
+    monkeypatch.setattr(sheet._equilibrium, "relax", noted)
+    sheet.press(cases)
+    assert begun[0] is None
+    np.testing.assert_array_equal(begun[1], ended[0][4:])  # the first four do not drag
+
+
 def test_a_drag_comes_on_top_of_the_straight_presss_reaction(sheet, cases):
     straight = Touches(position=cases.position, force=cases.force * [0.0, 0.0, 1.0])
     held = cases.force[..., 2] < 0

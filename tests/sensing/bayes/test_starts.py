@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from smoskin.origami.geometry import middles_of_fields, places_to_the_rim
-from smoskin.sensing.bayes.priors import TouchPriors
+from smoskin.sensing.bayes.priors import Standing, TouchPriors
 from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.signals.signals import signal_noise
 
@@ -30,3 +30,48 @@ def test_a_pair_starts_at_the_touches_with_their_presses(skin, table):
     order = np.argsort(start[:, 4])[::-1]
     assert np.allclose(start[order, :2], place, rtol=0, atol=1e-9)
     assert start[order, 2:] == pytest.approx(force, abs=0.02)
+
+
+@pytest.mark.parametrize("drag_spread", [0.0, 0.02, 0.3])
+def test_a_single_starts_with_the_likeliest_forces_there(skin, table, drag_spread):
+    """By least squares, of slopes at half a newton, with what is known of drags beforehand."""
+    solver = TouchSolver(table, signal_noise(skin), TouchPriors(drag_spread=drag_spread))
+    signals = table.signals([[0.05, 0.07]], [[0.2, -0.1, -0.4]])[0]
+    start = solver._single_starts.best(signals, 1, None)[0][0]
+    white = solver._single.whitener(0.5**2)
+    slopes = white @ table.slopes([start[:2]], [[0.0, 0.0, -0.5]])[0][:, 2:]
+    force = np.zeros(3)
+    if drag_spread:
+        known = np.diag([drag_spread**-2, drag_spread**-2, 0.0])
+        force = np.linalg.solve(slopes.T @ slopes + known, slopes.T @ white @ signals)
+    else:
+        force[2] = (slopes[:, 2] @ white @ signals) / (slopes[:, 2] @ slopes[:, 2])
+    np.testing.assert_allclose(start[2:], force, rtol=1e-6, atol=1e-9)
+
+
+STARTS = {
+    False: [
+        [(0.0675, 0.088, -0.519209), (0.1125, 0.104, -0.102965)],
+        [(0.0525, 0.072, -0.360368), (0.0825, 0.104, -0.317709)],
+        [(0.0525, 0.104, -0.326601), (0.0825, 0.072, -0.359024)],
+    ],
+    True: [
+        [(0.085, 0.11, -0.112543), (0.0675, 0.088, -0.507792)],
+        [(0.085, 0.11, -0.587560), (0.0375, 0.056, -0.318920)],
+        [(0.085, 0.11, -1.799322), (0.0225, 0.024, -1.437998)],
+    ],
+}
+"""Place and press of both touches, the likeliest pair first."""
+
+
+@pytest.mark.parametrize("stands", [False, True])
+def test_pairs_start_where_they_have_ever_since(skin, table, stands):
+    place, force = np.array([[0.034, 0.045], [0.085, 0.11]]), np.zeros((2, 3))
+    force[:, 2] = -0.5, -0.8
+    signals = table.together(place[None], force[None])[0]
+    solver = TouchSolver(table, signal_noise(skin))
+    solver.two(signals)
+    standing = Standing(place[1], 1e-6 * np.eye(2)) if stands else None
+    starts = np.array(solver._pair_starts.best(signals, 3, standing))
+    assert not starts[:, :, 2:4].any()
+    np.testing.assert_allclose(starts[:, :, [0, 1, 4]], STARTS[stands], rtol=1e-5)
