@@ -93,7 +93,10 @@ def test_on_a_level_stretch_the_middle_is_answered_with_its_spread(warp):
     assert place == pytest.approx(5e-3, abs=0.3e-3)
     assert np.sqrt(variance) == pytest.approx(10e-3 / np.sqrt(12), rel=0.1)
     # As ever, also where the load itself is little known.
-    for known, middle, spread in ((1e-10, 5.058627e-3, 3.064052e-3), (1e-6, 5.548246e-3, 3.369381e-3)):
+    for known, middle, spread in (
+        (1e-10, 5.058627e-3, 3.064052e-3),
+        (1e-6, 5.548246e-3, 3.369381e-3),
+    ):
         place, variance = Unwarp(warp, coefficients, END).place(0.01, known)
         assert (place, np.sqrt(variance)) == pytest.approx((middle, spread), rel=1e-6)
 
