@@ -97,3 +97,12 @@ def test_the_field_and_the_sites_are_of_as_many_chips(planar: SkinDesign) -> Non
         ideal(1).answers([0.0])
     with pytest.raises(ArgumentError, match="sites must be those of 4 chips; got 3"):
         ideal(4).rotations(planar.halls)
+
+
+def test_a_warm_chip_reads_less_of_the_field_and_keeps_its_zero() -> None:
+    chips = replace(ideal(2), zero=np.full((2, 3), 5e-6), sensitivity=np.full((2, 3), 1.1))
+    field = np.full((4, 2, 3), 1e-3)
+    read = chips.answers(field, [[25.0, 35.0]])
+    assert_allclose(read[:, 0], 1.1e-3 + 5e-6)
+    assert_allclose(read[:, 1], 0.955 * 1.1e-3 + 5e-6)
+    assert_array_equal(chips.answers(field), chips.answers(field, 25.0))

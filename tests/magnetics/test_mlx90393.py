@@ -10,6 +10,7 @@ from smoskin.design.skin import HallSetting, HallSite
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.mlx90393 import (
     HallNoise,
+    burst_period,
     conversion_time,
     degrees,
     full_scale,
@@ -60,16 +61,17 @@ def test_sensitivity_is_the_data_sheets(gain: int, lateral: float, axial: float)
 
 def test_ranges() -> None:
     assert_allclose(full_scale(setting(resolution=0)) * 1e3, [4.92, 4.92, 7.93], atol=0.01)
-    assert_allclose(full_scale(setting(resolution=2)) * 1e3, [13.2, 13.2, 21.3], atol=0.05)
-    assert_allclose(full_scale(setting(resolution=3)) * 1e3, [13.2, 13.2, 21.3], atol=0.05)
-    # The data sheet's largest field: 106 mT in z at the lowest gain.
-    assert_allclose(full_scale(setting(0, 3))[2], 106.5e-3, atol=0.1e-3)
+    assert_allclose(full_scale(setting(resolution=1)) * 1e3, [9.83, 9.83, 15.86], atol=0.01)
+    # Ten elevenths of the data sheet's 13.2, 21.3 and 106 mT: a chip may stop before the end.
+    assert_allclose(full_scale(setting(resolution=2)) * 1.1e3, [13.2, 13.2, 21.3], atol=0.05)
+    assert_allclose(full_scale(setting(resolution=3)) * 1.1e3, [13.2, 13.2, 21.3], atol=0.05)
+    assert_allclose(full_scale(setting(0, 3))[2] * 1.1, 106.5e-3, atol=0.1e-3)
     assert [wraps(setting(resolution=r)) for r in range(4)] == [True, True, False, False]
 
 
 @given(
     chosen=settings,
-    counts=st.lists(st.integers(-11000, 10999), min_size=3, max_size=3),
+    counts=st.lists(st.integers(-10809, 10808), min_size=3, max_size=3),
 )
 def test_counts_survive_the_way_to_tesla_and_back(chosen: HallSetting, counts: list[int]) -> None:
     assert_array_equal(measure(tesla(counts, chosen), chosen).counts, counts)
@@ -98,8 +100,18 @@ def test_where_all_bits_are_read_it_stops_at_the_rail_and_says_so(
     chosen = setting(resolution=resolution)
     sample = measure([field, [0.0, 0.0, 0.0]], chosen)
     assert_array_equal(sample.flags, [ChipFlag.SATURATED, ChipFlag.GOOD])
-    assert np.abs(tesla(sample.counts, chosen) / full_scale(chosen)).max() > 0.9999
+    # The converter's nominal 17.4 bits end before the data sheet's 22000 and 11000 counts.
+    assert np.abs(sample.counts).max() in ((21618, 21619) if resolution == 2 else (10809, 10810))
     assert_array_equal(np.sign(sample.counts[0]), np.sign(field))
+
+
+@pytest.mark.parametrize("resolution", [2, 3])
+def test_a_reading_is_flagged_before_any_chip_stops(resolution: int) -> None:
+    chosen = setting(resolution=resolution)
+    edge = full_scale(chosen)
+    samples = measure([0.9999 * edge, 1.0001 * edge, -0.9999 * edge, -1.0001 * edge], chosen)
+    good, bad = ChipFlag.GOOD, ChipFlag.SATURATED
+    assert_array_equal(samples.flags, [good, bad, good, bad])
 
 
 def test_a_field_that_is_no_number_is_flagged() -> None:
@@ -132,11 +144,26 @@ def test_noise_falls_with_averaging_down_to_its_floor() -> None:
     assert_allclose(noise(slow, HallNoise(white=(0.0, 0.0, 0.0))), HallNoise().floor)
 
 
-def test_conversion_times() -> None:
-    milliseconds = [1e3 * conversion_time(setting(0, 0, osr, 3)) for osr in range(4)]
-    assert_allclose(milliseconds, [2.6, 4.5, 8.4, 16.0], rtol=0.01)
-    rates = [1.0 / conversion_time(setting(0, 0, 0, filt)) for filt in range(8)]
-    assert_allclose(rates, [787, 685, 543, 383, 241, 139, 75, 39], rtol=0.01)
+@pytest.mark.parametrize(
+    ("oversampling", "digital_filter", "typical", "worst", "burst"),
+    [(0, 2, 2.29, 2.59, 493), (0, 3, 3.06, 3.43, 348), (1, 3, 4.98, 5.55, 201)],
+)
+def test_conversion_times_are_the_data_sheets(
+    oversampling: int, digital_filter: int, typical: float, worst: float, burst: float
+) -> None:
+    chosen = setting(0, 0, oversampling, digital_filter)
+    assert_allclose(1e3 * conversion_time(chosen, 0), typical, atol=6e-3)
+    assert_allclose(1e3 * conversion_time(chosen, 0, worst=True), worst, atol=6e-3)
+    assert_allclose(1 / burst_period(chosen, 0, worst=True), burst, atol=0.5)
+
+
+def test_a_pause_in_burst_mode_comes_on_top_of_the_measurement() -> None:
+    chosen = setting(oversampling=1, digital_filter=3)
+    assert_allclose(burst_period(chosen, data_rate=5) - burst_period(chosen), 0.1)
+    worst = burst_period(chosen, 0, data_rate=5, worst=True)
+    assert_allclose(worst, 1.1 * burst_period(chosen, 0, data_rate=5))
+    with pytest.raises(ArgumentError, match=r"data_rate must lie in 0\.\.63; got 64"):
+        burst_period(chosen, data_rate=64)
 
 
 @given(st.floats(-40.0, 85.0))

@@ -15,7 +15,7 @@ from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Motion
 from smoskin.twin.manufacture import Tolerances, as_designed, draw
 from smoskin.twin.readout import Readout
-from smoskin.twin.surroundings import Neighbour, Surroundings
+from smoskin.twin.surroundings import Ambience, Neighbour, Surroundings
 
 EARTH = (20e-6, -5e-6, -45e-6)
 
@@ -124,11 +124,11 @@ def test_a_batch_is_its_states(planar):
     assert_allclose(seen[1, 2], readout.seen(motion[1, 2], 40.0), rtol=1e-9, atol=1e-14)
 
 
-def test_heat_weakens_the_magnets_alone(planar):
+def test_heat_weakens_the_field_of_the_magnets_alone(planar):
     readout = Readout(planar, surroundings=Surroundings(earth=EARTH))
     rest = still(planar)
     cold, warm = readout.field(rest), readout.field(rest, 35.0)
-    assert_allclose(warm - EARTH, 0.95 * (cold - EARTH), atol=1e-15)
+    assert_allclose(warm - EARTH, 0.95 / 0.955 * (cold - EARTH), atol=1e-15)
 
 
 @pytest.mark.parametrize("degrees", [-41.0, 76.0, float("nan")])
@@ -173,3 +173,27 @@ def test_each_chip_tells_a_warmth_of_its_own(planar):
     assert_allclose(ideal.temperature, 30.0 + own, rtol=1e-12)
     noisy = readout.read(still(planar), np.random.default_rng(0), temperature=30.0)
     assert_allclose(noisy.temperature, 30.0 + own, atol=0.1)
+
+
+def test_warm_chips_read_less_of_every_field(planar):
+    """The magnets' field hardly weakens; what a warm skin reads of the Earth's falls as well."""
+    earth = Surroundings(earth=(30e-6, -40e-6, 55e-6))
+    alone, around = Readout(planar), Readout(planar, surroundings=earth)
+    rest = still(planar)
+    assert_allclose(
+        around.seen(rest, 45.0) - alone.seen(rest, 45.0),
+        0.91 * (around.seen(rest) - alone.seen(rest)),
+        atol=1e-15,
+    )
+    assert_allclose(alone.seen(rest, 45.0), 0.9 * alone.seen(rest), rtol=1e-12)
+    assert_allclose(alone.field(rest, 45.0), 0.9 / 0.91 * alone.field(rest), rtol=1e-12)
+
+
+def test_a_chip_warmer_than_its_magnet_reads_less_than_the_magnet_gives(planar):
+    none = np.zeros((1, 3))
+    chips_alone = Ambience(field=np.zeros((1, 3, 3)), magnets=none, chips=none + 2.0)
+    rest = Motion.rest(len(planar.magnets), (1,))
+    plain = Readout(planar)
+    assert_allclose(
+        plain.seen(rest, np.array([25.0]), chips_alone), 0.991 * plain.seen(rest), rtol=1e-12
+    )

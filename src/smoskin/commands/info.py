@@ -124,9 +124,9 @@ def _of_chips(design: SkinDesign) -> list[Row]:
     """Derived rows of all chips, then of each."""
     setting = design.hall_setting
     full_scale, noise = mlx90393.full_scale(setting), mlx90393.noise(setting)
-    rate = 1 / mlx90393.conversion_time(setting)
+    rate = 1 / mlx90393.conversion_time(setting, 0)
     rows: list[tuple[str, str, SupportsFloat | str, str]] = [
-        ("chips", "conversion_rate_Hz", rate, "of x, y, z at this filter and oversampling"),
+        ("chips", "conversion_rate_Hz", rate, "of x, y, z and temperature"),
         ("chips", "range_xy_mT", full_scale[0], "gain and resolution"),
         ("chips", "range_z_mT", full_scale[2], "gain and resolution"),
         ("chips", "noise_xy_uT", noise[0], "gain, filter, oversampling"),

@@ -16,14 +16,15 @@ from smoskin.design.skin import HallSite
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
 from smoskin.magnetics.arrangement import rotation_matrix
+from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, chip_factor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MadeChips:
     """Poses of S chips against their sites, and errors of their words against the data sheet.
 
-    A chip answers s (B + X B) + z of the field B along its axes: sensitivities s, cross-axis shares
-    X, zeros z.
+    A chip answers f s (B + X B) + z of the field B along its axes: sensitivities s, cross-axis
+    shares X, zeros z, and the factor f of its warmth (`smoskin.magnetics.temperature.chip_factor`).
     """
 
     place: Floats
@@ -61,11 +62,13 @@ class MadeChips:
             raise ArgumentError(f"sites must be those of {len(self.turn)} chips; got {len(sites)}")
         return np.asarray(rotation_matrix(self.turn) @ mlx90393.rotations(sites))
 
-    def answers(self, field: ArrayLike) -> Floats:
-        """Field that errorless chips would have to be in to read the same, (..., S, 3), T.
+    def answers(self, field: ArrayLike, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
+        """Field that errorless chips at reference temperature read the same in, (..., S, 3), T.
 
-        `field`, (..., S, 3), T, is B along the made chips' own axes.
+        `field`, (..., S, 3), T, is B along the made chips' own axes; the chips' temperatures, degC,
+        are broadcast against (..., S).
         """
         true = floats("field", field, (len(self.turn), 3))
         taken = true + np.einsum("...ij,...j->...i", self.cross_axis, true)
-        return np.asarray(taken * self.sensitivity + self.zero)
+        factor = chip_factor(temperature)[..., None]
+        return np.asarray(taken * factor * self.sensitivity + self.zero)

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Floats, Ints, floats
+from smoskin.arrays import Bools, Floats, Ints, floats
 from smoskin.design.skin import HallSetting, HallSite
 from smoskin.errors import ArgumentError
 from smoskin.records import ChipFlag
@@ -24,14 +24,20 @@ _STEP: Final = (0.150e-6, 0.150e-6, 0.242e-6)
 """T a count in x, y, z at GAIN_SEL 7 (1x) and RES 0."""
 _GAIN: Final = (5.0, 4.0, 3.0, 2.5, 2.0, 5.0 / 3.0, 4.0 / 3.0, 1.0)
 """Factor on the step for GAIN_SEL 0..7."""
-_RAIL: Final = 88_000
-"""Counts of RES 0 from zero to where the converter stops: 22000 at RES 2, 11000 at RES 3."""
+_RAIL: Final = 86_476
+"""Counts of RES 0 from zero to where the converter nominally stops, after half of 2^17.4."""
+_TRUSTED: Final = 80_000
+"""Counts of RES 0 that every converter reaches: 20000 at RES 2, 10000 at RES 3."""
 _WORD: Final = 2**15
 """Counts from zero to the end of the 16 bits that are read."""
 _DEGREE: Final = 45.2
 """Temperature counts a degree."""
 _ROOM: Final = 46244
 """Temperature count at the reference temperature."""
+_WAKING: Final = 0.68e-3
+"""Time in which a single measurement wakes the chip and ends, s."""
+_SLOWEST: Final = 1.1
+"""Period of the slowest oscillator over the nominal one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,7 +82,7 @@ class HallSample:
     temperature_counts: Ints
     """(...,): temperature word, unsigned 16 bits."""
     flags: Ints
-    """(...,), `ChipFlag`: SATURATED at the rails, INVALID where there was no field. A wrapped
+    """(...,), `ChipFlag`: SATURATED near the rails, INVALID where there was no field. A wrapped
     axis looks valid to the chip and has no flag."""
 
 
@@ -98,25 +104,36 @@ def sensitivity(setting: HallSetting) -> Floats:
 
 
 def full_scale(setting: HallSetting) -> Floats:
-    """Field in x, y, z, T, beyond which to either side a reading wraps (`wraps`) or stops, (3,).
+    """Field in x, y, z, T, beyond which to either side a reading wraps (`wraps`) or may stop, (3,).
 
     Notes
     -----
-    Source: Melexis MLX90393 data sheet: the converter stops at +-22000 counts of RES 2 and
-    +-11000 of RES 3. Its front end is specified to 50 mT only.
+    Source: Melexis MLX90393 data sheet rev 011, Table 21, gives +-22000 counts at RES 2 and
+    +-11000 at RES 3, but the converter's nominal 17.4 bits end at 21619 and 10809, and a chip's
+    may end earlier: a tenth is kept off. The front end is specified to 50 mT only.
 
     Examples
     --------
     >>> setting = HallSetting(gain_selection=7, resolution=3, oversampling=0, digital_filter=2)
     >>> (full_scale(setting) * 1e3).round(1)
-    array([13.2, 13.2, 21.3])
+    array([12. , 12. , 19.4])
     """
-    return sensitivity(setting) * min(_WORD, _RAIL >> setting.resolution)
+    return sensitivity(setting) * min(_WORD, _TRUSTED >> setting.resolution)
 
 
 def wraps(setting: HallSetting) -> bool:
     """Whether a field past the range comes back as a false value instead of stopping."""
-    return _WORD << setting.resolution < _RAIL
+    return _WORD << setting.resolution < _TRUSTED
+
+
+def railed(counts: ArrayLike, setting: HallSetting) -> Bools:
+    """Whether an axis of chips, by its signed counts (..., 3), may stand at its rail, (...,).
+
+    At RES 0 and 1 none does: what is too much wraps.
+    """
+    trusted = _TRUSTED >> setting.resolution
+    beyond = (np.abs(np.asarray(counts)) >= trusted).any(axis=-1)
+    return np.asarray(beyond & (not wraps(setting)))
 
 
 def noise(setting: HallSetting, model: HallNoise | None = None) -> Floats:
@@ -148,8 +165,8 @@ def measure(
 
     The field, (..., 3), T, is in the chip's own axes; the chips' temperature, (...), degC, is
     broadcast against it. At RES 0 and 1 a field beyond +-32768 counts wraps to a false value
-    without a flag; at RES 2 and 3 the converter's own rails are seen, and flagged. It raises an
-    `ArgumentError` if `field` is not (..., 3).
+    without a flag; at RES 2 and 3 the converter stops, and from the last tenth of its range on
+    (`full_scale`) a reading is flagged. It raises an `ArgumentError` if `field` is not (..., 3).
 
     Notes
     -----
@@ -163,9 +180,7 @@ def measure(
     step = sensitivity(setting) / 2.0**setting.resolution
     full = np.rint(np.clip(seen / step, -_RAIL, _RAIL - 1)).astype(np.int64)
     counts = (((full >> setting.resolution) + _WORD) & 0xFFFF) - _WORD
-    rail = _RAIL >> setting.resolution
-    railed = ((counts >= rail - 1) | (counts <= -rail)).any(axis=-1) & (not wraps(setting))
-    flags = np.where(railed, int(ChipFlag.SATURATED), int(ChipFlag.GOOD))
+    flags = np.where(railed(counts, setting), int(ChipFlag.SATURATED), int(ChipFlag.GOOD))
     flags = np.where(finite, flags, int(ChipFlag.INVALID))
     warmth = np.broadcast_to(floats("temperature", temperature), finite.shape)
     if rng is not None and law.temperature:
@@ -214,24 +229,66 @@ def settles(setting: HallSetting) -> bool:
     return setting.oversampling + setting.digital_filter >= 2
 
 
-def conversion_time(setting: HallSetting, temperature_oversampling: int | None = None) -> float:
-    """Time of one measurement of x, y and z, from the command to the data, s.
+def conversion_time(
+    setting: HallSetting, temperature_oversampling: int | None = None, *, worst: bool = False
+) -> float:
+    """Time of one single measurement of x, y and z, from the command to the data, s.
 
-    The temperature is measured too where its oversampling OSR2, 0..3, is given. It raises an
-    `ArgumentError` if OSR2 is not in 0..3.
+    The temperature is measured too where its oversampling OSR2, 0..3, is given. `worst` is the
+    slowest oscillator's. It raises an `ArgumentError` if OSR2 is not in 0..3.
 
     Notes
     -----
-    Source: Melexis MLX90393 data sheet, 67 us + 64 us 2^OSR (2 + 2^DIG_FILT) an axis, 67 us +
-    192 us 2^OSR2 for the temperature, and 0.49 ms to wake and end. Valid for single measurements.
+    Source: Melexis MLX90393 data sheet rev 011, Table 15: 220 us to stand by, 360 us to become
+    active and 100 us to end, 67 us + 64 us 2^OSR (2 + 2^DIG_FILT) an axis and 67 us +
+    192 us 2^OSR2 for the temperature. The oscillator is trimmed to 5 % and drifts by 5 %; the
+    table's limits of starting and ending are 20 % wide.
 
     Examples
     --------
-    >>> setting = HallSetting(gain_selection=7, resolution=0, oversampling=0, digital_filter=3)
-    >>> round(conversion_time(setting) * 1e3, 2), round(conversion_time(setting, 0) * 1e3, 2)
-    (2.61, 2.87)
+    >>> setting = HallSetting(gain_selection=7, resolution=0, oversampling=0, digital_filter=2)
+    >>> [round(1e3 * conversion_time(setting, 0, worst=worst), 2) for worst in (False, True)]
+    [2.29, 2.59]
     """
-    axes = 3.0 * (67e-6 + 64e-6 * _samples(setting)) + 0.49e-3
+    measured = _measuring_time(setting, temperature_oversampling)
+    if worst:
+        return 1.2 * _WAKING + _SLOWEST * measured
+    return _WAKING + measured
+
+
+def burst_period(
+    setting: HallSetting,
+    temperature_oversampling: int | None = None,
+    *,
+    data_rate: int = 0,
+    worst: bool = False,
+) -> float:
+    """Time from one measurement of x, y and z to the next in burst mode, s; else `conversion_time`.
+
+    BURST_DATA_RATE, 0..63, adds 20 ms each; another one raises an `ArgumentError`. Chips run on
+    oscillators of their own, up to 10 % apart.
+
+    Notes
+    -----
+    Source: Melexis MLX90393 data sheet rev 011: Table 20 guarantees 493, 348 and 201 Hz at
+    (OSR, DIG_FILT) of (0, 2), (0, 3) and (1, 3) with the temperature, which a tenth above the
+    times of Table 19 gives; the pause comes on top of the measurement (footnote 5).
+
+    Examples
+    --------
+    >>> setting = HallSetting(gain_selection=7, resolution=0, oversampling=0, digital_filter=2)
+    >>> round(1 / burst_period(setting, 0, worst=True))
+    493
+    """
+    if not 0 <= data_rate <= 63:
+        raise ArgumentError(f"data_rate must lie in 0..63; got {data_rate}")
+    period = _measuring_time(setting, temperature_oversampling) + 0.231e-3 + 20e-3 * data_rate
+    return _SLOWEST * period if worst else period
+
+
+def _measuring_time(setting: HallSetting, temperature_oversampling: int | None) -> float:
+    """Time that the converter spends on x, y, z and, with its oversampling, the temperature, s."""
+    axes = 3.0 * (67e-6 + 64e-6 * _samples(setting))
     if temperature_oversampling is None:
         return axes
     if not 0 <= temperature_oversampling <= 3:

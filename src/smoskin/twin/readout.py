@@ -19,7 +19,7 @@ from smoskin.magnetics.dipole import dipole_field, sector_dipoles
 from smoskin.magnetics.temperature import (
     REFERENCE_TEMPERATURE,
     check_temperature,
-    temperature_factor,
+    magnet_factor,
 )
 from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Motion, Reading
@@ -79,7 +79,7 @@ class Readout:
         to_skin = board[..., None, :, :] @ self._to_skin
         field = self._field(motion, board, temperature, around)
         turned = np.einsum("...sij,...si->...sj", to_skin, field)
-        return self._made.answers(turned)
+        return self._made.answers(turned, self._chip_warmth(temperature, around))
 
     def risen(self, motion: Motion) -> Floats:
         """Change of `seen` from the untouched skin in (B,) states, (B, S, 3), T.
@@ -98,10 +98,9 @@ class Readout:
         around: Ambience | None = None,
     ) -> mlx90393.HallSample:
         """As `VirtualSkin.sample`, with what is round the chips in each of (T,) states."""
-        warmth = np.asarray(temperature, dtype=np.float64)[..., None] + self._made.warmth
-        warmth = warmth if around is None else warmth + around.chips
+        reported = self._chip_warmth(temperature, around) + self._made.warmth
         seen = self.seen(motion, temperature, around)
-        return mlx90393.measure(seen, self._design.hall_setting, temperature=warmth, rng=rng)
+        return mlx90393.measure(seen, self._design.hall_setting, temperature=reported, rng=rng)
 
     def read(
         self,
@@ -159,11 +158,16 @@ class Readout:
             turns = np.broadcast_to(rotation, (len(self._design.magnets), 3, 3))
             total = total + arrangement_field(self._design.magnets, places, turns, chips)
         if around is None:
-            factor = temperature_factor(check_temperature(temperature))
+            factor = magnet_factor(check_temperature(temperature))
             return np.asarray(total * factor[..., None, None] + self._earth)
         warmth = np.asarray(temperature, dtype=np.float64)[..., None] + around.magnets
-        factor = temperature_factor(check_temperature(warmth))
+        factor = magnet_factor(check_temperature(warmth))
         return np.asarray(total * factor[..., None] + self._earth + around.field)
+
+    def _chip_warmth(self, temperature: ArrayLike, around: Ambience | None) -> Floats:
+        """Temperatures of the chips, broadcast against (..., S), degC."""
+        skin = np.asarray(temperature, dtype=np.float64)[..., None]
+        return skin if around is None else skin + around.chips
 
     def _over_base(self, places: Floats, board: Floats, shift: Floats) -> Floats:
         """Places on the board, (..., P, 3), as the base sees them."""

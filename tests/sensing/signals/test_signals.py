@@ -174,7 +174,7 @@ def test_what_made_magnets_differ_by_weakens_as_they_warm(planar, seed):
     assert np.abs(warm).max() < 20e-6
 
 
-def test_the_earths_field_is_taken_to_weaken_as_magnets_do(planar, twin):
+def test_warmth_is_taken_to_lessen_the_earths_field_as_the_magnets(planar, twin):
     earth = np.array([30e-6, -40e-6, 55e-6])
     seen = banded(planar)
     held = twin.motion(TOUCH)

@@ -86,7 +86,7 @@ class ChipGuard:
             if mlx90393.wraps(setting):
                 rail, jump = np.full(3, 1.01 * float(full.max())), full
             else:
-                # At the rail itself the field may be anything beyond.
+                # From there on the field may be anything beyond.
                 rail = full - 1.5 * mlx90393.sensitivity(setting)
         self._rail: list[float] = np.tile(rail, len(self._chips)).tolist()
         self._jump: list[float] = np.tile(jump, len(self._chips)).tolist()

@@ -85,9 +85,9 @@ class Signals:
     """Signals of readings one after the other.
 
     A chip reads ``f(T) (B + X) + e``: the field B of its own magnet and X of the others at rest,
-    weakened by f as they warm, plus an offset e of electronics and surroundings. A signal is what
-    is left of B, turned as designed and at reference temperature, less what it is untouched.
-    Source: SI Text S11 (5 % per 10 degC).
+    lessened by f as chip and magnets warm, plus an offset e of electronics and surroundings. A
+    signal is what is left of B, turned as designed and at reference temperature, less what it is
+    untouched. Source: SI Text S11 (5 % per 10 degC).
 
     Parameters
     ----------
