@@ -12,7 +12,7 @@ from smoskin.records import ChipFlag, Contact, Reading
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst
 from smoskin.service.loop import run
-from smoskin.service.pace import Pace
+from smoskin.pace import Pace
 from smoskin.service.recorder import Recorder
 from smoskin.service.recording import open_recording
 from smoskin.service.replay import ReplaySource

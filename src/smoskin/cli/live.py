@@ -103,7 +103,7 @@ def demo(
 )
 def run(
     source: Annotated[
-        str, Argument(help="twin://DESIGN or replay:FILE, each with ?options.")
+        str, Argument(help="twin://DESIGN, replay:FILE or i2c://DEVICE, each with ?options.")
     ] = "twin://planar",
     design: Annotated[Text, Option(help="Design of the skin; by default the source's own.")] = None,
     calibration: Annotated[

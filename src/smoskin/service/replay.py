@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Final, final
 
 from smoskin.errors import RecordingError, SourceError
+from smoskin.pace import SPEEDS, Pace, require_between
 from smoskin.records import Reading
 from smoskin.roles import Source
-from smoskin.service.pace import SPEEDS, Pace, require_between
 
 if TYPE_CHECKING:
     from smoskin.design.skin import SkinDesign

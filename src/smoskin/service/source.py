@@ -9,11 +9,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, final
 from urllib.parse import parse_qsl
 
-from smoskin.errors import ArgumentError, RecordingError, SourceError
+from smoskin.errors import ArgumentError, RecordingError, SmoskinError, SourceError
 from smoskin.magnetics.temperature import check_temperature
+from smoskin.pace import SPEEDS, Pace, require_between
 from smoskin.records import Contact, Reading
 from smoskin.roles import Source, VirtualSkin
-from smoskin.service.pace import SPEEDS, Pace, require_between
 from smoskin.service.replay import ReplaySource
 from smoskin.twin.hand import contacts_of, scripted_hand
 
@@ -21,7 +21,10 @@ if TYPE_CHECKING:
     from smoskin.design.skin import SkinDesign
     from smoskin.twin.creep import Creep
 
-_FORMS: Final = "replay:FILE[?speed=1&gap=0.5] or twin://DESIGN[?rate=100&seed=0&speed=1]"
+_FORMS: Final = (
+    "replay:FILE[?speed=1&gap=0.5], i2c://DEVICE[?design=planar&rate=100] or "
+    "twin://DESIGN[?rate=100&seed=0&speed=1]"
+)
 _UNTOUCHED: Final = 25
 """Readings before the hand begins, in which an estimator finds its zero."""
 _RATES: Final = (0.01, 1e5)
@@ -47,16 +50,21 @@ def open_source(url: str | os.PathLike[str]) -> Source:
         rubber creeps, as estimators take it to (``yes``); ``hand``, whether a scripted hand
         touches it anywhere, again and again (``no``); ``temperature``, degC (25).
 
+        ``i2c://DEVICE``, such as ``i2c:///dev/i2c-1``, reads chips on the computer's own bus.
+        Options: ``design``, whose chips they are (``planar``); ``rate``, Hz (100); ``mode``,
+        ``single``, in which all chips measure at one moment, or ``burst``, which is faster.
+
     Raises
     ------
     ArgumentError
         If the URL names no kind of source, or an option is unknown or out of its range.
     SourceError
-        If the recording cannot be opened.
+        If the recording or the device cannot be opened, or a chip does not answer.
     DesignError
         If there is no such design.
     MissingExtraError
-        If the whole sheet is asked for without the extra ``twin``.
+        If the whole sheet is asked for without the extra ``twin``, or a device without
+        ``hardware``.
     """
     if isinstance(url, os.PathLike):
         return _open_replay(os.fspath(url), **_options("", "", _REPLAY_OPTIONS))
@@ -64,11 +72,10 @@ def open_source(url: str | os.PathLike[str]) -> Source:
         raise ArgumentError(f"url must be {_FORMS}, or a path; got {url!r}")
     scheme, colon, rest = url.partition(":")
     place, _, query = rest.removeprefix("//").partition("?")
-    if not colon or scheme not in ("replay", "twin") or not place:
+    if not colon or scheme not in _KINDS or not place:
         raise ArgumentError(f"url must be {_FORMS}; got {url!r}")
-    if scheme == "replay":
-        return _open_replay(place, **_options(url, query, _REPLAY_OPTIONS))
-    return _open_twin(place, **_options(url, query, _TWIN_OPTIONS))
+    opened, options = _KINDS[scheme]
+    return opened(place, **_options(url, query, options))
 
 
 @final
@@ -208,6 +215,18 @@ def _open_twin(
     return TwinSource(skin, creep=Creep(design) if creep else None, hand=script, **pace)
 
 
+def _open_i2c(device: str, *, design: str, rate: float, mode: str) -> Source:
+    from smoskin.feasibility import load_design
+    from smoskin.hardware.i2c import ChipSource, SmbusBus
+
+    skin, bus = load_design(design), SmbusBus(device)
+    try:
+        return ChipSource(skin, bus, rate=rate, mode=mode)  # type: ignore[arg-type]
+    except SmoskinError:
+        bus.close()
+        raise
+
+
 class _Option(NamedTuple):
     """An option of a URL."""
 
@@ -287,3 +306,14 @@ _TWIN_OPTIONS: Final = {
     "hand": _Option("no", *_YES_NO),
     "temperature": _Option("25", "a number of degC", _finite),
 }
+_I2C_OPTIONS: Final = {
+    "design": _Option("planar", "a design's name or path", str),
+    "rate": _Option("100", "a positive number", _positive),
+    "mode": _Option("single", *_one_of({"single": "single", "burst": "burst"})),
+}
+_KINDS: Final[Mapping[str, tuple[Callable[..., Source], Mapping[str, _Option]]]] = {
+    "replay": (_open_replay, _REPLAY_OPTIONS),
+    "twin": (_open_twin, _TWIN_OPTIONS),
+    "i2c": (_open_i2c, _I2C_OPTIONS),
+}
+"""Function that opens each kind of source, and the options that its URL may have."""

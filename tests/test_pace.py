@@ -7,7 +7,7 @@ import time
 import pytest
 
 from smoskin.errors import SourceError
-from smoskin.service.pace import Pace
+from smoskin.pace import Pace
 
 
 class FakeTime:
