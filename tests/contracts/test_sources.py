@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from boards import BoardAndReader
 from chip_fake import Clock, FakeBus, FakeChip
 from smoskin.design.document import read_design
 from smoskin.errors import SourceError
+from smoskin.hardware.board import VirtualBoard
 from smoskin.hardware.i2c import ChipSource
 from smoskin.records import Reading
 from smoskin.roles import Source
@@ -29,11 +31,19 @@ Factory = Callable[[float], Source]
 
 
 #: Seconds by which the clock of a source may be off the pace: none, or a real board's.
-OFF = {"chips": 5e-3}
+OFF = {"chips": 5e-3, "board": 20e-3}
 
 
 @pytest.fixture(
-    params=["replay", "reduced twin", "whole twin", "chips", "replay by URL", "twin by URL"]
+    params=[
+        "replay",
+        "reduced twin",
+        "whole twin",
+        "chips",
+        "board",
+        "replay by URL",
+        "twin by URL",
+    ]
 )
 def make(request: pytest.FixtureRequest, tmp_path: Path) -> Factory:
     def recorded(period: float) -> Path:
@@ -59,6 +69,9 @@ def make(request: pytest.FixtureRequest, tmp_path: Path) -> Factory:
                 chips = {site.address: FakeChip(time.monotonic) for site in DESIGN.halls}
                 # Chips that convert in 5 ms cannot be read every 2 ms.
                 return ChipSource(DESIGN, FakeBus(Clock(), chips), rate=1 / max(period, 0.01))
+            case "board":
+                board = VirtualBoard(TwinSource(ReducedTwin(DESIGN), rate=1 / period))
+                return BoardAndReader(board, lambda port: open_source(f"serial://{port}"))
             case "replay by URL":
                 return open_source(f"replay:{recorded(period)}?gap={2 * period}")
             case _:

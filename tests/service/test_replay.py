@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from smoskin.errors import ArgumentError, SourceError
+from smoskin.pace import Pace
 from smoskin.records import ChipFlag, Contact, Reading
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst
 from smoskin.service.loop import run
-from smoskin.pace import Pace
 from smoskin.service.recorder import Recorder
 from smoskin.service.recording import open_recording
 from smoskin.service.replay import ReplaySource

@@ -11,8 +11,8 @@ import pytest
 from smoskin.design.document import read_design
 from smoskin.errors import ArgumentError, DesignError, SourceError
 from smoskin.mechanics.viscoelasticity import elastomer_prony
-from smoskin.records import Contact, Reading
 from smoskin.pace import Pace
+from smoskin.records import Contact, Reading
 from smoskin.service.recorder import Recorder
 from smoskin.service.recording import open_recording
 from smoskin.service.replay import ReplaySource
@@ -213,7 +213,7 @@ def test_the_rubber_creeps_unless_it_is_told_not_to() -> None:
     ("url", "message"),
     [
         ("touch.mcap", r"url must be replay:FILE.* or twin://DESIGN.*; got 'touch.mcap'"),
-        ("serial:///dev/ttyACM0", r"url must be replay:FILE"),
+        ("usb:///dev/ttyACM0", r"url must be replay:FILE"),
         ("spi://1", r"url must be replay:FILE"),
         ("replay:", r"url must be replay:FILE"),
         ("twin://?rate=3", r"url must be replay:FILE"),

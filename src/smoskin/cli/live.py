@@ -3,7 +3,7 @@
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from typer import Argument, Option
@@ -103,7 +103,7 @@ def demo(
 )
 def run(
     source: Annotated[
-        str, Argument(help="twin://DESIGN, replay:FILE or i2c://DEVICE, each with ?options.")
+        str, Argument(help="serial:PORT, i2c:DEVICE, replay:FILE or twin:DESIGN, with ?options.")
     ] = "twin://planar",
     design: Annotated[Text, Option(help="Design of the skin; by default the source's own.")] = None,
     calibration: Annotated[
@@ -155,3 +155,43 @@ def run(
             say(json.dumps({"summary": summary.as_json()}) if as_json else summary)
     if summary.failure or (strict and summary.damage):
         raise typer.Exit(1)
+
+
+@app.command(epilog=examples("board --virtual planar", "board --virtual planar --format anyskin"))
+def board(
+    virtual: Annotated[
+        str, Option(help="Design of the simulated skin: a shipped name or a document.")
+    ] = "planar",
+    wire: Annotated[
+        Literal["smoskin", "anyskin", "eflesh"],
+        Option("--format", help="What the board sends; smoskin is docs/wire.md."),
+    ] = "smoskin",
+    rate: Annotated[float, Option(help="Readings a second, Hz.")] = 100.0,
+    seed: Annotated[int, Option(min=0, help="Seed of the skin, the noise and the hand.")] = 0,
+    hand: Annotated[
+        bool, Option("--hand/--no-hand", help="Let a scripted hand touch the skin.")
+    ] = True,
+    seconds: Seconds = None,
+) -> None:
+    """Be a board without hardware: print the name of a port and send a virtual skin's readings.
+
+    Programs read it as they would a serial port: smoskin run serial:///dev/pts/N, with the
+    format if it is another one.
+    """
+    from smoskin.service.board import run_board
+
+    def announce(port: str) -> None:
+        ask = "" if wire == "smoskin" else f"?format={wire}&design={virtual}"
+        typer.echo(port)
+        typer.echo(f"Read it by: smoskin run 'serial://{port}{ask}'", err=True)
+
+    sent = run_board(
+        load_design(virtual),
+        format=wire,
+        rate=rate,
+        seed=seed,
+        hand=hand,
+        seconds=seconds,
+        on_start=announce,
+    )
+    typer.echo(f"{sent.sent} frames sent, {sent.dropped} that nobody read", err=True)

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from smoskin.twin.creep import Creep
 
 _FORMS: Final = (
-    "replay:FILE[?speed=1&gap=0.5], i2c://DEVICE[?design=planar&rate=100] or "
-    "twin://DESIGN[?rate=100&seed=0&speed=1]"
+    "replay:FILE[?speed=1&gap=0.5], serial://PORT[?format=smoskin], "
+    "i2c://DEVICE[?design=planar&rate=100] or twin://DESIGN[?rate=100&seed=0&speed=1]"
 )
 _UNTOUCHED: Final = 25
 """Readings before the hand begins, in which an estimator finds its zero."""
@@ -54,6 +54,13 @@ def open_source(url: str | os.PathLike[str]) -> Source:
         Options: ``design``, whose chips they are (``planar``); ``rate``, Hz (100); ``mode``,
         ``single``, in which all chips measure at one moment, or ``burst``, which is faster.
 
+        ``serial://PORT``, such as ``serial:///dev/ttyACM0``, or ``serial://usb:SERIAL`` by the
+        board's USB serial number, reads a board on a serial port. Options: ``format``, ``smoskin``
+        (`docs/wire.md`), ``anyskin`` for ReSkin and AnySkin boards, or ``eflesh``; ``design`` of
+        the skin, ``planar`` for the format ``smoskin`` and none for the others; ``chips`` of a
+        board without a design (5); ``rate`` to ask of a board of the format ``smoskin``, Hz;
+        ``baud``; ``patience``, s for which a port that is gone is waited for (10).
+
     Raises
     ------
     ArgumentError
@@ -63,7 +70,7 @@ def open_source(url: str | os.PathLike[str]) -> Source:
     DesignError
         If there is no such design.
     MissingExtraError
-        If the whole sheet is asked for without the extra ``twin``, or a device without
+        If the whole sheet is asked for without the extra ``twin``, or a device or a port without
         ``hardware``.
     """
     if isinstance(url, os.PathLike):
@@ -227,6 +234,15 @@ def _open_i2c(device: str, *, design: str, rate: float, mode: str) -> Source:
         raise
 
 
+def _open_serial(port: str, *, format: str, design: str, **more: Any) -> Source:
+    from smoskin.feasibility import load_design
+    from smoskin.hardware.serial import SerialSource
+
+    name = design or ("planar" if format == "smoskin" else "")
+    given = {option: value for option, value in more.items() if value is not None}
+    return SerialSource(port, format=format, design=load_design(name) if name else None, **given)
+
+
 class _Option(NamedTuple):
     """An option of a URL."""
 
@@ -276,6 +292,13 @@ def _positive(text: str) -> float:
     return value
 
 
+def _not_negative(text: str) -> float:
+    value = _finite(text)
+    if value < 0.0:
+        raise ValueError
+    return value
+
+
 def _speed(text: str) -> float:
     """A positive number; infinity where the text says ``max`` or 0."""
     unpaced = text == "max" or _finite(text) == 0.0
@@ -311,9 +334,18 @@ _I2C_OPTIONS: Final = {
     "rate": _Option("100", "a positive number", _positive),
     "mode": _Option("single", *_one_of({"single": "single", "burst": "burst"})),
 }
+_SERIAL_OPTIONS: Final = {
+    "format": _Option("smoskin", *_one_of({f: f for f in ("smoskin", "anyskin", "eflesh")})),
+    "design": _Option("", "a design's name or path", str),
+    "chips": _Option("", "a whole number", lambda text: _whole(text) if text else None),
+    "rate": _Option("", "a positive number", lambda text: _positive(text) if text else None),
+    "baud": _Option("", "a whole number", lambda text: _whole(text) if text else None),
+    "patience": _Option("10", "a number >= 0", _not_negative),
+}
 _KINDS: Final[Mapping[str, tuple[Callable[..., Source], Mapping[str, _Option]]]] = {
     "replay": (_open_replay, _REPLAY_OPTIONS),
     "twin": (_open_twin, _TWIN_OPTIONS),
     "i2c": (_open_i2c, _I2C_OPTIONS),
+    "serial": (_open_serial, _SERIAL_OPTIONS),
 }
 """Function that opens each kind of source, and the options that its URL may have."""
