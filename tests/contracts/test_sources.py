@@ -10,6 +10,7 @@ import pytest
 
 from boards import BoardAndReader
 from chip_fake import Clock, FakeBus, FakeChip
+from firmware_board import FirmwareOnPort
 from smoskin.design.document import read_design
 from smoskin.errors import SourceError
 from smoskin.hardware.board import VirtualBoard
@@ -31,7 +32,7 @@ Factory = Callable[[float], Source]
 
 
 #: Seconds by which the clock of a source may be off the pace: none, or a real board's.
-OFF = {"chips": 5e-3, "board": 20e-3}
+OFF = {"chips": 5e-3, "board": 20e-3, "firmware": 20e-3}
 
 
 @pytest.fixture(
@@ -41,6 +42,7 @@ OFF = {"chips": 5e-3, "board": 20e-3}
         "whole twin",
         "chips",
         "board",
+        "firmware",
         "replay by URL",
         "twin by URL",
     ]
@@ -72,6 +74,9 @@ def make(request: pytest.FixtureRequest, tmp_path: Path) -> Factory:
             case "board":
                 board = VirtualBoard(TwinSource(ReducedTwin(DESIGN), rate=1 / period))
                 return BoardAndReader(board, lambda port: open_source(f"serial://{port}"))
+            case "firmware":
+                firmware = FirmwareOnPort(1 / max(period, 0.01))
+                return BoardAndReader(firmware, lambda port: open_source(f"serial://{port}"))
             case "replay by URL":
                 return open_source(f"replay:{recorded(period)}?gap={2 * period}")
             case _:
