@@ -225,11 +225,11 @@ def test_sound_chips_have_no_findings(bus: FakeBus) -> None:
     [
         (lambda chip: setattr(chip, "answering", False), "It does not answer."),
         (lambda chip: setattr(chip, "stuck", 0x80), "Its register 0 does not keep 0x003c."),
-        (lambda chip: setattr(chip, "oscillator", 2.0), "Its measurements are not over"),
-        (lambda chip: setattr(chip, "word", lambda t: 60000), "It reports 329 to 329 degC."),
+        (lambda chip: setattr(chip, "oscillator", 2.0), "It has nothing new to say"),
+        (lambda chip: setattr(chip, "word", lambda t: 60000), "It reports 329 degC."),
         (lambda chip: setattr(chip, "field", lambda t: (9, 9, 9)), "It says the same to the bit"),
-        (lambda chip: setattr(chip, "field", noisy(9, 200.0)), "Its noise is"),
-        (lambda chip: setattr(chip, "field", lambda t: (4e5, 0, 0)), "at the end of the range"),
+        (lambda chip: setattr(chip, "field", noisy(9, 200.0)), "Its noise in"),
+        (lambda chip: setattr(chip, "field", lambda t: (4e5, 0, 0)), "at the end of its range"),
     ],
 )
 def test_each_fault_of_a_chip_is_found(bus: FakeBus, spoil, problem: str) -> None:

@@ -195,3 +195,40 @@ def board(
         on_start=announce,
     )
     typer.echo(f"{sent.sent} frames sent, {sent.dropped} that nobody read", err=True)
+
+
+@app.command(
+    epilog=examples(
+        "doctor", "doctor serial:///dev/ttyACM0 --seconds 10", "doctor i2c:///dev/i2c-1"
+    )
+)
+def doctor(
+    source: Annotated[
+        Text, Argument(help="Source to look at, as of smoskin run; by default every port and bus.")
+    ] = None,
+    design: Annotated[Text, Option(help="Design of the skin; by default the source's own.")] = None,
+    seconds: Annotated[float, Option(min=1.0, help="Seconds of readings.")] = 5.0,
+    moving: Annotated[
+        float, Option(min=0.0, help="Seconds in which you then move the robot.")
+    ] = 0.0,
+    as_json: Json = False,
+) -> None:
+    """Look at a board and say what is wrong with it, each with what to do.
+
+    The skin must not be touched meanwhile. The exit code is 1 if anything is wrong.
+    """
+    from smoskin.service.doctor import examine_source, look_around
+
+    if source is None:
+        diagnosis = look_around()
+    else:
+        diagnosis = examine_source(
+            source,
+            design=None if design is None else load_design(design),
+            seconds=seconds,
+            moving=moving,
+            say=lambda sentence: typer.echo(sentence, err=True),
+        )
+    typer.echo(json.dumps(diagnosis.as_json()) if as_json else diagnosis)
+    if diagnosis.findings:
+        raise typer.Exit(1)

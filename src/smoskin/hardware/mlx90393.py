@@ -6,18 +6,16 @@ and what is done with a chip that is silent, late or has started again. Hides th
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Final, Literal, Protocol, final
-
-import numpy as np
 
 from smoskin.arguments import typed
 from smoskin.design.skin import HallSetting
 from smoskin.errors import ArgumentError, SourceError
 from smoskin.hardware import registers as chip
+from smoskin.hardware.health import Finding, examine_readings
 from smoskin.hardware.registers import Scan
 from smoskin.magnetics import mlx90393
-from smoskin.records import ChipFlag, Reading
 
 Mode = Literal["single", "burst"]
 
@@ -29,10 +27,6 @@ _RETRIES: Final = 3
 """Readings of a chip that is not ready, a twentieth of its conversion apart."""
 _EXAMINED: Final = 32
 """Scans that an examination takes."""
-_LOUD: Final = 3.0
-"""Noise over the one assumed from which an examination finds a chip noisy."""
-_WARM: Final = (-40.0, 85.0)
-"""Least and most that a working chip reports, degC."""
 
 
 class Bus(Protocol):
@@ -45,21 +39,6 @@ class Bus(Protocol):
     def close(self) -> None:
         """Let go of the bus."""
         ...
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
-    """Something wrong with a chip, and what to do."""
-
-    address: int
-    """7-bit address of the chip."""
-    problem: str
-    """Sentence that says what was seen."""
-    remedy: str
-    """Sentence that says what to do."""
-
-    def __str__(self) -> str:
-        return f"chip {self.address:#04x}: {self.problem} {self.remedy}"
 
 
 @final
@@ -181,49 +160,21 @@ class Chips:
     def examine(self) -> tuple[Finding, ...]:
         """What is wrong with these chips, by themselves and by some scans of a skin at rest."""
         problems = [finding for finding in map(self._set, self.addresses) if finding is not None]
-        silent = {finding.address for finding in problems}
+        silent = {finding.where for finding in problems}
         self._due = self._clock() + self._worst
         readings = [self.scan().reading(self.setting) for _ in range(_EXAMINED)]
-        for place, address in enumerate(self.addresses):
-            if address not in silent:
-                problems += self._heard(place, address, readings)
-        return tuple(problems)
-
-    def _heard(self, place: int, address: int, readings: Sequence[Reading]) -> list[Finding]:
-        """What is wrong with what a chip says."""
-        flags = np.array([reading.flags[place] for reading in readings])
-        field = np.array([reading.field[place] for reading in readings])[flags == 0]
-        warmth = np.array([reading.temperature[place] for reading in readings])[flags == 0]
-        found = [
-            Finding(address=address, problem=problem, remedy=remedy)
-            for flag, problem, remedy in _MARKED
-            if (flags & int(flag)).any()
+        names = {f"chip {k + 1}": _where(a) for k, a in enumerate(self.addresses)}
+        heard = [
+            replace(finding, where=names[finding.where])
+            for finding in examine_readings(readings, setting=self.setting)
         ]
-        if not len(field):
-            return found
-        least, most = _WARM
-        if not (least < warmth.min() and warmth.max() < most):
-            told = f"It reports {warmth.min():.0f} to {warmth.max():.0f} degC."
-            found.append(Finding(address=address, problem=told, remedy=_REPLACE))
-        spread, quiet = field.std(axis=0), mlx90393.noise(self.setting)
-        if len(field) > 2 and not np.ptp(field, axis=0).any():
-            told = "It says the same to the bit every time."
-            found.append(Finding(address=address, problem=told, remedy=_REPLACE))
-        allowed = _LOUD * np.hypot(quiet, mlx90393.sensitivity(self.setting))
-        if (spread > allowed).any():
-            told = (
-                f"Its noise is {spread.max() * 1e6:.1f} uT, where {allowed.max() * 1e6:.1f} uT "
-                "would be much."
-            )
-            quieter = "Let nothing touch or move the skin; keep motors and mains leads away."
-            found.append(Finding(address=address, problem=told, remedy=quieter))
-        return found
+        return (*problems, *(finding for finding in heard if finding.where not in silent))
 
     def _set(self, address: int) -> Finding | None:
         """Restart a chip and write its registers; what is wrong if that fails."""
         if self._status(address, chip.EXIT) == chip.NO_ANSWER:
             remedy = "Look at its supply, its wires and the order code, which gives the address."
-            return Finding(address=address, problem="It does not answer.", remedy=remedy)
+            return Finding(where=_where(address), problem="It does not answer.", remedy=remedy)
         self._sleep(_LEAVING)
         self._status(address, chip.RESET)
         self._sleep(_STARTING)
@@ -232,7 +183,7 @@ class Chips:
             self._ask(address, written, 1)
             if not self._keeps(address, number):
                 told = f"Its register {number} does not keep {word:#06x}."
-                return Finding(address=address, problem=told, remedy=_REPLACE)
+                return Finding(where=_where(address), problem=told, remedy=_REPLACE)
         if self.mode == "burst":
             self._status(address, chip.START_BURST)
         return None
@@ -290,29 +241,10 @@ class Chips:
 
 
 _REPLACE: Final = "Solder it anew or replace it."
-_MARKED: Final = (
-    (
-        ChipFlag.MISSING,
-        "It answers now and then.",
-        "Look for a loose wire, wires that are too long, or pull-ups that are too weak.",
-    ),
-    (
-        ChipFlag.INVALID,
-        "It starts again by itself.",
-        "Its supply breaks down: give it a capacitor of 100 nF beside it, or shorter wires.",
-    ),
-    (
-        ChipFlag.OLD,
-        "Its measurements are not over when they must be.",
-        "Its oscillator is out of its limits; replace it.",
-    ),
-    (
-        ChipFlag.SATURATED,
-        "Its field is at the end of the range with nothing touching.",
-        "Move the magnet away, or choose a lower gain (a higher GAIN_SEL).",
-    ),
-)
-"""Flags of readings of a skin at rest, with what they mean and what to do."""
+
+
+def _where(address: int) -> str:
+    return f"chip {address:#04x}"
 
 
 def _reset(status: int) -> bool:

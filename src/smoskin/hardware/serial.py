@@ -349,6 +349,21 @@ def _good(format: str, chips: int, data: bytes) -> int:
     return sum(int((packet.flags & int(ChipFlag.MISSING) == 0).sum()) for packet in packets)
 
 
+def heard_on(device: str, seconds: float) -> bytes:
+    """Bytes that come from a port in so many seconds, after it is asked who it is.
+
+    It raises a `SourceError` that says what keeps the port from being opened.
+    """
+    import serial
+
+    try:
+        with serial.Serial(device, BAUD["smoskin"], timeout=seconds, write_timeout=1.0) as port:
+            port.write(command(Kind.IDENTIFY))
+            return bytes(port.read(_HEARD))
+    except (OSError, ValueError) as error:
+        raise SourceError(f"it cannot be opened: {_reason(error)}") from error
+
+
 def device_of(place: str) -> str:
     """Device of a port's name, looked up among the USB ports where it is ``usb:SERIAL``.
 
