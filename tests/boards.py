@@ -16,6 +16,7 @@ class Line:
     def __init__(self, name: str | None = None) -> None:
         self.master, self.slave = os.openpty()
         tty.setraw(self.slave)
+        os.set_blocking(self.master, False)
         self.link = name
         self.port = os.ttyname(self.slave)
         if name is not None:
@@ -27,7 +28,6 @@ class Line:
         os.write(self.master, data)
 
     def received(self) -> bytes:
-        os.set_blocking(self.master, False)
         try:
             return os.read(self.master, 4096)
         except BlockingIOError:

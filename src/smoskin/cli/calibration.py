@@ -23,7 +23,7 @@ from smoskin.cli.frame import (
 )
 from smoskin.errors import ArgumentError, CalibrationError, SourceError, require
 from smoskin.feasibility import load_design
-from smoskin.measurement import read_touches
+from smoskin.measurement import TouchTable, read_touches, write_touches
 from smoskin.outputs import check_output
 from smoskin.sensing.response.table import ResponseTable, load_response_table
 from smoskin.twin.rig import open_rig
@@ -188,6 +188,62 @@ def plan_touches(
             f"{len(targets)} touches; a touch is then expected to be located to {errors[-1]:.2f} mm"
         )
     typer.echo(f"Now: smoskin calibrate {design} --sheet {out} --out skin.table", err=True)
+
+
+@touches.command("grid", epilog=examples("touches grid --width-mm 30 --height-mm 30"))
+def grid_touches(
+    width: Annotated[float, Option("--width-mm", help="Width of the pad along x, mm.")] = 30.0,
+    height: Annotated[float, Option("--height-mm", help="Height of the pad along y, mm.")] = 30.0,
+    out: Annotated[Path, Option(help="Sheet (CSV) to write.", dir_okay=False)] = Path("plan.csv"),
+    count: Annotated[int, Option(min=1, max=10_000, help="About so many touches.")] = 30,
+    force: Annotated[float, Option("--force-N", help="How hard each is pressed.")] = 0.5,
+    seed: Annotated[int, Option(min=0, help="Seed of their order.")] = 0,
+    overwrite: Force = False,
+) -> None:
+    """Write a grid of touches of any pad, in random order, to make with touches record."""
+    from smoskin.service.guided import grid_plan
+
+    check_output(out, force=overwrite)
+    plan = grid_plan(1e-3 * width, 1e-3 * height, count, force=force, seed=seed)
+    write_touches(out, plan)
+    typer.echo(f"{len(plan.contacts)} touches")
+    typer.echo(f"Now: smoskin touches record SOURCE --plan {out} --out touches.csv", err=True)
+
+
+@touches.command(
+    "record",
+    epilog=examples(
+        "touches record 'serial:///dev/ttyACM0?format=anyskin' --plan plan.csv --out touches.csv"
+    ),
+)
+def record_touches(
+    source: Annotated[str, Argument(help="Source of readings, as of smoskin run.")],
+    plan: Annotated[Path, Option(help="Sheet of touches to make, of grid or plan.")] = Path(
+        "plan.csv"
+    ),
+    out: Annotated[Path, Option(help="Sheet (CSV) to write.", dir_okay=False)] = Path(
+        "touches.csv"
+    ),
+    overwrite: Force = False,
+) -> None:
+    """Make the touches of a plan by hand; each is recorded once it is held still.
+
+    The program says where to press and when to let go. What has been made is in the file after
+    each touch.
+    """
+    from smoskin.service import guided
+    from smoskin.service.source import open_source
+
+    check_output(out, force=overwrite)
+    wanted, _ = read_touches(plan)
+
+    def keep(table: TouchTable) -> None:
+        write_touches(out, table)
+
+    with open_source(source) as opened:
+        done = guided.record_touches(opened, wanted, say=typer.echo, keep=keep)
+    typer.echo(f"{len(done.contacts)} touches in {out}")
+    typer.echo(f"Now: smoskin learn {out} --out own.model", err=True)
 
 
 @app.command("fit-paper", epilog=examples("fit-paper touches.csv --out calibration.toml"))

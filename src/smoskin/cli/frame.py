@@ -27,7 +27,7 @@ _GROUPS: Final = {
     "See and read a skin": ("demo", "run", "board", "doctor", "info", "check"),
     "Calibrate a skin": ("calibrate", "touches", "fit-paper", "virtual-bench"),
     "Simulate": ("simulate", "sweep", "table"),
-    "Train, judge, design": ("train", "score", "optimise", "new-design", "tessellate"),
+    "Train, judge, design": ("train", "learn", "score", "optimise", "new-design", "tessellate"),
 }
 """Commands by what they are for, in the order of the help."""
 

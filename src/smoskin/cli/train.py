@@ -169,3 +169,55 @@ def train(
         typer.echo(f"warning: {trained.warning}", err=True)
     for file in files:
         typer.echo(str(file))
+
+
+@app.command(epilog=examples("learn touches.csv --out own.model", "learn monday.csv tuesday.csv"))
+def learn(
+    sheets: Annotated[
+        list[Path], Argument(help="Sheets of touches that have been made, of touches record.")
+    ],
+    out: Annotated[Path, Option(help="Model to write.", dir_okay=False)] = Path("own.model"),
+    recording: Annotated[
+        File, Option(help="MCAP with the readings, where one sheet says when touches were held.")
+    ] = None,
+    seed: Annotated[int, Option(min=0, help="Seed of what is held out.")] = 0,
+    overwrite: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Learn the touches of any board with any number of chips, and say how well.
+
+    Places are held out whole, in five folds, to tell the error; the model is then trained on all
+    touches. smoskin run SOURCE --calibration FILE runs it.
+    """
+    from smoskin.measurement import read_touches
+    from smoskin.sensing.learned.touches import learn_touches
+
+    check_output(out, force=overwrite)
+    require("a learned model", "learned", "safetensors")
+    tables = [read_touches(sheet)[0] for sheet in sheets]
+    if recording is not None:
+        from smoskin.service.recording import open_recording
+
+        readings = list(open_recording(recording).readings())
+        tables = [table.with_readings(readings) for table in tables]
+    with progress_bar() as progress:
+        learned = learn_touches(tables, seed=seed, progress=progress)
+    learned.model.save(out)
+    figures = {f"{m.name}_{m.unit}".rstrip("_"): m.value for m in learned.metrics}
+    if as_json:
+        typer.echo(json.dumps({"file": str(out), "split": learned.split, **figures}))
+        return
+    typer.echo(f"{out}, judged by {learned.split}:")
+    for name, value in _in_millimetres(figures).items():
+        typer.echo(f"{name}: {value:.3g}")
+    typer.echo(f"Now: smoskin run SOURCE --calibration {out}", err=True)
+
+
+def _in_millimetres(figures: dict[str, float]) -> dict[str, float]:
+    """Figures in the units people read."""
+    return {
+        (f"{name[:-1]}mm" if name.endswith("_m") else name): (
+            1e3 * value if name.endswith("_m") else value
+        )
+        for name, value in figures.items()
+    }

@@ -136,12 +136,13 @@ class Watch(Resource):
             self._played = self._source if isinstance(self._source, ReplaySource) else None
             if self._damage:
                 say(self._damage)
-            skin = _design_of(self._source, str(url), design)
+            needed = calibration is None or view or record is not None
+            skin = _design_of(self._source, str(url), design, needed=needed)
             estimator = _estimator_of(skin, calibration)
             self._estimator = ZeroFirst(estimator) if zero else estimator
             self._page: _Page | None = None
             self._seekable = view and record is None and self._played is not None
-            if view:
+            if view and skin is not None:
                 # A recording of one that is sought in would hold what nobody did.
                 seekable = self._played if self._seekable else None
                 self._page = stack.enter_context(_Page(skin, port, self._source, seekable))
@@ -149,7 +150,7 @@ class Watch(Resource):
                     seekable.on_rewind = self._estimator.reset
                     seekable.stays = lambda: seconds is None
             self._recorder: Recorder | None = None
-            if record is not None:
+            if record is not None and skin is not None:
                 _make_room(record, self._source)
                 self._recorder = stack.enter_context(Recorder(record, skin, on_failure=say))
             sinks = [sink for sink in (self._recorder, self._page) if sink is not None]
@@ -215,10 +216,11 @@ class Watch(Resource):
         return "" if self._played is None else self._played.recording.damage
 
 
-def _estimator_of(skin: SkinDesign, calibration: str | os.PathLike[str] | None) -> Estimator:
+def _estimator_of(skin: SkinDesign | None, calibration: str | os.PathLike[str] | None) -> Estimator:
     """What reads a skin: by its calibration, else as the paper does one that is as designed."""
-    if calibration is None:
+    if calibration is None and skin is not None:
         return ClosedFormEstimator(skin)
+    assert calibration is not None
     return load_estimator(calibration, skin)
 
 
@@ -262,13 +264,17 @@ class _Page(Sink):
         self._view.close()
 
 
-def _design_of(source: Source, url: str, design: SkinDesign | None) -> SkinDesign:
-    """The given design, which must be the source's, or the source's own."""
+def _design_of(
+    source: Source, url: str, design: SkinDesign | None, *, needed: bool
+) -> SkinDesign | None:
+    """The given design, which must be the source's, or the source's own, which a board may lack."""
     own = source.design_hash
     if design is None:
         found = source.design
-        if found is None:
-            raise ArgumentError(f"design must be given: {url!r} does not name it")
+        if found is None and needed:
+            raise ArgumentError(
+                f"design must be given, or a learned model of it: {url!r} does not name it"
+            )
         return found
     if own is not None:
         design.check_own(f"source {url!r}", own)

@@ -1,0 +1,94 @@
+"""Learning from a sheet of touches: what is learned, how it is judged, and that it holds."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from pads import REST, pressed
+from smoskin.errors import ArgumentError
+from smoskin.measurement import TouchTable
+from smoskin.records import Reading, Status
+from smoskin.sensing.learned.gaussian_process import LearnedEstimator, Output
+from smoskin.sensing.learned.touches import examples_of, learn_touches
+
+
+def sheet(count: int, *, seed: int = 0, force=None, drift: float = 0.0, place=None) -> TouchTable:
+    """A rest and a touch, again and again, of a pad of 30 mm."""
+    rng = np.random.default_rng(seed)
+    position, forces, fields = [], [], []
+    for number in range(count):
+        spot = rng.uniform(3e-3, 27e-3, 2) if place is None else np.array(place)
+        push = rng.uniform(0.3, 1.0) if force is None else force
+        rest = REST + drift * number
+        for where, pressing in ((np.full(2, np.nan), 0.0), (spot, push)):
+            change = pressed(spot, pressing)
+            position.append(where)
+            forces.append([0.0, 0.0, -pressing])
+            fields.append(rest + change + rng.normal(0, 0.7e-6, (5, 3)))
+    return TouchTable(position=position, force=forces, field=fields)
+
+
+def test_examples_are_touches_less_the_rest_before_them() -> None:
+    table = sheet(12, drift=20e-6)
+    examples = examples_of([table])
+    assert examples.outputs == (Output.X, Output.Y, Output.FZ)
+    assert_allclose(examples.targets[:, :2], table.position[1::2])
+    assert_allclose(examples.targets[:, 2], table.force[1::2, 2])
+    true = [pressed(c.position, c.normal_force) for c in table.contacts]
+    assert_allclose(examples.field, true, atol=6e-6)
+    assert len(np.unique(examples.group)) == 12
+
+
+def test_only_what_varies_is_learned() -> None:
+    assert examples_of([sheet(8, force=0.5)]).outputs == (Output.X, Output.Y)
+    alone = examples_of([sheet(8, place=(0.01, 0.01))])
+    assert alone.outputs == (Output.FZ,)
+    assert len(np.unique(alone.group)) == 8
+
+
+def test_a_hundred_touches_are_learned_and_honestly_judged() -> None:
+    learned = learn_touches([sheet(60), sheet(40, seed=1)])
+    figures = {metric.name: metric.value for metric in learned.metrics}
+    assert figures["mean_error"] < 0.8e-3
+    assert figures["rmse_fz"] < 0.05
+    assert 0.75 < figures["inside_90_percent_region"] <= 1.0
+    assert learned.split == "5 folds of 100 places, drawn with seed 0"
+    estimator = LearnedEstimator(learned.model)
+    estimator.zero([Reading(time=0.01 * k, field=REST) for k in range(20)], force=True)
+    fresh = sheet(40, seed=5)
+    misses = []
+    for number, contact in enumerate(fresh.contacts):
+        field = REST + pressed(contact.position, contact.normal_force)
+        estimate = estimator.step(Reading(time=1.0 + number, field=field))
+        if estimate.status is Status.CONTACT:
+            misses.append(np.linalg.norm(estimate.contacts[0].position - contact.position))
+    assert len(misses) >= 36
+    # The error that was told is that of touches to come.
+    assert 0.3 < np.mean(misses) / figures["mean_error"] < 1.5
+    rest = estimator.step(Reading(time=100.0, field=REST))
+    assert rest.status is Status.NO_CONTACT
+
+
+def test_the_same_sheets_give_the_same_model() -> None:
+    first, second = learn_touches([sheet(15)]), learn_touches([sheet(15)])
+    assert first.metrics == second.metrics
+    assert_allclose(first.model.weights, second.model.weights, rtol=0)
+
+
+def test_wrong_sheets_are_named() -> None:
+    table = sheet(8)
+    with pytest.raises(ArgumentError, match="row 1 must come after a row of the untouched skin"):
+        examples_of([table.rows(table.touched)])
+    with pytest.raises(ArgumentError, match="touches must hold some that were read; got none"):
+        examples_of([table.rows(~table.touched)])
+    few = sheet(4)
+    with pytest.raises(ArgumentError, match="touches must be at 5 places or more; got 4"):
+        learn_touches([few])
+    same = sheet(8, place=(0.01, 0.01), force=0.5)
+    with pytest.raises(ArgumentError, match="touches must differ in place or force"):
+        examples_of([same])
+    other = TouchTable(
+        position=table.position, force=table.force, field=table.field[:, :4], temperature=None
+    )
+    with pytest.raises(ArgumentError, match="touches must be of boards with as many chips each"):
+        examples_of([table, other])
