@@ -2,6 +2,7 @@
 
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -139,11 +140,12 @@ def test_a_port_that_vanishes_is_opened_again(planar: SkinDesign, tmp_path: Path
     line.hang_up()
 
 
-def test_a_port_that_stays_away_is_told(planar: SkinDesign) -> None:
-    line = Line()
+def test_a_port_that_stays_away_is_told(planar: SkinDesign, tmp_path: Path) -> None:
+    # By a name of its own: the next terminal of any program may get the number of this one.
+    line = Line(str(tmp_path / "board"))
     with SerialSource(line.port, design=planar, patience=0.3) as source:
         line.hang_up()
-        time.sleep(0.3)
+        time.sleep(0.5)
         with pytest.raises(SourceError, match=r"is gone: is the board plugged in\?"):
             source.read(timeout=0.1)
 
@@ -182,6 +184,17 @@ def test_chips_at_other_addresses_are_named(planar: SkinDesign) -> None:
         said = r"must have chips at 0x0c 0x0d 0x0e, as the design has; it has 0x10 0x11 0x12"
         with pytest.raises(SourceError, match=said):
             source.read()
+
+
+def test_chips_at_another_setting_are_told_or_waited_for(planar: SkinDesign) -> None:
+    other = replace(planar, hall_setting=replace(planar.hall_setting, gain_selection=0))
+    with Line() as line, SerialSource(line.port, design=planar) as source:
+        line.send(frames(other, 1)[0])
+        with pytest.raises(SourceError, match=r"must have its chips at the setting of the design"):
+            source.read()
+    with Line() as line, SerialSource(line.port, design=planar, rate=100.0) as source:
+        line.send(b"".join(frames(other, 5) + frames(planar, 5, 5)))
+        assert numbers([source.read() for _ in range(5)], planar) == [5, 6, 7, 8, 9]
 
 
 def test_readings_that_nobody_asks_for_are_dropped_and_counted(

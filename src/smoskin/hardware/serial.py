@@ -34,6 +34,8 @@ _LOOK: Final = 0.1
 """Seconds after which the reading thread looks whether it is to end."""
 _AGAIN: Final = 0.25
 """Seconds between attempts to open a port that is gone."""
+_SETTING: Final = 2.0
+"""Seconds in which a board that is told a setting takes it."""
 _HEARD: Final = 4096
 """Bytes that are kept to tell which format they are of."""
 _USB: Final = "usb:"
@@ -121,7 +123,7 @@ class SerialSource(Source):
         self._chips = chips or planned or 5
         self._design, self._place, self._patience = design, port, patience
         self._baud = BAUD[format] if baud is None else baud
-        self._greeting = b""
+        self._greeting, self._asks = b"", rate is not None
         if format == "smoskin" and design is not None:
             self._greeting = command(Kind.IDENTIFY)
             if rate is not None:
@@ -138,6 +140,7 @@ class SerialSource(Source):
         self._here = True
         self._start = time.monotonic()
         self._arrived = self._told = 0.0
+        self._greeted = 0.0
         self._port = self._opened()
         self._thread = threading.Thread(target=self._listen, name=f"smoskin {port}", daemon=True)
         self._thread.start()
@@ -217,6 +220,7 @@ class SerialSource(Source):
             port.set_low_latency_mode(True)
         try:
             port.write(self._greeting)
+            self._greeted = time.monotonic() - self._start
         except OSError as error:
             port.close()
             raise SourceError(f"{self._place} takes no command: {_reason(error)}") from error
@@ -260,7 +264,7 @@ class SerialSource(Source):
         """Make readings of bytes that came at this time."""
         self._heard = (self._heard + data)[-_HEARD:]
         restarts = self.decoder.restarts
-        packets = self.decoder.feed(data)
+        packets = [each for each in self.decoder.feed(data) if self._suits(each, arrival)]
         if self.decoder.restarts != restarts:
             self._clock.forget()
         readings = []
@@ -282,6 +286,19 @@ class SerialSource(Source):
                     self._ready.popleft()
                     self._dropped += 1
                 self._changed.notify_all()
+
+    def _suits(self, packet: Packet, arrival: float) -> bool:
+        """Whether the chips have the design's setting; a board that was told it needs a while."""
+        if packet.setting is None or self._design is None:
+            return True
+        if packet.setting == self._design.hall_setting:
+            return True
+        if self._asks and arrival - self._greeted < _SETTING:
+            return False
+        raise SourceError(
+            f"{self._place} must have its chips at the setting of the design; it has "
+            f"{packet.setting}; a rate, as in ?rate=100, makes it take the design's"
+        )
 
     def _reading(self, packet: Packet, moment: float) -> Reading:
         """The reading of a packet, its chips in the order of the design."""

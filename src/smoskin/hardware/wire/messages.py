@@ -170,4 +170,5 @@ def _packet(board: BoardScan) -> Packet:
         temperature=reading.temperature,
         flags=np.asarray(reading.flags),
         addresses=board.addresses,
+        setting=board.setting,
     )

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from smoskin.arrays import Floats, Ints, assign, freeze, wholes
+from smoskin.design.skin import HallSetting
 
 _RESTART: Final = 1.0
 """Seconds by which a board's time must go back to be that of a new start."""
@@ -30,6 +31,8 @@ class Packet:
     """(C,), `ChipFlag`."""
     addresses: tuple[int, ...] = ()
     """7-bit addresses of the chips, where the format tells them."""
+    setting: HallSetting | None = None
+    """Setting of the chips, where the format tells it."""
 
     def __post_init__(self) -> None:
         chips = len(self.field)
