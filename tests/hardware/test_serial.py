@@ -1,5 +1,6 @@
 """Boards on serial ports: readings, times, faults that are named, and ports that vanish."""
 
+import re
 import threading
 import time
 from dataclasses import replace
@@ -23,6 +24,21 @@ from smoskin.service.source import TwinSource, open_source
 from smoskin.twin.reduced import ReducedTwin
 
 pytest.importorskip("serial")
+
+
+LONG = 20.0
+"""Seconds that a busy machine may take for what is due at once."""
+
+
+def complaint(source: SerialSource, text: str) -> None:
+    """Read until the source says this of its silence, as a busy machine may hear late."""
+    end = time.monotonic() + LONG
+    while True:
+        with pytest.raises(SourceError) as said:
+            source.read(timeout=0.3)
+        if re.search(text, str(said.value)) or time.monotonic() > end:
+            break
+    assert re.search(text, str(said.value))
 
 
 def frames(design: SkinDesign, count: int, first: int = 0, rate: float = 200.0) -> list[bytes]:
@@ -49,7 +65,7 @@ def numbers(readings, design: SkinDesign) -> list[int]:
 def test_what_a_board_sends_is_read(planar: SkinDesign) -> None:
     with Line() as line, SerialSource(line.port, design=planar) as source:
         line.send(b"".join(frames(planar, 50)))
-        readings = [source.read() for _ in range(50)]
+        readings = [source.read(LONG) for _ in range(50)]
         assert numbers(readings, planar) == list(range(50))
         assert source.chips == 3
         assert source.design_hash == planar.content_hash
@@ -85,7 +101,7 @@ def test_chips_come_in_the_order_of_the_design(planar: SkinDesign) -> None:
     )
     with Line() as line, SerialSource(line.port, design=swapped) as source:
         line.send(frame)
-        read = source.read()
+        read = source.read(LONG)
         assert_allclose(read.temperature, [40.0, 20.0, 30.0], atol=0.02)
         assert_allclose(read.field[0], [0, 0, 3e-3], atol=3e-6)
 
@@ -96,13 +112,13 @@ def test_boards_by_others_are_read_with_their_own_formats() -> None:
     any_field = mlx90393.tesla(counts, setting_of(6, 0))
     with Line() as line, SerialSource(line.port, format="anyskin") as source:
         line.send(b"".join(anyskin_frame(field, warm) for field in any_field))
-        readings = [source.read() for _ in range(30)]
+        readings = [source.read(LONG) for _ in range(30)]
     assert_allclose([reading.field for reading in readings], any_field, rtol=1e-6)
     assert (np.diff([reading.time for reading in readings]) > 0).all()
     field = mlx90393.tesla(counts, setting_of(4, 3))
     with Line() as line, open_source(f"serial://{line.port}?format=eflesh") as source:
         line.send(b"".join(eflesh_frame(row, k) for k, row in enumerate(field)))
-        readings = [source.read() for _ in range(30)]
+        readings = [source.read(LONG) for _ in range(30)]
     assert_allclose([reading.field for reading in readings], field, rtol=1e-6)
     assert source.design is None
 
@@ -121,7 +137,7 @@ def test_a_port_that_vanishes_is_opened_again(planar: SkinDesign, tmp_path: Path
         last = 0.0
         for _ in range(3):
             line.send(b"".join(frames(planar, 10, first)))
-            readings = [source.read() for _ in range(10)]
+            readings = [source.read(LONG) for _ in range(10)]
             assert numbers(readings, planar) == list(range(first, first + 10))
             assert readings[0].time > last
             last = readings[-1].time
@@ -132,7 +148,7 @@ def test_a_port_that_vanishes_is_opened_again(planar: SkinDesign, tmp_path: Path
             time.sleep(0.1)
             line = Line(link)
             first += 500
-            deadline = time.monotonic() + 5.0
+            deadline = time.monotonic() + LONG
             while source.counters.reconnections < first // 500 and time.monotonic() < deadline:
                 time.sleep(0.02)
         assert source.counters.reconnections == 3
@@ -145,9 +161,7 @@ def test_a_port_that_stays_away_is_told(planar: SkinDesign, tmp_path: Path) -> N
     line = Line(str(tmp_path / "board"))
     with SerialSource(line.port, design=planar, patience=0.3) as source:
         line.hang_up()
-        time.sleep(0.5)
-        with pytest.raises(SourceError, match=r"is gone: is the board plugged in\?"):
-            source.read(timeout=0.1)
+        complaint(source, r"is gone: is the board plugged in\?")
 
 
 @pytest.mark.parametrize(
@@ -170,8 +184,7 @@ def test_silence_is_explained(planar: SkinDesign, data: bytes | str, said: str) 
     }
     with Line() as line, SerialSource(line.port, design=planar) as source:
         line.send(lines[data] if isinstance(data, str) else data)
-        with pytest.raises(SourceError, match=rf"no reading within 0\.3 s; .*{said}"):
-            source.read(timeout=0.3)
+        complaint(source, rf"no reading within 0\.3 s; .*{said}")
 
 
 def test_chips_at_other_addresses_are_named(planar: SkinDesign) -> None:
@@ -183,7 +196,7 @@ def test_chips_at_other_addresses_are_named(planar: SkinDesign) -> None:
         line.send(reading_frame(board))
         said = r"must have chips at 0x0c 0x0d 0x0e, as the design has; it has 0x10 0x11 0x12"
         with pytest.raises(SourceError, match=said):
-            source.read()
+            source.read(LONG)
 
 
 def test_chips_at_another_setting_are_told_or_waited_for(planar: SkinDesign) -> None:
@@ -191,10 +204,10 @@ def test_chips_at_another_setting_are_told_or_waited_for(planar: SkinDesign) -> 
     with Line() as line, SerialSource(line.port, design=planar) as source:
         line.send(frames(other, 1)[0])
         with pytest.raises(SourceError, match=r"must have its chips at the setting of the design"):
-            source.read()
+            source.read(LONG)
     with Line() as line, SerialSource(line.port, design=planar, rate=100.0) as source:
         line.send(b"".join(frames(other, 5) + frames(planar, 5, 5)))
-        assert numbers([source.read() for _ in range(5)], planar) == [5, 6, 7, 8, 9]
+        assert numbers([source.read(LONG) for _ in range(5)], planar) == [5, 6, 7, 8, 9]
 
 
 def test_readings_that_nobody_asks_for_are_dropped_and_counted(
@@ -210,7 +223,7 @@ def test_readings_that_nobody_asks_for_are_dropped_and_counted(
         while source.counters.readings < 100:
             time.sleep(0.01)
         assert source.counters.dropped == 80
-        assert numbers([source.read()], planar) == [80]
+        assert numbers([source.read(LONG)], planar) == [80]
 
 
 def test_a_late_frame_is_counted_and_keeps_its_time(planar: SkinDesign) -> None:
@@ -224,7 +237,7 @@ def test_a_late_frame_is_counted_and_keeps_its_time(planar: SkinDesign) -> None:
                 time.sleep(0.01)
             time.sleep(0.01)
         line.send(sent[20])
-        readings = [source.read() for _ in range(29)]
+        readings = [source.read(LONG) for _ in range(29)]
         times = [reading.time for reading in readings]
     assert (np.diff(times) > 0).all()
     assert source.counters.lost == 1
@@ -271,7 +284,7 @@ def test_a_virtual_board_sends_what_the_twin_reads(planar: SkinDesign) -> None:
     made = [twin.read(time=0.01 * k) for k in range(20)]
     board = VirtualBoard(Readings(planar, made))
     with BoardAndReader(board, lambda port: SerialSource(port, design=planar)) as source:
-        read = [source.read() for _ in range(20)]
+        read = [source.read(LONG) for _ in range(20)]
     # The twin's readings are whole counts already.
     assert_allclose([r.field for r in read], [r.field for r in made], rtol=0, atol=1e-15)
     assert_allclose([r.temperature for r in read], [r.temperature for r in made], atol=1e-9)
@@ -285,7 +298,7 @@ def test_what_chips_cannot_say_travels_as_a_flag(planar: SkinDesign) -> None:
     spoilt = Reading(time=0.0, field=field, temperature=good.temperature, flags=[1, 16, 0])
     board = VirtualBoard(Readings(planar, [spoilt]))
     with BoardAndReader(board, lambda port: SerialSource(port, design=planar)) as source:
-        read = source.read()
+        read = source.read(LONG)
     assert_array_equal(read.flags, [ChipFlag.MISSING, ChipFlag.OLD, 0])
     assert np.isnan(read.field[:2]).all()
 
@@ -294,7 +307,7 @@ def test_a_virtual_board_answers_commands(planar: SkinDesign) -> None:
     board = VirtualBoard(TwinSource(ReducedTwin(planar), rate=50.0))
     with BoardAndReader(board, lambda port: SerialSource(port, design=planar, rate=50.0)) as source:
         for _ in range(5):
-            source.read()
+            source.read(LONG)
         decoder = source.reader.decoder
         assert decoder.identity["board"] == "smoskin"
         assert decoder.identity["chips"] == "0c 0d 0e"
@@ -318,7 +331,7 @@ def test_a_virtual_board_speaks_the_formats_of_others(planar: SkinDesign, format
     with BoardAndReader(
         board, lambda port: SerialSource(port, format=format, design=planar)
     ) as source:
-        read = [source.read() for _ in range(20)]
+        read = [source.read(LONG) for _ in range(20)]
     assert_allclose([r.field for r in read], [r.field for r in made], rtol=2e-7, atol=1e-12)
 
 

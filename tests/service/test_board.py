@@ -1,19 +1,24 @@
 """A board without hardware, from a design."""
 
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from smoskin.design.skin import SkinDesign
-from smoskin.service.board import run_board
+from smoskin.service import board
 from smoskin.service.source import open_source
 
 pytest.importorskip("serial")
 
 
-def test_a_virtual_board_is_read_as_a_real_one_would_be(planar: SkinDesign) -> None:
-    ports, there = [], threading.Event()
+def test_a_virtual_board_is_read_as_a_real_one_would_be(
+    planar: SkinDesign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ports, there, ended = [], threading.Event(), threading.Event()
+    clock = SimpleNamespace(monotonic=lambda: 1.0 if ended.is_set() else 0.0)
+    monkeypatch.setattr(board, "time", clock)
 
     def announce(port: str) -> None:
         ports.append(port)
@@ -22,13 +27,14 @@ def test_a_virtual_board_is_read_as_a_real_one_would_be(planar: SkinDesign) -> N
     done = []
     running = threading.Thread(
         target=lambda: done.append(
-            run_board(planar, rate=200.0, seed=4, seconds=1.0, on_start=announce)
+            board.run_board(planar, rate=200.0, seed=4, seconds=1.0, on_start=announce)
         )
     )
     running.start()
     assert there.wait(20.0)
     with open_source(f"serial://{ports[0]}") as source:
-        readings = [source.read() for _ in range(60)]
+        readings = [source.read(20.0) for _ in range(60)]
+    ended.set()
     running.join(20.0)
     fields = np.array([reading.field for reading in readings])
     # The hand touches the skin: its magnets move.

@@ -35,16 +35,16 @@ def sending(source, format: str = "smoskin") -> Iterator[str]:
 
 
 def test_a_sound_board_is_called_so(planar: SkinDesign) -> None:
-    with sending(TwinSource(ReducedTwin(planar), rate=100.0)) as port:
-        diagnosis = examine_source(f"serial://{port}", seconds=1.0)
+    with sending(TwinSource(ReducedTwin(planar), rate=400.0)) as port:
+        diagnosis = examine_source(f"serial://{port}", seconds=0.5)
     faults = [f for f in diagnosis.findings if f.where not in ("line", f"port {port}")]
     assert faults == []
     assert re.search(r"\d+ readings of 3 chips at \d+ Hz, the longest", diagnosis.looked[0])
 
 
 def test_a_board_of_another_format_is_told_its_format(planar: SkinDesign) -> None:
-    with sending(TwinSource(ReducedTwin(planar), rate=100.0), "anyskin") as port:
-        diagnosis = examine_source(f"serial://{port}", seconds=1.0)
+    with sending(TwinSource(ReducedTwin(planar), rate=400.0), "anyskin") as port:
+        diagnosis = examine_source(f"serial://{port}", seconds=0.5)
     told = [str(f) for f in diagnosis.findings if f.where == "source"]
     assert "use format=anyskin&chips=3" in told[0]
 
@@ -63,8 +63,8 @@ def test_a_chip_that_is_missing_is_named(planar: SkinDesign) -> None:
                 time=reading.time, field=sound.field, temperature=sound.temperature, flags=[0, 1, 0]
             )
 
-    with sending(Spoilt(twin, rate=100.0)) as port:
-        diagnosis = examine_source(f"serial://{port}", seconds=1.0)
+    with sending(Spoilt(twin, rate=400.0)) as port:
+        diagnosis = examine_source(f"serial://{port}", seconds=0.5)
     told = [str(f) for f in diagnosis.findings if f.where.startswith("chip")]
     assert told == [
         "chip S2: It does not answer, every time. Look at its supply, its wires and "
@@ -87,18 +87,18 @@ def test_a_silent_port_and_one_that_is_not_there_are_findings(planar: SkinDesign
 def test_a_robot_may_move_meanwhile(planar: SkinDesign) -> None:
     told: list[str] = []
     diagnosis = examine_source(
-        "twin://planar?mechanics=reduced&creep=no", seconds=1.0, moving=1.0, say=told.append
+        "twin://planar?mechanics=reduced&creep=no&rate=400", seconds=0.5, moving=0.5, say=told.append
     )
     assert diagnosis.findings == ()
     assert str(diagnosis).endswith("Nothing is wrong.")
-    assert told[1].startswith("Move the robot for 1 s")
+    assert told[1].startswith("Move the robot for 0.5 s")
 
 
 def test_what_there_is_is_listed_with_what_reads_it(
     planar: SkinDesign, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     twin = ReducedTwin(planar)
-    with sending(TwinSource(twin, rate=100.0), "anyskin") as port, Line() as silent:
+    with sending(TwinSource(twin, rate=400.0), "anyskin") as port, Line() as silent:
         ports = [
             SimpleNamespace(device=port, product="QT Py", url=f"serial://{port}"),
             SimpleNamespace(device=silent.port, product="", url=f"serial://{silent.port}"),

@@ -1,5 +1,7 @@
 """Touches made by hand: recorded when held, in the plan's order, whatever the hand does between."""
 
+import re
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -8,7 +10,7 @@ from boards import Readings
 from pads import CHIPS, REST, hand, pressed
 from smoskin.errors import ArgumentError
 from smoskin.measurement import TouchTable, read_touches, write_touches
-from smoskin.records import Reading
+from smoskin.records import ChipFlag, Reading
 from smoskin.service.guided import GuidedTouches, grid_plan, record_touches
 
 
@@ -78,7 +80,47 @@ def test_a_hand_that_waits_is_waited_for() -> None:
     for reading in later:
         guided.step(reading)
     assert guided.made == 0
-    assert len(said) == held == 2
+    assert held == 2
+    assert len(said) == 3
+    assert said[2].startswith(said[1])
+    assert re.search(r"The field is \d uT from rest; a touch changes it by 30 uT", said[2])
+
+
+@pytest.mark.parametrize("rate", [5.0, 19.0, 500.0])
+def test_slow_and_fast_boards_are_recorded_too(rate: float) -> None:
+    wanted = plan(4)
+    each = round(max(1.2 * rate, 15))
+    shares = np.repeat([0.0, 1.0] * 4, each)
+    changes = [pressed(c.position, 0.5) for c in wanted.contacts]
+    rng = np.random.default_rng(2)
+    readings = [
+        Reading(
+            time=k / rate,
+            field=REST + share * changes[k // (2 * each)] + rng.normal(0, 1.5e-6, (5, 3)),
+            temperature=np.full(5, 25.0),
+        )
+        for k, share in enumerate(shares)
+    ]
+    guided, _ = followed(readings, wanted)
+    assert guided.done
+
+
+def test_what_keeps_the_next_touch_from_being_made_is_said() -> None:
+    wanted = plan(2)
+    calm, fault = [0] * 5, [0, 0, int(ChipFlag.MISSING), 0, 0]
+    field = REST + pressed(wanted.contacts[0].position, 0.5)
+
+    def reading(k: int, seen: np.ndarray, flags: list[int]) -> Reading:
+        return Reading(time=k / 60, field=seen, temperature=np.full(5, 25.0), flags=flags)
+
+    _, said = followed([reading(k, REST, fault) for k in range(700)], wanted)
+    assert said[1:] == ["Chip 3 has a fault: smoskin doctor says what to do."]
+    warming = [reading(k, REST * (1 + 0.01 * k), calm) for k in range(700)]
+    assert followed(warming, wanted)[1][1:] == [
+        "The skin does not rest yet: let nothing touch or move it."
+    ]
+    stays = [reading(k, REST if k < 60 else field, calm) for k in range(800)]
+    assert followed(stays, wanted)[1][-1] == "The skin is touched still: let go."
 
 
 def test_what_was_made_is_kept_after_each_touch(tmp_path) -> None:

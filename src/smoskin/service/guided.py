@@ -18,9 +18,9 @@ from smoskin.records import Contact, Reading
 from smoskin.roles import Source
 
 _STILL: Final = 0.5
-"""Seconds for which a rest or a touch is held still."""
+"""Seconds for which a rest or a touch is held still, at least."""
 _LEAST: Final = 10
-"""Readings in that time, at least."""
+"""Readings for which it is, at least; slow boards need longer for them."""
 _QUIET: Final = 8e-6
 """Standard deviation of a field that is still, T, at least; chips may be louder by themselves."""
 _LOUDER: Final = 2.5
@@ -29,17 +29,19 @@ _MOVING: Final = 2e-6
 """Change from one half of that time to the other by which a field still moves, T."""
 _CREEP: Final = 0.02
 """The same, over the change by the touch: rubber creeps under it."""
-_TOUCHED: Final = 60e-6
+_TOUCHED: Final = 30e-6
 """Change of the field by which a skin is touched, T."""
 _RELEASED: Final = 0.25
 """Share of a touch's change below which it is let go."""
+_PATIENCE: Final = 10.0
+"""Seconds without a step forward after which what is waited for is said again."""
 
 
 @final
 class GuidedTouches:
     """The touches of a plan, recorded from readings in the plan's order.
 
-    `say` is told what to do next. The table grows by a row of the untouched skin and a row of the
+    `say` is told what to do next, and after 10 s without a step forward why not. The table grows by a row of the untouched skin and a row of the
     touch, again and again; it is whole at any moment.
 
     Parameters
@@ -75,6 +77,7 @@ class GuidedTouches:
         self._change = 0.0
         self._quiet = 0.0
         self._resting = True
+        self._since: float | None = None
         say("Let nothing touch the skin.")
 
     @property
@@ -104,11 +107,15 @@ class GuidedTouches:
 
     def step(self, reading: Reading) -> None:
         """Take the next reading; one with a faulty chip begins the stillness anew."""
+        self._since = reading.time if self._since is None else self._since
+        if reading.time - self._since > _PATIENCE:
+            self._since = reading.time
+            self._say(self._hindrance(reading))
         if reading.flags.any() or not np.isfinite(reading.field).all():
             self._window.clear()
             return
         self._window.append(reading)
-        while reading.time - self._window[0].time > _STILL:
+        while len(self._window) > _LEAST and reading.time - self._window[1].time >= _STILL:
             self._window.popleft()
         if self._resting:
             self._rested(reading)
@@ -124,12 +131,33 @@ class GuidedTouches:
             return
         self._rest, self._resting = mean, False
         self._keep(None, mean)
+        self._say(self._order())
+
+    def _order(self) -> str:
+        """What is to be pressed next."""
         number, target = self.made + 1, self._targets[self.made]
         x, y = (1e3 * target.position).tolist()
         force = f" with {np.linalg.norm(target.force):.2f} N" if target.force.any() else ""
-        self._say(
+        return (
             f"{number} of {len(self._targets)}: press at x {x:.1f} mm, y {y:.1f} mm{force}, and "
             "hold still."
+        )
+
+    def _hindrance(self, reading: Reading) -> str:
+        """What keeps the next step from being made."""
+        faulty = np.flatnonzero(reading.flags) + 1
+        if faulty.size:
+            chips = ", ".join(map(str, faulty))
+            return f"Chip {chips} has a fault: smoskin doctor says what to do."
+        if self._resting:
+            return "The skin does not rest yet: let nothing touch or move it."
+        if self._change:
+            return "The skin is touched still: let go."
+        assert self._rest is not None
+        change = 1e6 * np.abs(reading.field - self._rest).max()
+        return (
+            f"{self._order()} The field is {change:.0f} uT from rest; a touch changes it by "
+            f"{1e6 * self._touched:.0f} uT or more."
         )
 
     def _held(self, reading: Reading) -> None:
@@ -146,13 +174,12 @@ class GuidedTouches:
         """Begin the next rest once the skin is let go."""
         assert self._rest is not None
         if np.abs(reading.field - self._rest).max() < _RELEASED * self._change:
-            self._change, self._resting = 0.0, True
+            self._change, self._resting, self._since = 0.0, True, reading.time
             self._window.clear()
 
     def _still(self) -> Floats | None:
-        """Mean field of the last half second if it was still; None otherwise."""
-        times = [reading.time for reading in self._window]
-        if len(times) < _LEAST or times[-1] - times[0] < 0.9 * _STILL:
+        """Mean field since half a second and ten readings ago if it was still; None otherwise."""
+        if len(self._window) < _LEAST or self._window[-1].time - self._window[0].time < _STILL:
             return None
         fields = np.array([reading.field for reading in self._window])
         spread = float(fields.std(axis=0).max())
@@ -173,6 +200,7 @@ class GuidedTouches:
         times = [reading.time for reading in self._window]
         degrees = np.mean([reading.temperature for reading in self._window], axis=0)
         self._rows.append((contact, field, degrees, (times[0], times[-1])))
+        self._since = times[-1]
         self._window.clear()
 
 
