@@ -17,15 +17,22 @@ import smoskin.commands.optimise
 from smoskin.cli import app
 
 USUAL = {
+    "board": {"virtual": "planar", "wire": "smoskin", "rate": 100.0, "seed": 0, "hand": True},
     "calibrate": {"rig": "virtual", "out": "skin.table"},
     "demo": {"rate": 100.0, "seed": 0, "touches": 15, "port": 0},
+    "doctor": {"seconds": 5.0, "moving": 0.0},
     "fit-paper": {"out": "calibration.toml"},
+    "grid": {
+        "width": 30.0, "height": 30.0, "out": "plan.csv", "count": 30, "force": 0.5, "seed": 0,
+    },
+    "learn": {"out": "own.model", "seed": 0},
     "new-design": {"base": "planar"},
     "optimise": {"force": 0.5, "rate": 100.0, "seed": 0},
     "plan": {
         "count": 15, "force": 0.8, "drag": 0.0, "place_mm": 0.5, "force_mn": 10.0,
         "out": "touches.csv",
     },
+    "record": {"plan": "plan.csv", "out": "touches.csv"},
     "run": {"source": "twin://planar", "zero": True, "port": 0},
     "score": {
         "skins": 2, "touches": 60, "drag": 0.0, "pairs": 40, "seed": 1, "world": "plain",
@@ -39,6 +46,8 @@ USUAL = {
 }  # fmt: skip
 """What a command does where nothing is said: people and scripts build on it."""
 ENDS = {
+    ("board", "seconds"): (0, None),
+    ("board", "seed"): (0, None),
     ("calibrate", "touches"): (1, 1000),
     ("calibrate", "until_mm"): (0, None),
     ("calibrate", "place_mm"): (0, None),
@@ -47,6 +56,11 @@ ENDS = {
     ("demo", "port"): (0, 65535),
     ("demo", "seed"): (0, None),
     ("demo", "touches"): (1, 1000),
+    ("doctor", "seconds"): (1.0, None),
+    ("doctor", "moving"): (0.0, None),
+    ("grid", "count"): (1, 10_000),
+    ("grid", "seed"): (0, None),
+    ("learn", "seed"): (0, None),
     ("optimise", "minutes"): (0.1, None),
     ("optimise", "force"): (0.05, 1.0),
     ("optimise", "rate"): (1.0, None),
