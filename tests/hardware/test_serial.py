@@ -129,13 +129,18 @@ def setting_of(gain: int, resolution: int):
     return HallSetting(gain_selection=gain, resolution=resolution, oversampling=0, digital_filter=2)
 
 
-def test_a_port_that_vanishes_is_opened_again(planar: SkinDesign, tmp_path: Path) -> None:
+def test_a_port_that_vanishes_is_opened_again(
+    planar: SkinDesign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from smoskin.hardware import serial
+
+    monkeypatch.setattr(serial, "_AGAIN", 0.01)
     link = str(tmp_path / "board")
     line = Line(link)
     with SerialSource(link, design=planar) as source:
         first = 0
         last = 0.0
-        for _ in range(3):
+        for _ in range(20):
             line.send(b"".join(frames(planar, 10, first)))
             readings = [source.read(LONG) for _ in range(10)]
             assert numbers(readings, planar) == list(range(first, first + 10))
@@ -143,17 +148,41 @@ def test_a_port_that_vanishes_is_opened_again(planar: SkinDesign, tmp_path: Path
             last = readings[-1].time
             # Half a frame is lost with the port.
             line.send(frames(planar, 1, first + 10)[0][:20])
-            time.sleep(0.05)
+            time.sleep(0.01)
             line.hang_up()
-            time.sleep(0.1)
             line = Line(link)
-            first += 500
+            first += 300
             deadline = time.monotonic() + LONG
-            while source.counters.reconnections < first // 500 and time.monotonic() < deadline:
-                time.sleep(0.02)
-        assert source.counters.reconnections == 3
+            while source.counters.reconnections < first // 300 and time.monotonic() < deadline:
+                time.sleep(0.005)
+        assert source.counters.reconnections == 20
         assert source.counters.lost == 0
     line.hang_up()
+
+
+@pytest.mark.slow
+def test_nothing_is_lost_at_200_and_500_readings_a_second(planar: SkinDesign) -> None:
+    def send(line: Line, rate: float) -> None:
+        start = time.monotonic()
+        for number, frame in enumerate(frames(planar, round(10 * rate), rate=rate)):
+            time.sleep(max(0.0, start + number / rate - time.monotonic()))
+            line.send(frame)
+
+    with Line() as first, Line() as second:
+        rates = {first: 200.0, second: 500.0}
+        sources = {line: SerialSource(line.port, design=planar) for line in rates}
+        sending = [threading.Thread(target=send, args=given) for given in rates.items()]
+        for thread in sending:
+            thread.start()
+        for line, rate in rates.items():
+            with sources[line] as source:
+                readings = [source.read(LONG) for _ in range(round(10 * rate))]
+                assert numbers(readings, planar) == [k % 8000 for k in range(round(10 * rate))]
+                counters = source.counters
+                assert counters.lost == counters.corrupt == counters.dropped == 0
+                assert (np.diff([reading.time for reading in readings]) > 0).all()
+        for thread in sending:
+            thread.join()
 
 
 def test_a_port_that_stays_away_is_told(planar: SkinDesign, tmp_path: Path) -> None:
