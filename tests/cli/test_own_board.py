@@ -82,7 +82,7 @@ def followed(folder: Path, board: Board, told: Callable[[str], None], *arguments
 @pytest.mark.slow
 @pytest.mark.timeout(400)
 def test_an_anyskin_board_is_learned_and_run(tmp_path: Path) -> None:
-    smoskin(tmp_path, "touches", "grid", "--count", "9", "--out", "plan.csv")
+    smoskin(tmp_path, "touches", "grid", "--count", "16", "--out", "plan.csv")
     with Line() as line, Board(line, 0) as board:
 
         def obeys(sentence: str) -> None:
@@ -91,7 +91,7 @@ def test_an_anyskin_board_is_learned_and_run(tmp_path: Path) -> None:
 
         url = f"serial://{line.port}?format=anyskin"
         recorded = followed(tmp_path, board, obeys, "touches", "record", url)
-    assert "9 touches in touches.csv" in recorded
+    assert "16 touches in touches.csv" in recorded
     learned = smoskin(tmp_path, "learn", "touches.csv", "--out", "own.model")
     error = re.search(r"mean_error_mm: ([\d.]+)", learned.stdout)
     assert error is not None

@@ -87,7 +87,10 @@ def test_a_silent_port_and_one_that_is_not_there_are_findings(planar: SkinDesign
 def test_a_robot_may_move_meanwhile(planar: SkinDesign) -> None:
     told: list[str] = []
     diagnosis = examine_source(
-        "twin://planar?mechanics=reduced&creep=no&rate=400", seconds=0.5, moving=0.5, say=told.append
+        "twin://planar?mechanics=reduced&creep=no&rate=400",
+        seconds=0.5,
+        moving=0.5,
+        say=told.append,
     )
     assert diagnosis.findings == ()
     assert str(diagnosis).endswith("Nothing is wrong.")

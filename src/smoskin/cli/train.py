@@ -201,13 +201,13 @@ def learn(
         readings = list(open_recording(recording).readings())
         tables = [table.with_readings(readings) for table in tables]
     with progress_bar() as progress:
-        learned = learn_touches(tables, seed=seed, progress=progress)
-    learned.model.save(out)
-    figures = {f"{m.name}_{m.unit}".rstrip("_"): m.value for m in learned.metrics}
+        model = learn_touches(tables, seed=seed, progress=progress)
+    model.save(out)
+    figures = {f"{m.name}_{m.unit}".rstrip("_"): m.value for m in model.metrics}
     if as_json:
-        typer.echo(json.dumps({"file": str(out), "split": learned.split, **figures}))
+        typer.echo(json.dumps({"file": str(out), "split": model.split, **figures}))
         return
-    typer.echo(f"{out}, judged by {learned.split}:")
+    typer.echo(f"{out}, judged by {model.split}:")
     for name, value in _in_millimetres(figures).items():
         typer.echo(f"{name}: {value:.3g}")
     typer.echo(f"Now: smoskin run SOURCE --calibration {out}", err=True)

@@ -41,8 +41,9 @@ _PATIENCE: Final = 10.0
 class GuidedTouches:
     """The touches of a plan, recorded from readings in the plan's order.
 
-    `say` is told what to do next, and after 10 s without a step forward why not. The table grows by a row of the untouched skin and a row of the
-    touch, again and again; it is whole at any moment.
+    `say` is told what to do next, and after 10 s without a step forward why not. The table grows
+    by a row of the untouched skin and a row of the touch, again and again; it is whole at any
+    moment.
 
     Parameters
     ----------

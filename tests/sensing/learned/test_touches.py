@@ -53,7 +53,7 @@ def test_a_hundred_touches_are_learned_and_honestly_judged() -> None:
     assert figures["rmse_fz"] < 0.05
     assert 0.75 < figures["inside_90_percent_region"] <= 1.0
     assert learned.split == "5 folds of 100 places, drawn with seed 0"
-    estimator = LearnedEstimator(learned.model)
+    estimator = LearnedEstimator(learned)
     estimator.zero([Reading(time=0.01 * k, field=REST) for k in range(20)], force=True)
     fresh = sheet(40, seed=5)
     misses = []
@@ -72,7 +72,14 @@ def test_a_hundred_touches_are_learned_and_honestly_judged() -> None:
 def test_the_same_sheets_give_the_same_model() -> None:
     first, second = learn_touches([sheet(15)]), learn_touches([sheet(15)])
     assert first.metrics == second.metrics
-    assert_allclose(first.model.weights, second.model.weights, rtol=0)
+    assert_allclose(first.weights, second.weights, rtol=0)
+
+
+@pytest.mark.parametrize("count", [5, 9])
+def test_few_touches_are_learned_with_their_error(count: int) -> None:
+    model = learn_touches([sheet(count)])
+    assert {"mean_error", "inside_90_percent_region"} <= {metric.name for metric in model.metrics}
+    assert (np.linalg.eigvalsh(model.residual) > 0).all()
 
 
 def test_wrong_sheets_are_named() -> None:

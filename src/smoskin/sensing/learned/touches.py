@@ -1,12 +1,13 @@
 """Learning from touches of known place and force: sheets to examples, a model and its honest error.
 
-Decides which rest counts for a touch (the last one before it), which quantities there are to learn,
-and that a sheet's error is told by folds of whole places, since a few touches held out once tell
-little.
+Decides which rest counts for a touch (the last one before it), which quantities there are to
+learn, and that figures, stated covariance and reach are those of folds of whole places, since a
+few touches held out once tell little.
 """
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from smoskin.measurement import TouchTable
 from smoskin.roles import Progress, unheard
 from smoskin.sensing.learned.gaussian_process import LearnedModel, Metric, Output
 from smoskin.sensing.learned.inputs import Encoding, Form
-from smoskin.sensing.learned.training import Examples, FittingEffort, train_model
+from smoskin.sensing.learned.training import Examples, FittingEffort, judged, train_model
 
 _FOLDS: Final = 5
 _LEAST_PLACES: Final = 5
@@ -29,16 +30,6 @@ _FAINT: Final = 30e-6
 """Field below which there is no touch, T, at least."""
 _NINETY: Final = 4.605
 """Square of the deviation that nine of ten draws in the plane stay below, in variances."""
-
-
-class Learned(NamedTuple):
-    """A model of touches and what it reached on touches of places held out."""
-
-    model: LearnedModel
-    metrics: tuple[Metric, ...]
-    """Figures over all folds; `model.metrics` are those of its own held-out places."""
-    split: str
-    """How places were held out, in words."""
 
 
 def examples_of(tables: Sequence[TouchTable]) -> Examples:
@@ -98,11 +89,12 @@ def learn_touches(
     seed: Seed = 0,
     effort: FittingEffort | None = None,
     progress: Progress = unheard,
-) -> Learned:
+) -> LearnedModel:
     """A model of the touches of sheets, by all chips, with its error on places held out.
 
-    Places are held out in five folds, whole; the model is then trained on all touches. It raises
-    an `ArgumentError` as `examples_of`, or if there are fewer than five places.
+    Places are held out in five folds, whole; the model is then trained on all touches, and its
+    metrics, covariance and reach are those of the folds. It raises an `ArgumentError` as
+    `examples_of`, or if there are fewer than five places.
     """
     examples = examples_of(tables)
     encoding = Encoding(chips=tuple(range(examples.field.shape[1])), form=Form.DIRECTION)
@@ -125,32 +117,29 @@ def learn_touches(
         )
 
     fold = np.random.default_rng(seed).permutation(len(groups)) % _FOLDS
-    values = np.empty_like(examples.targets)
-    covariance = np.empty((len(values), values.shape[1], values.shape[1]))
     inputs = examples.encode(encoding)
+    error = np.empty_like(examples.targets)
+    factor, novelty = np.empty((2, len(error)))
     for k in range(_FOLDS):
         held = np.isin(examples.group, groups[fold == k])
         model = trained(examples.where(~held), k / (_FOLDS + 1))
-        values[held], covariance[held], _ = model.predict(inputs[held])
-    split = f"{_FOLDS} folds of {len(groups)} places, drawn with seed {seed}"
-    if Output.X not in examples.outputs:
-        split = f"{_FOLDS} folds of {len(groups)} touches at one place, drawn with seed {seed}"
-    metrics = _metrics(examples, values - examples.targets, covariance)
-    return Learned(trained(examples, _FOLDS / (_FOLDS + 1)), metrics, split)
+        predicted = model.predict(inputs[held])
+        error[held] = predicted.values - examples.targets[held]
+        factor[held] = predicted.covariance[:, 0, 0] / model.residual[0, 0]
+        novelty[held] = predicted.novelty
+    model = judged(trained(examples, _FOLDS / (_FOLDS + 1)), error, factor, novelty)
+    what = "places" if Output.X in examples.outputs else "touches at one place"
+    return replace(
+        model,
+        metrics=(*model.metrics, *_held_share(model, error, factor)),
+        split=f"{_FOLDS} folds of {len(groups)} {what}, drawn with seed {seed}",
+    )
 
 
-def _metrics(examples: Examples, error: Floats, covariance: Floats) -> tuple[Metric, ...]:
-    """Figures of errors (T, O), SI, whose covariances are stated."""
-    found = [
-        Metric(
-            f"rmse_{output.name.lower()}", float(np.sqrt(np.mean(error[:, k] ** 2))), output.unit
-        )
-        for k, output in enumerate(examples.outputs)
-    ]
-    if examples.outputs[:2] == (Output.X, Output.Y):
-        miss = error[:, :2]
-        found.append(Metric("mean_error", float(np.hypot(*miss.T).mean()), "m"))
-        inside = np.linalg.solve(covariance[:, :2, :2], miss[..., None])[..., 0]
-        share = float(((miss * inside).sum(axis=1) <= _NINETY).mean())
-        found.append(Metric("inside_90_percent_region", share, ""))
-    return tuple(found)
+def _held_share(model: LearnedModel, error: Floats, factor: Floats) -> tuple[Metric, ...]:
+    """Share of the errors, (T, O), that the stated 90 % region of the place holds."""
+    if Output.X not in model.outputs:
+        return ()
+    miss = error[:, :2]
+    squares = (miss * np.linalg.solve(model.residual[:2, :2], miss.T).T).sum(axis=1) / factor
+    return (Metric("inside_90_percent_region", float((squares <= _NINETY).mean()), ""),)

@@ -318,9 +318,17 @@ def _solve(
 def _judge(model: LearnedModel, inputs: Floats, targets: Floats) -> LearnedModel:
     """The model with its residuals, reach and figures on held-out examples."""
     predicted = model.predict(inputs)
-    error = predicted.values - targets
-    factor = predicted.covariance[:, 0, 0, None]
-    near = float(np.quantile(predicted.novelty, _BELIEVED_SHARE))
+    factor = predicted.covariance[:, 0, 0] / model.residual[0, 0]
+    return judged(model, predicted.values - targets, factor, predicted.novelty)
+
+
+def judged(model: LearnedModel, error: Floats, factor: Floats, novelty: Floats) -> LearnedModel:
+    """The model with its residuals, reach and figures by errors on held-out examples.
+
+    Errors are (T, O), SI; with them go the factors of the stated covariance, (T,), and novelties,
+    (T,).
+    """
+    near = float(np.quantile(novelty, _BELIEVED_SHARE))
     figures = {
         f"rmse_{output.name.lower()}": (float(np.sqrt(np.mean(error[:, k] ** 2))), output.unit)
         for k, output in enumerate(model.outputs)
@@ -330,7 +338,7 @@ def _judge(model: LearnedModel, inputs: Floats, targets: Floats) -> LearnedModel
         figures["mean_error"] = (float(np.hypot(*error[:, at].T).mean()), "m")
     return replace(
         model,
-        residual=(error / factor).T @ error / len(error),
+        residual=(error / factor[:, None]).T @ error / len(error),
         reach=max(_BEYOND * near, _JITTER),
         metrics=tuple(Metric(name, *figure) for name, figure in figures.items()),
     )
