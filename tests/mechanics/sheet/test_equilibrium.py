@@ -1,5 +1,6 @@
 """Equilibria of the sheet: balance, independence of numbering, neighbours and start."""
 
+import itertools
 import math
 import os
 import subprocess
@@ -76,6 +77,24 @@ def test_a_rows_answer_does_not_hang_on_its_neighbours(sheet, cases):
         whole.displacements[5],
         atol=1e-8 * np.abs(alone.displacements).max(),
     )
+
+
+def test_presses_of_like_depth_are_solved_side_by_side(sheet):
+    """Two touches each, at three pairs of places, with eight forces: 24 presses in any order."""
+    rng = np.random.default_rng(1)
+    places = geometry(sheet.design).tops.reshape(-1, 2)[[[0, 8], [3, 5], [1, 7]]]
+    force = np.multiply.outer(np.linspace(0.02, 0.16, 8), [0.0, 0.0, -1.0])
+    order = rng.permutation(24)
+    position = np.repeat(places, 8, axis=0)[order]
+    touches = Touches(position=position, force=np.tile(force, (3, 1))[order][:, None].repeat(2, 1))
+    loads = sheet._loads(touches)
+    down = sheet.press(touches).displacements[:, sheet.lattice.loaded.ravel(), 2]
+    depth = -np.einsum("bkt,bt->b", loads.shares, down)
+    chunks = [depth[rows] for rows in sheet._equilibrium._chunks(loads, 6)]
+    assert [len(chunk) for chunk in chunks] == [6, 6, 6, 6]
+    for shallow, deep in itertools.pairwise(chunks):
+        assert shallow.max() <= 1.25 * deep.min()  # one touch leans on the other
+    assert [len(rows) for rows in sheet._equilibrium._chunks(loads, 24)] == [24]
 
 
 def test_a_start_near_the_answer_saves_steps(sheet, cases):
