@@ -27,7 +27,7 @@ from smoskin.sensing.closed_form.calibration import (
     read_calibration,
 )
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
-from smoskin.sensing.closed_form.fitting import fit_calibration
+from smoskin.sensing.closed_form.fitting import fit_calibration, rough_fit
 from smoskin.sensing.closed_form.press_model import PressModel, touched_cells
 from smoskin.service.recorder import Recorder
 from smoskin.service.recording import open_recording
@@ -122,6 +122,12 @@ def test_a_fit_comes_to_the_same_numbers_as_ever(skin_and_fit):
     assert fit.noise == pytest.approx((1.913816e-2, 1.782892e-2, 1.918523e-6), rel=1e-5)
     assert fit.calibration.coefficients.attenuation[0] == pytest.approx(0.3688304, rel=1e-6)
     assert fit.calibration.sheet_stiffness == pytest.approx(4941.4482, rel=1e-6)
+
+
+def test_a_rough_fit_of_a_wrong_sheet_comes_as_far_as_ever(planar):
+    table = bench(planar, 7)[1]
+    twice = replace(table, depth=2 * table.depth)
+    assert rough_fit(planar, twice).misfit.mean() == pytest.approx(33.8997, rel=2e-4)
 
 
 def test_the_paper_s_v_f_are_found_again(planar):

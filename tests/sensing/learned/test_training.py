@@ -141,6 +141,8 @@ def test_progress_ends_complete():
     )
     assert heard[-1] == ("final fit", 1.0)
     assert all(0 <= share <= 1 for _, share in heard)
+    steps = [share for what, share in heard if what == "lengths and noise"]
+    np.testing.assert_allclose(steps, np.arange(len(steps)) / LITTLE.iterations)
     begun = [what for what, share in heard if share == 0]
     assert list(dict.fromkeys(begun)) == ["lengths and noise", "held-out figures", "final fit"]
 
