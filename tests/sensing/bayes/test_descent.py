@@ -62,17 +62,20 @@ class Bent:
     def __init__(self, table, noise, slope=1.0):
         self.asked, self._slope = 0, slope
         priors = TouchPriors(drag_spread=0.0)
-        self._problem = TouchProblem(self, 1, table, noise, 1e-12 * np.eye(9), priors)
+        self.problem = TouchProblem(self, 1, table, noise, 1e-12 * np.eye(9), priors)
 
     def __call__(self, at):
         self.asked += 1
         bent = (at - self.touch) @ self.mix
         return 1e-4 * np.arctan(bent), self._slope * 1e-4 * self.mix / (1 + bent**2)
 
-    def cost(self, start, steps=15):
+    def descend(self, start, **steps):
         signals, _ = self(self.touch)
         self.asked = 0
-        return self._problem.descend(signals, np.array(start), steps=steps).cost
+        return self.problem.descend(signals, np.array(start), **steps)
+
+    def cost(self, start, **steps):
+        return self.descend(start, **steps).cost
 
 
 @pytest.mark.parametrize(
@@ -84,7 +87,7 @@ class Bent:
 )
 def test_signals_that_bend_are_followed_in_the_same_steps_as_ever(table, skin, start, costs):
     bent = Bent(table, signal_noise(skin))
-    taken = [bent.cost(start, steps) for steps in range(1, 9)]
+    taken = [bent.cost(start, steps=steps) for steps in range(1, 9)]
     np.testing.assert_allclose(taken, costs, rtol=2e-5)
 
 
@@ -102,3 +105,19 @@ def test_a_step_is_worth_taking_for_a_thousandth_of_a_nat(table, skin, gain, ask
     costs = bent.cost(bent.touch + away)  # as small as the square of how far it is away
     bent.cost(bent.touch + away * np.sqrt(gain / costs))
     assert bent.asked == asked
+
+
+def test_what_is_not_settled_after_fifteen_steps_is_left(table, skin):
+    """Slopes that are told ten times too steep lead a tenth of the way each time."""
+    bent = Bent(table, signal_noise(skin), slope=10.0)
+    bent.descend((0.053, 0.068, -1.0))
+    assert bent.asked == 1 + 15
+
+
+def test_a_blind_skin_knows_what_was_known_beforehand(table, skin):
+    """A place anywhere on it, and of the force's logarithm next to nothing."""
+    blind = Bent(table, signal_noise(skin), slope=0.0)
+    known = blind.problem.posterior(blind.descend((0.05, 0.07, -0.9)))
+    spread = np.sqrt(known.covariance[0].diagonal())
+    np.testing.assert_allclose(spread[:2], table.basis.extent / np.sqrt(12))
+    np.testing.assert_allclose(spread[2:], [0.0, 0.0, np.exp(-0.9) / np.sqrt(1e-9)])

@@ -61,3 +61,24 @@ def test_what_the_others_foretell_is_the_conditional_normal(joint):
     assert_allclose(left.covariance[2], want, rtol=1e-5, atol=1e-6 * np.abs(want).max())
     white = left.residual[2] @ np.linalg.solve(want, left.residual[2])
     assert left.squared[2] == pytest.approx(white, rel=1e-4)
+
+
+@pytest.mark.parametrize("odd", [1e2, 1e4, 1e6])
+def test_without_its_label_a_touch_may_be_off_by_10_to_1000_deviations(joint, odd):
+    signals, evidence, mean, covariance = joint
+    stretch = STRETCHES.tolist().index(4.0)
+    left = evidence.left_out(signals, stretch)
+    rest = np.r_[0:18, 27:54]
+    away = np.sqrt(odd) * np.linalg.cholesky(left.covariance[2]).sum(axis=1)
+    spoilt = signals.copy()
+    spoilt[2] += away - left.residual[2]
+    got = evidence.without_label(spoilt)[2, stretch]
+    others = multivariate_normal(
+        mean[rest], covariance[np.ix_(rest, rest)], allow_singular=True
+    ).logpdf(signals.ravel()[rest])
+    wide = [
+        multivariate_normal(np.zeros(9), factor * left.covariance[2]).logpdf(away)
+        for factor in (1e2, 1e4, 1e6)
+    ]
+    assert np.argmax(wide) == {1e2: 0, 1e4: 1, 1e6: 2}[odd]
+    assert got == pytest.approx(others + max(wide) + 27 * np.log(2 * np.pi), rel=1e-5)

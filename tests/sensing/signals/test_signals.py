@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
@@ -331,3 +332,17 @@ def test_wrong_use_is_named(planar, twin):
         ZeroTracking(time_constant=0)
     with pytest.raises(ArgumentError, match="widening_rate must be >= 0; got -1"):
         ZeroTracking(widening_rate=-1)
+
+
+@pytest.mark.parametrize("count", [2, 40])
+def test_readings_at_rest_are_refused_once_in_1e9_of_chips_thrice_as_loud(planar, count):
+    signals = banded(planar)
+    rng = np.random.default_rng(0)
+    moves = rng.normal(size=(count, 3, 3))
+    moves -= moves.mean(axis=0)
+    flat, freedom = moves.reshape(count, 9), 9 * (count - 1)
+    size = np.einsum("bi,ij,bj->", flat, np.linalg.inv(signal_noise(planar)), flat)
+    moves *= 3 * np.sqrt(chi2.isf(1e-9, freedom) / size)
+    signals._check_rest(0.999 * moves)
+    with pytest.raises(ArgumentError, match="let go first; got readings that move by"):
+        signals._check_rest(1.001 * moves)
