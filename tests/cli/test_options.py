@@ -19,6 +19,7 @@ from smoskin.cli import app
 USUAL = {
     "board": {"virtual": "planar", "wire": "smoskin", "rate": 100.0, "seed": 0, "hand": True},
     "calibrate": {"rig": "virtual", "out": "skin.table"},
+    "convert": {},
     "demo": {"rate": 100.0, "seed": 0, "touches": 15, "port": 0},
     "doctor": {"seconds": 5.0, "moving": 0.0},
     "fit-paper": {"out": "calibration.toml"},

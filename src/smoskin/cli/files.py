@@ -8,6 +8,7 @@ import typer
 from typer import Argument, Option
 
 from smoskin.cli.frame import Force, Json, Text, app, examples
+from smoskin.feasibility import load_design
 from smoskin.outputs import check_output, write_output
 
 
@@ -49,3 +50,31 @@ def new_design(
     check_output(out, force=force)
     write_output(out, make(name, base, cells).encode())
     typer.echo(f"Now: edit {out}, then smoskin info {out}", err=True)
+
+
+@app.command(
+    epilog=examples(
+        "convert touch.mcap touch.csv",
+        "convert touch.mcap touch.h5",
+        "convert mine.csv mine.mcap --design planar",
+    )
+)
+def convert(
+    source: Annotated[Path, Argument(help="Recording (MCAP), or readings as a table (CSV).")],
+    out: Annotated[Path, Argument(help="File to write: .csv or .h5 of a recording, else .mcap.")],
+    design: Annotated[
+        str, Option(help="Design of the skin whose readings a table holds.")
+    ] = "planar",
+    force: Force = False,
+) -> None:
+    """Turn a recording into a table for any program, or a table of readings into a recording.
+
+    Tables have SI units: time_s, chip0_x_T and so on for each chip, status, contact0_x_m and so on.
+    """
+    from smoskin.service.exchange import export_recording, import_readings
+
+    if out.suffix == ".mcap":
+        count = import_readings(source, load_design(design), out, force=force)
+    else:
+        count = export_recording(source, out, force=force)
+    typer.echo(f"{count} readings in {out}")
