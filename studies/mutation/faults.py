@@ -64,7 +64,9 @@ _NAMES: Final = {
 """Functions that may stand for others."""
 _DROPPED: Final = {"sqrt", "abs", "square", "hypot", "exp", "log", "sorted", "clip", "radians"}
 """Functions whose first argument may stand in for the call."""
-_SYMMETRIC: Final = {"add", "multiply", "minimum", "maximum", "min", "max", "hypot", "isclose"}
+_SYMMETRIC: Final = {
+    *("add", "multiply", "minimum", "maximum", "min", "max", "hypot", "isclose", "suppress"),
+}
 """Functions whose arguments may be exchanged."""
 _HARMLESS: Final = {
     *("strict", "encoding", "exist_ok", "help", "hint", "name"),

@@ -89,6 +89,7 @@ def test_every_kind_changes_its_place(source, kind, expected):
         "y = lru_cache(maxsize=8)",
         "y = Record(a=b)",
         "y = maximum(a, b)",
+        "with suppress(OSError, ValueError): ...",
         "y: Final = (213, 94, 0)",
         "y = add_line(thickness=0.1)",
     ],

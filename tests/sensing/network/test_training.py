@@ -194,6 +194,7 @@ def test_a_training_comes_to_the_same_numbers_as_ever(skin):
         rel=2e-3,
     )
     model, held_out = trained.model, trained.held_out
+    assert trained.attainable == pytest.approx(6.114401e-3, rel=1e-5)
     apart = np.hypot(*held_out.errors[:, :2].T)
     assert apart.mean() == pytest.approx(model.metrics[0].value)
     stated = held_out.errors[:, 4] / held_out.scaled[:, 4]
