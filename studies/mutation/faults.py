@@ -75,7 +75,7 @@ _HARMLESS: Final = {
 """Keyword arguments that guard, explain, or save time and memory, and change no result."""
 _LOOKS: Final = {
     *("anchor", "color", "flat_shading", "font_screen_scale", "intensity", "legend", "padding"),
-    *("point_shape", "point_size", "thickness"),
+    *("depth_test", "point_shape", "point_size", "show_axes", "thickness"),
     *("brand_color", "ground_color", "sky_color", "show_logo", "show_share_button"),
 }
 """Keyword arguments of what is drawn: no number depends on them, eyes judge them on pictures."""

@@ -215,6 +215,7 @@ def test_two_touches_nearer_than_two_centimetres_are_no_pair(table, noise):
         assert np.isfinite(found.evidence) == pair
 
 
-def test_noise_must_be_a_covariance(table):
+@pytest.mark.parametrize("noise", [-np.eye(9), np.zeros((9, 9))])
+def test_noise_must_be_a_covariance(table, noise):
     with pytest.raises(ArgumentError, match="noise must be a covariance"):
-        TouchSolver(table, -np.eye(9))
+        TouchSolver(table, noise)
