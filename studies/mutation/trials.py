@@ -205,12 +205,13 @@ def judges_of(root: Path, path: str, tier: Tier) -> list[str]:
 
 
 def _names(text: str, module: Path) -> bool:
-    """Whether a test's text imports a module, or names its folder's."""
+    """Whether a test's text imports a module, or names it, with the package's name or without."""
     parts = module.with_suffix("").parts
     if parts[-1] == "__init__":
         parts = parts[:-1]
     folder, name = ".".join(parts[:-1]), parts[-1]
-    dotted = rf"\b{re.escape('.'.join(parts))}\b"
+    inside = ".".join(parts[1:]) if len(parts) > 2 else ".".join(parts)
+    dotted = rf"\b{re.escape(inside)}\b"
     return bool(re.search(rf"{dotted}|from {re.escape(folder)} import [^\n]*\b{name}\b", text))
 
 

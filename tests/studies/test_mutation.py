@@ -148,6 +148,9 @@ def test_the_nearest_tests_come_first(project):
     path = "src/smoskin/room/half.py"
     assert judges_of(project, path, "mirror") == [path, "tests/room/test_half.py", "tests/room"]
     assert judges_of(project, path, "importers") == ["tests/test_other.py"]
+    (project / "tests/test_usual.py").write_text('USUAL = {"room.half.half": 0.0}\n')
+    both = ["tests/test_other.py", "tests/test_usual.py"]
+    assert judges_of(project, path, "importers") == both
     assert judges_of(project, path, "default") == ["src", "tests"]
 
 
