@@ -3,7 +3,8 @@
 import os
 import threading
 import tty
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 
 from smoskin.hardware.board import VirtualBoard
 from smoskin.records import Reading
@@ -106,3 +107,16 @@ class BoardAndReader(Source):
     def _run(self) -> None:
         while self.board.step():
             pass
+
+
+@contextmanager
+def sending(source: Source, format: str = "smoskin") -> Iterator[str]:
+    """The port of a virtual board that sends a source's readings."""
+    board = VirtualBoard(source, format=format)
+    thread = threading.Thread(target=lambda: [None for _ in iter(board.step, False)], daemon=True)
+    thread.start()
+    try:
+        yield board.port
+    finally:
+        board.close()
+        thread.join(5.0)

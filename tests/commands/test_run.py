@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from boards import sending
 from networks import tiny_network
 from smoskin.commands import run as running
 from smoskin.commands.calibrate import calibrate
@@ -51,6 +52,21 @@ def watched(monkeypatch, source, touch, after, **options):
         if len(estimates) == after:
             source.touch([touch])
     return estimates
+
+
+def test_what_a_boards_line_did_is_told(planar):
+    pytest.importorskip("serial")
+    with (
+        sending(TwinSource(ReducedTwin(planar), rate=400.0)) as port,
+        Watch(f"serial://{port}", seconds=0.2) as watch,
+    ):
+        estimates = list(watch)
+        summary = watch.summary
+    assert summary.readings == len(estimates)
+    assert summary.line["readings"] >= len(estimates)
+    assert summary.lost == summary.line["lost"]
+    told = str(replace(summary, line={"readings": 9, "lost": 0, "late": 2, "corrupt": 0}))
+    assert told.endswith("2 late.")
 
 
 def test_a_touched_skin_is_read_by_its_own_table(skin, twin, own_table, monkeypatch):

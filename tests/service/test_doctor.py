@@ -1,18 +1,14 @@
 """The doctor on boards that are well, ill, silent, or another's."""
 
 import re
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from boards import Line, Readings
+from boards import Line, Readings, sending
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.hardware.board import VirtualBoard
 from smoskin.records import Reading
 from smoskin.service import doctor
 from smoskin.service.doctor import examine_source, look_around
@@ -20,18 +16,6 @@ from smoskin.service.source import TwinSource
 from smoskin.twin.reduced import ReducedTwin
 
 pytest.importorskip("serial")
-
-
-@contextmanager
-def sending(source, format: str = "smoskin") -> Iterator[str]:
-    board = VirtualBoard(source, format=format)
-    thread = threading.Thread(target=lambda: [None for _ in iter(board.step, False)], daemon=True)
-    thread.start()
-    try:
-        yield board.port
-    finally:
-        board.close()
-        thread.join(5.0)
 
 
 def test_a_sound_board_is_called_so(planar: SkinDesign) -> None:

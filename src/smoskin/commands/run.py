@@ -12,10 +12,11 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Final
 
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
+from smoskin.hardware.serial import SerialSource
 from smoskin.outputs import check_output
 from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator, Resource, Sink, Source
@@ -25,6 +26,9 @@ from smoskin.service.loop import Loop
 from smoskin.service.recorder import Recorder
 from smoskin.service.replay import ReplaySource
 from smoskin.service.source import TwinSource, open_source
+
+_TOLD: Final = ("corrupt", "repeated", "late", "dropped", "restarts", "reconnections")
+"""Counters of a line that a summary tells where they are not 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,9 +48,11 @@ class Summary:
     skipped: int
     """Readings that the source left out because nobody asked in time."""
     lost: int
-    """Readings that are missing from the recording that was played."""
+    """Readings that are missing from the recording that was played, or on a board's line."""
     damage: str
     """Sentence about that recording's damage; empty where it is whole."""
+    line: dict[str, int]
+    """Counters of a board's serial line (`LineCounters`); empty for any other source."""
     not_recorded: int
     """Readings that could not be written."""
     failure: str
@@ -67,6 +73,7 @@ class Summary:
             else "",
             f"{self.skipped} skipped" if self.skipped else "",
             f"{self.lost} lost" if self.lost else "",
+            *(f"{count} {name}" for name, count in self.line.items() if name in _TOLD and count),
             f"{self.not_recorded} not recorded" if self.not_recorded else "",
         ]
         return "; ".join(filter(None, parts)) + "."
@@ -197,6 +204,7 @@ class Watch(Resource):
         counters, recorder = self._loop.counters, self._recorder
         statuses = Counter(self._shown.values()) if self._seekable else counters.statuses
         played = None if self._played is None else self._played.recording
+        line = asdict(self._source.counters) if isinstance(self._source, SerialSource) else {}
         return Summary(
             readings=sum(statuses.values()),
             rate_hz=_rounded(counters.rate, 2),
@@ -205,7 +213,8 @@ class Watch(Resource):
             statuses={status.name: n for status in Status if (n := statuses[status])},
             touches=len(self._begun),
             skipped=self._source.missed if isinstance(self._source, TwinSource) else 0,
-            lost=0 if played is None else played.lost_readings,
+            lost=line.get("lost", 0) if played is None else played.lost_readings,
+            line=line,
             damage=self._damage,
             not_recorded=0 if recorder is None else recorder.dropped,
             failure="" if recorder is None else recorder.failure,
