@@ -54,6 +54,20 @@ def watched(monkeypatch, source, touch, after, **options):
     return estimates
 
 
+def test_a_recording_takes_the_calibration_along(own_table, twin, skin, monkeypatch, tmp_path):
+    from mcap.reader import make_reader
+
+    source = TwinSource(twin, speed=np.inf)
+    monkeypatch.setattr(running, "open_source", lambda url: source)
+    record = tmp_path / "a.mcap"
+    with Watch("twin://planar", calibration=own_table, record=record, seconds=0.1) as watch:
+        assert list(watch)
+    with open(record, "rb") as file:
+        (kept,) = make_reader(file).iter_attachments()
+    assert kept.name == "skin.table"
+    assert kept.data == own_table.read_bytes()
+
+
 def test_what_a_boards_line_did_is_told(planar):
     pytest.importorskip("serial")
     with (

@@ -229,6 +229,24 @@ def test_viewers_find_standard_messages(tmp_path: Path) -> None:
     assert (free.wrench.force.z, free.wrench.torque.x) == (0.0, 0.0)
 
 
+def test_attachments_come_back_whatever_becomes_of_the_readings(tmp_path: Path) -> None:
+    from mcap.reader import make_reader
+
+    content = bytes(range(256)) * 40
+    with recorder(tmp_path / "a.mcap", attachments={"skin.table": content}) as sink:
+        for reading, estimate in moments(20):
+            sink.write(reading, estimate)
+    with open(tmp_path / "a.mcap", "rb") as file:
+        (kept,) = make_reader(file, validate_crcs=True).iter_attachments()
+    assert (kept.name, kept.data) == ("skin.table", content)
+    assert list(open_recording(tmp_path / "a.mcap")) == moments(20)
+    whole = (tmp_path / "a.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: whole.rindex(b"/skin/reading") - 1])
+    cut = open_recording(tmp_path / "cut.mcap")
+    assert cut.truncated
+    assert list(cut) == moments(20)
+
+
 def test_our_own_messages_explain_themselves(recorded: Path) -> None:
     from mcap.reader import make_reader
 

@@ -12,12 +12,13 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any, Final
 
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.hardware.serial import SerialSource
-from smoskin.outputs import check_output
+from smoskin.outputs import check_output, read_input
 from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator, Resource, Sink, Source
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
@@ -27,6 +28,8 @@ from smoskin.service.recorder import Recorder
 from smoskin.service.replay import ReplaySource
 from smoskin.service.source import TwinSource, open_source
 
+_ATTACHED: Final = 1 << 28
+"""Bytes of a calibration that a recording takes along, at most."""
 _TOLD: Final = ("corrupt", "repeated", "late", "dropped", "restarts", "reconnections")
 """Counters of a line that a summary tells where they are not 0."""
 
@@ -96,7 +99,8 @@ class Watch(Resource):
     seconds : float, optional
         Time after the first reading to stop at, s, on the readings' clock.
     record, force : path and bool
-        A new MCAP file for readings and estimates; with `force` it may replace another.
+        A new MCAP file for readings, estimates and the calibration's file; with `force` it may
+        replace another.
     view, port : bool and int
         Whether to serve the live page, and its TCP port; 0 takes a free one. The mouse presses a
         virtual skin there. A recording, unless it is recorded anew, is paused, sought in and
@@ -159,7 +163,9 @@ class Watch(Resource):
             self._recorder: Recorder | None = None
             if record is not None and skin is not None:
                 _make_room(record, self._source)
-                self._recorder = stack.enter_context(Recorder(record, skin, on_failure=say))
+                self._recorder = stack.enter_context(
+                    Recorder(record, skin, attachments=_files(calibration), on_failure=say)
+                )
             sinks = [sink for sink in (self._recorder, self._page) if sink is not None]
             self._loop = stack.enter_context(Loop(self._source, self._estimator, sinks=sinks))
             stack.pop_all()
@@ -304,6 +310,13 @@ def _make_room(record: str | os.PathLike[str], source: Source) -> None:
             f"record must be another file than the one that is played; got {record}"
         )
     os.unlink(record)
+
+
+def _files(calibration: str | os.PathLike[str] | None) -> dict[str, bytes]:
+    """What a recording takes along beside the design: the calibration, by its file's name."""
+    if calibration is None:
+        return {}
+    return {Path(calibration).name: read_input(calibration, _ATTACHED)}
 
 
 def _rounded(value: float, digits: int) -> float | None:

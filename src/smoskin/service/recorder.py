@@ -8,7 +8,7 @@ import errno
 import os
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from io import BufferedWriter
@@ -62,6 +62,8 @@ class Recorder(Sink):
     flush_interval : float
         s of readings that a kill of the process can lose at most, in the beginning no more than
         half of what there is; a power cut can lose more.
+    attachments : mapping of str to bytes
+        Files by their names that go into the recording as they are, such as a calibration.
     on_failure : callable
         Called once with a sentence when the file cannot be written any more.
     clock : callable
@@ -86,6 +88,7 @@ class Recorder(Sink):
         design: SkinDesign,
         *,
         flush_interval: float = 1.0,
+        attachments: Mapping[str, bytes] | None = None,
         on_failure: Callable[[str], object] = warnings.warn,
         clock: Callable[[], float] = time.monotonic,
         wall_clock: Callable[[], int] = time.time_ns,
@@ -127,7 +130,7 @@ class Recorder(Sink):
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         try:
-            self._begin()
+            self._begin(attachments or {})
         except OSError as error:
             self._file.raw.close()
             self._path.unlink(missing_ok=True)
@@ -208,9 +211,13 @@ class Recorder(Sink):
         self._file.raw.close()  # what was not written must not be
         self._on_failure(self.failure)
 
-    def _begin(self) -> None:
-        """Write header, schemas, channels and description before the first reading."""
+    def _begin(self, attachments: Mapping[str, bytes]) -> None:
+        """Write header, attachments, schemas, channels and description before any reading."""
         self._writer.start(profile="ros2", library=f"smoskin {self._description.version}")
+        for name, content in attachments.items():
+            self._writer.add_attachment(
+                self._last_stamp, self._last_stamp, name, "application/octet-stream", content
+            )
         self._declare(DESCRIPTION_TOPIC, ros.DESCRIPTION)
         self._declare(DESIGN_TOPIC, ros.DOCUMENT)
         self._declare(READING_TOPIC, ros.READING)
