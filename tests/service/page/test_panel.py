@@ -284,3 +284,13 @@ def test_what_is_drawn_is_told_in_the_legend_in_its_colour():
     text = html("legend", **{name: css(color) for name, color in colors.items()})
     for color in colors.values():
         assert f"rgb({color[0]}, {color[1]}, {color[2]})" in text
+
+
+def test_the_controls_are_docked_at_the_right_and_leave_the_skin_in_view(view, monkeypatch):
+    placed, handle = [], type(view._server.gui.main_panel)
+    monkeypatch.setattr(handle, "dock_right", lambda panel: placed.append("right"))
+    monkeypatch.setattr(handle, "set_width", lambda panel, width: placed.append(width))
+    with View(PLANAR):
+        where, width = placed
+    assert where == "right"
+    assert 250 < width < 450
