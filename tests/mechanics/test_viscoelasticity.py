@@ -180,6 +180,12 @@ def test_the_named_elastomers_are_solids_that_creep_a_little() -> None:
     ("call", "message"),
     [
         (lambda: Prony(moduli=[0.6, 0.5], times=[1, 2]), "moduli must be positive with a sum"),
+        (lambda: Prony(moduli=[0.5, 0.5], times=[1, 2]), "moduli must be positive with a sum"),
+        (lambda: Prony(moduli=[0.1, 0.0], times=[1, 2]), "moduli must be positive with a sum"),
+        (lambda: Prony(moduli=[-0.1], times=[1]), "moduli must be positive with a sum"),
+        (lambda: Prony(moduli=[np.nan], times=[1]), "moduli must be positive with a sum"),
+        (lambda: Prony(moduli=[0.1], times=[0]), "times must be positive and rise"),
+        (lambda: Prony(moduli=[0.1], times=[np.inf]), "times must be positive and rise"),
         (lambda: Prony(moduli=[0.1, 0.1], times=[2, 2]), "times must be positive and rise"),
         (lambda: Prony(moduli=[0.1], times=[1, 2]), "times must have shape"),
         (lambda: elastomer_prony("chewing gum"), "material must be one of Ecoflex 00-30"),
