@@ -148,10 +148,14 @@ def test_confidence_is_shared_among_cells_of_one_direction(planar):
 def test_wrong_use_is_named(planar):
     with pytest.raises(ArgumentError, match="force must be positive; got 0"):
         ambiguities(planar, force=0.0)
-    with pytest.raises(ArgumentError, match=r"error_rate must lie in \(0, 0.5\); got 0.5"):
-        ambiguities(planar, error_rate=0.5)
-    with pytest.raises(ArgumentError, match=r"least_confidence must lie in \[0, 1\]; got 2"):
-        ClosedFormEstimator(planar, least_confidence=2.0)
+    for rate in (0.0, 0.5, -1e-9):
+        with pytest.raises(ArgumentError, match=rf"error_rate must lie in \(0, 0.5\); got {rate}"):
+            ambiguities(planar, error_rate=rate)
+    for least in (-1e-9, 1 + 1e-9):
+        with pytest.raises(ArgumentError, match=r"least_confidence must lie in \[0, 1\]; got"):
+            ClosedFormEstimator(planar, least_confidence=least)
+    for least in (0.0, 1.0):
+        ClosedFormEstimator(planar, least_confidence=least)
 
 
 def test_by_default_pairs_that_half_a_newton_tells_apart_are_left_out(planar):
