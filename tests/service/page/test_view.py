@@ -220,6 +220,22 @@ def test_a_recording_may_stand_before_its_first_reading() -> None:
         assert view._failure is None
 
 
+@pytest.mark.parametrize("stands", [True, False])
+def test_what_stands_is_not_silent(stands) -> None:
+    """The age of the newest reading grows while its recording plays, and not while it stands."""
+    player = SimpleNamespace(
+        recording=SimpleNamespace(duration=1.0), speed=1.0, paused=stands, ended=False, goal=None,
+        position=0.0,
+    )  # fmt: skip
+    written: list[tuple[object, ...]] = []
+    with View(PLANAR, player=player) as view:
+        view._panel.write = lambda *told: written.append(told)
+        view.write(reading(), NOTHING)
+        time.sleep(0.4)
+    newest, _, now, _ = written[-1]
+    assert (now == newest.arrival) is stands
+
+
 def test_words_may_be_announced_in_place_of_a_status() -> None:
     with View(PLANAR) as view:
         view.announce("Calibrating", "Touch 1 of 15.")
