@@ -2,6 +2,11 @@
 
 from dataclasses import replace
 
+import numpy as np
+
+from smoskin.sensing.signals.signals import signal_noise
+from smoskin.sensing.signals.turning import turning
+
 
 def with_magnets(design, corners, cells=None):
     """The design with magnets of the sheet at these corners, each over its chip."""
@@ -18,3 +23,15 @@ def with_magnets(design, corners, cells=None):
         magnets=(replace(base, corner=(0, 0)), *magnets),
         halls=(board, *halls),
     )
+
+
+def unlike_a_turn(design, chips=None):
+    """A change, (C,), that a turn of the skin hardly explains, of a unit's length to its zero.
+
+    The zero is of twenty readings, and the skin may have been jerked for a tenth of a second.
+    """
+    noise, whole = signal_noise(design, chips), turning(design, chips).whole
+    jerk = 0.8**2 * 0.1**3 / 3 * whole
+    factor = np.linalg.cholesky(1.05 * noise + jerk)
+    white = np.linalg.solve(factor, np.linalg.solve(factor, whole).T)
+    return factor @ np.linalg.eigh(white)[1][:, 0]

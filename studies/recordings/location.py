@@ -28,9 +28,11 @@ _EARLY: Final = 0.6
 """Share of a run that is trained on where later presses are judged."""
 _PLACE_GRID: Final = 1e-4
 """m: positions that round to the same point are one place."""
-_TRACKING: Final = ZeroTracking(hold=0.0, time_constant=30.0)
+_TRACKING: Final = ZeroTracking(hold=0.0, time_constant=30.0, widening_rate=2e-6)
 """The recording keeps one mean reading of every idle moment, so there is nothing to wait for;
 30 s is the best of 10, 30 and 60 s with two passes trained on and the third judged."""
+_BAND: Final = 40e-6
+"""T: readings that change by less are idle."""
 _TARGETS: Final = {5: 0.42, 2: 0.92}
 """mm, by the number of chips."""
 _TARGET_RATIO: Final = 1.3
@@ -171,12 +173,12 @@ def _zeroed(trial: Trial, run: ProbeRun, zero: _Zero) -> Floats:
         return np.asarray(run.field - idle[0])
     # The idle moments are at unknown times between presses; halfway is as good as any.
     between = run.time - 0.5 * np.diff(run.time, prepend=2 * run.time[0] - run.time[1])
-    follower = Zero(_TRACKING, IdleBand(), idle[0])
+    follower = Zero(_TRACKING, IdleBand(_BAND), idle[0].ravel(), _BAND**2 * np.eye(idle[0].size))
     fields, missed, lost = [], 0, 0
     for before, now, at_rest, pressed in zip(between, run.time, idle, run.field, strict=True):
-        missed += not follower.step(float(before), at_rest)
-        fields.append(pressed - follower.offset)
-        lost += follower.step(float(now), pressed)
+        missed += not follower.step(float(before), at_rest.ravel())
+        lost += follower.step(float(now), pressed.ravel())
+        fields.append(pressed - follower.offset.reshape(pressed.shape))
     trial.notes.append(
         f"spatial_resolution: {run.name}: of {len(idle)} idle readings {missed} were taken for "
         f"touches, of as many presses {lost} for idle"

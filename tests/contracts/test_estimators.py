@@ -8,6 +8,7 @@ import pytest
 from scipy.stats import chi2
 
 from networks import tiny_network
+from skins import unlike_a_turn
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
 from smoskin.mechanics.viscoelasticity import ELASTIC, elastomer_prony
@@ -20,8 +21,6 @@ from smoskin.sensing.learned.gaussian_process import LearnedEstimator, LearnedMo
 from smoskin.sensing.learned.inputs import Encoding, Form
 from smoskin.sensing.learned.training import Examples, FittingEffort, train_model
 from smoskin.sensing.network.estimator import NetworkEstimator
-from smoskin.sensing.signals.signals import signal_noise
-from smoskin.sensing.signals.zero import EARTH, uniform_covariance
 from smoskin.twin.reduced import ReducedTwin
 from tables_of_response import reduced_table
 
@@ -307,14 +306,12 @@ def test_no_reading_is_wrong_use(make):
 
 @pytest.mark.parametrize("make", [bayes_estimator, network_estimator])
 def test_by_default_one_in_a_million_idle_readings_counts_as_touched(make, planar):
-    rest = ReducedTwin(planar, seed=None).read()
-    noise = signal_noise(planar) + uniform_covariance(3, EARTH)
-    factor = np.linalg.cholesky(noise) @ np.ones(9) / 3
-    for share, idle in ((0.999, True), (1.001, False)):
+    rest, change = ReducedTwin(planar, seed=None).read(), unlike_a_turn(planar)
+    limit = chi2.isf(1e-6, 9)
+    for share, idle in ((0.99, True), (1.03, False)):
         estimator = make(planar)
         estimator.zero([rest])
-        signals = (factor * np.sqrt(share * chi2.isf(1e-6, 6))).reshape(3, 3)
-        own = to_chips(planar, signals)
+        own = to_chips(planar, (change * np.sqrt(share * limit)).reshape(3, 3))
         status = estimator.step(spoilt(rest, time=1.0, field=rest.field + own)).status
         assert (status is Status.NO_CONTACT) == idle
 

@@ -100,10 +100,10 @@ def test_what_is_no_such_file_is_named(planar, tmp_path):
 
 
 def shifted(reading, **changes):
-    """A reading of chips that are all a tenth of a millitesla off."""
+    """A reading of chips that are all a millitesla off."""
     values = {
         "time": reading.time,
-        "field": reading.field + 1e-4,
+        "field": reading.field + 1e-3,
         "temperature": reading.temperature,
         "flags": reading.flags,
     }

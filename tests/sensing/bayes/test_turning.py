@@ -1,4 +1,4 @@
-"""A skin that turns in the Earth's field under a touch: when that is believed, when two touches.
+"""A skin that begins to turn under a touch: when that is believed, when two touches.
 
 The chance of it is one in a hundred: its evidence must be greater by log 100 = 4.605.
 """
@@ -16,6 +16,7 @@ from smoskin.sensing.bayes.priors import TouchPosterior
 from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.response.table import load_response_table
 from smoskin.sensing.signals.signals import rest_field, signal_noise
+from smoskin.sensing.signals.turning import turning
 
 ALONE, TURNED, FIRST, SECOND = (0.03, 0.03), (0.04, 0.04), (0.05, 0.05), (0.09, 0.12)
 COUNT = 9
@@ -37,11 +38,11 @@ class Stated:
         covariance = np.tile(1e-6 * np.eye(5), (len(places), 1, 1))
         return TouchPosterior(values, covariance, misfit, evidence)
 
-    def one(self, signals, guess=None, **_):
-        return self._answer("one", ALONE)
+    def add_noise(self, more):
+        self.turns = more.trace() > 1e-9
 
-    def turned(self, signals, guess=None, **_):
-        return self._answer("turned", TURNED)
+    def one(self, signals, guess=None, **_):
+        return self._answer("turned", TURNED) if self.turns else self._answer("one", ALONE)
 
     def two(self, signals, guess=None, standing=None, **_):
         return self._answer("two", FIRST, SECOND)
@@ -88,37 +89,25 @@ def test_two_touches_are_likelier_than_a_turn_by_its_chance(
     planar, table, monkeypatch, evidence, two
 ):
     bad = 25 * COUNT + 0.1
-    _, _, step = stated(
-        planar, table, monkeypatch, (bad, 0.0), (4 * COUNT + 1.0, 10.0), (1.0, evidence)
-    )
+    _, _, step = stated(planar, table, monkeypatch, (bad, 0.0), (bad, 10.0), (1.0, evidence))
     assert step(1.0) == ([FIRST, SECOND] if two else [TURNED], ["one", "turned", "two"])
 
 
-def test_a_skin_that_has_turned_stays_so_while_that_fits(planar, table, monkeypatch):
+def test_a_skin_that_turns_under_a_touch_is_followed_from_then_on(planar, table, monkeypatch):
     bad = 25 * COUNT + 0.1
-    _, solver, step = stated(planar, table, monkeypatch, (bad, 0.0), (1.0, 10.0), (1.0, 0.0))
-    assert step(1.0)[1] == ["one", "turned", "two"]
-    solver.stated["two"] = 1.0, 50.0
-    assert step(2.0) == ([TURNED], ["one", "turned"])  # two are not even asked about
-    solver.stated["turned"] = 4 * COUNT + 1.0, 10.0
-    assert step(3.0) == ([FIRST, SECOND], ["one", "turned", "two"])
-    # Two touches are no turn, nor is a reading that one explains.
-    solver.stated["turned"] = 1.0, 10.0
-    assert step(4.0)[1] == ["one", "turned", "two"]
-    solver.stated |= {"one": (1.0, 0.0), "two": (1.0, 0.0)}
-    assert step(5.0) == ([ALONE], ["one"])
-    solver.stated |= {"one": (bad, 0.0), "two": (1.0, 50.0)}
-    assert step(6.0) == ([FIRST, SECOND], ["one", "turned", "two"])
+    bayes, solver, step = stated(planar, table, monkeypatch, (bad, 0.0), (1.0, 10.0), (1.0, 0.0))
+    before = bayes._signals.followed.covariance.trace()
+    assert step(1.0) == ([TURNED], ["one", "turned"])  # two are not even asked about
+    assert bayes._signals.followed.covariance.trace() > 100 * before
+    solver.stated["turned"] = bad, 10.0
+    bayes, solver, step = stated(planar, table, monkeypatch, (bad, 0.0), (bad, 10.0), (1.0, 15.0))
+    before = bayes._signals.followed.covariance.trace()
+    assert step(1.0) == ([FIRST, SECOND], ["one", "turned", "two"])
+    assert bayes._signals.followed.covariance.trace() < 2 * before
 
 
-def test_one_chip_cannot_tell_a_turn(planar, table, monkeypatch):
-    _, _, step = stated(
-        planar, table.of_chips((1,)), monkeypatch, (1e3, 0.0), (1.0, 50.0), (1.0, -50.0)
-    )
-    assert "turned" not in step(1.0)[1]
-
-
-def test_a_turn_is_a_field_alike_at_all_chips(planar, table):
+def test_what_the_zero_is_unsure_of_is_noise_of_a_touch(planar, table):
+    """A field of 90 uT alike at all chips moves a touch that is read for a still skin's."""
     known = replace(
         table,
         **{name: getattr(table, name)[:0] for name in ("modes", "grip_modes", "warp_modes")},
@@ -127,13 +116,15 @@ def test_a_turn_is_a_field_alike_at_all_chips(planar, table):
     solver = TouchSolver(known, signal_noise(planar))
     place, force = np.array([[0.05, 0.07]]), np.array([[0.05, 0.0, -0.5]])
     still = known.signals(place, force)[0]
-    field = np.array([40e-6, -70e-6, 50e-6])
-    moved = still + np.tile(field, 3)
-    turned = solver.turned(moved)
-    # 100 uT along each axis are likely: a field of that size is found to be one.
-    np.testing.assert_allclose(turned.values[0, :2], place[0], atol=1.5e-3)
-    assert turned.misfit < solver.one(moved).misfit / 20
-    assert turned.evidence > solver.one(moved).evidence + 10
-    assert solver.one(still).evidence > solver.turned(still).evidence
+    moved = still + np.tile([40e-6, -70e-6, 50e-6], 3)
+    sure = solver.one(moved)
+    solver.add_noise(turning(planar).field)
+    unsure = solver.one(moved)
+    np.testing.assert_allclose(unsure.values[0, :2], place[0], atol=1.5e-3)
+    assert unsure.misfit < sure.misfit / 20
+    assert unsure.evidence > sure.evidence + 10
+    less_sure = solver.one(still)
+    solver.add_noise(np.zeros((9, 9)))
+    assert solver.one(still).evidence > less_sure.evidence
     with pytest.raises(ArgumentError, match="noise must be a covariance"):
         TouchSolver(table, -signal_noise(planar))

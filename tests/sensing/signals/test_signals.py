@@ -80,8 +80,8 @@ def test_past_its_bound_the_zero_is_not_believed(planar, twin):
     seen = banded(planar, hold=0.0, time_constant=0.5, drift_bound=50e-6)
     rest = twin.read()
     statuses = [
-        seen.step(changed(rest, time=0.01 * k, field=rest.field + 5e-8 * k)).status
-        for k in range(2000)
+        seen.step(changed(rest, time=0.01 * k, field=rest.field + 1e-6 * k)).status
+        for k in range(5000)
     ]
     assert statuses[0] is Status.NO_CONTACT
     assert statuses[-1] is Status.NOT_CALIBRATED

@@ -5,23 +5,33 @@ import pytest
 from scipy.stats import chi2
 
 from smoskin.errors import ArgumentError
-from smoskin.sensing.signals.zero import (
-    EARTH,
-    IdleBand,
-    IdleNoise,
-    Zero,
-    ZeroTracking,
-    uniform_covariance,
-)
+from smoskin.sensing.signals.signals import signal_noise
+from smoskin.sensing.signals.turning import EARTH, turning, uniform_covariance
+from smoskin.sensing.signals.zero import IdleBand, IdleNoise, Zero, ZeroTracking
 from studies.recordings.eflesh import read_eflesh
 
 NOISE = np.diag([1.0, 4.0, 9.0, 1.0, 1.0, 2.0]) * 1e-12
 NOISE[0, 1] = NOISE[1, 0] = 1e-12
+FAINT = 1e-12 * np.eye(3)
+SURE = np.zeros((3, 3))
 
 
 def banded(start=0.0, **tracking) -> Zero:
-    """A zero of three axes in the usual band."""
-    return Zero(ZeroTracking(**tracking), IdleBand(), np.full(3, start))
+    """A zero of three axes in the usual band, of a sensor whose noise is a microtesla."""
+    return Zero(ZeroTracking(**tracking), IdleBand(), np.full(3, start), FAINT)
+
+
+def noisy(**options) -> Zero:
+    """A zero that follows what noise explains."""
+    tracking = ZeroTracking(hold=0.0, time_constant=2.0, widening_rate=0.0)
+    return Zero(tracking, IdleNoise(NOISE, 1e-6), np.zeros(6), NOISE, **options)
+
+
+def turned(planar) -> Zero:
+    """A zero of all chips of a design, which may turn."""
+    noise = signal_noise(planar)
+    tracking = ZeroTracking(hold=0.0, time_constant=2.0, widening_rate=0.0)
+    return Zero(tracking, IdleNoise(noise, 1e-6), np.zeros(9), noise, turning=turning(planar))
 
 
 def followed(zero: Zero, time, read) -> np.ndarray:
@@ -81,64 +91,37 @@ def test_after_a_reading_not_believed_idleness_holds_anew():
     np.testing.assert_array_equal(zero.drift, moved)
 
 
-def test_what_a_touch_left_is_idle_and_soon_the_zero():
-    """It widens the band by 30 uT, and the zero follows by 50 ms; then at its own pace again."""
-    for left, idle in ((69e-6, True), (71e-6, False)):
-        zero = banded(hold=0.2, time_constant=10.0, widening_rate=0.0, residue=30e-6)
-        assert not zero.step(0.0, np.full(3, 1e-3))
-        assert zero.step(0.1, np.full(3, left)) is idle
-    zero.step(1.0, np.full(3, 1e-3))
-    for time in (1.1, 1.2):
-        assert zero.step(time, np.full(3, 60e-6))
-        assert not zero.drift.any()  # until idleness has held
-    zero.step(1.31, np.full(3, 60e-6))
-    np.testing.assert_allclose(zero.drift, 60e-6 * -np.expm1(-0.11 / 0.05))
-    assert not zero.step(1.32, zero.offset + 44e-6)  # 40 uT, and 30 uT e^-2.2
-    for time in (1.33, 1.6, 1.7):
-        zero.step(time, np.full(3, 60e-6))
-    before = zero.offset
-    zero.step(1.9, np.full(3, 65e-6))
-    zero.step(2.0, np.full(3, 65e-6))
-    assert (zero.offset - before).max() < 0.6e-6
-
-
 def test_the_band_ends_at_its_field_on_every_axis():
     for axis in range(3):
         for sign in (-1, 1):
             change = np.zeros(3)
             change[axis] = sign * 39.9e-6
-            assert IdleBand()(change, 0.0)
+            assert IdleBand()(change, SURE) < 1
             change[axis] = sign * 40.1e-6
-            assert not IdleBand()(change, 0.0)
-            assert IdleBand()(change, 0.2e-6)
+            assert IdleBand()(change, SURE) > 1
+            assert IdleBand()(change, 0.2e-6**2 * np.eye(3)) < 1
+
+
+def test_a_band_leaves_out_what_the_zeros_own_error_explains():
+    alike, band = uniform_covariance(3, 100e-6), IdleBand(10e-6)
+    change = np.tile([100e-6, 0.0, -80e-6], 3)
+    change[4] = 9e-6
+    assert band(change, np.zeros((9, 9))) == pytest.approx(10.0)
+    assert 0.5 < band(change, alike) < 1  # a field of 170 uT alike at all is 10 uT wide
+    change[4] = 25e-6
+    assert band(change, alike) > 1
 
 
 @pytest.mark.parametrize("rate", [1e-6, 0.05, 0.9])
 def test_noise_is_idle_at_the_stated_rate(rate):
-    idle = IdleNoise(NOISE, (1, 2), rate)
-    limit = chi2.isf(rate, 3)  # a field alike at both chips tells nothing
-    spread = NOISE + uniform_covariance(2, EARTH)
-    factor, rng = np.linalg.cholesky(spread), np.random.default_rng(0)
-    for _ in range(20):
-        change = np.full((3, 3), 1.0)  # not a chip that is used
-        way = rng.normal(size=6)
-        way /= np.linalg.norm(way)
-        change[1:] = (factor @ way * np.sqrt(0.999 * limit)).reshape(2, 3)
-        assert idle(change, 0.0)
-        change[1:] *= np.sqrt(1.001 / 0.999)
-        assert not idle(change, 0.0)
-
-
-def test_what_the_zero_may_have_moved_unseen_is_noise_too():
-    unseen, limit = 3e-6, chi2.isf(1e-3, 3)
-    spread = NOISE + uniform_covariance(2, EARTH) + unseen**2 * np.eye(6)
-    idle, factor = IdleNoise(NOISE, (0, 1), 1e-3), np.linalg.cholesky(spread)
-    for way in np.eye(6):
-        change = (factor @ way * np.sqrt(limit)).reshape(2, 3)
-        assert idle(0.999 * change, unseen)
-        assert not idle(1.001 * change, unseen)
-        if not way[:3].any():  # else mostly alike at both chips
-            assert not idle(0.999 * change, 0.0)
+    idle, limit = IdleNoise(NOISE, rate), chi2.isf(rate, 6)
+    unsure = 4e-12 * np.eye(6) + uniform_covariance(2, 3e-6)
+    for more in (np.zeros((6, 6)), unsure):
+        factor, rng = np.linalg.cholesky(NOISE + more), np.random.default_rng(0)
+        for _ in range(20):
+            way = rng.normal(size=6)
+            change = factor @ way * np.sqrt(limit) / np.linalg.norm(way)
+            assert idle(change, more) == pytest.approx(1.0)
 
 
 def test_hold_ends_when_it_says():
@@ -150,12 +133,146 @@ def test_hold_ends_when_it_says():
     assert (zero.drift > 0).all()
 
 
-def test_the_zero_follows_at_its_time_constant():
-    zero = banded(start=2e-3, hold=0.0, time_constant=4.0)
-    zero.step(0.0, np.full(3, 2e-3))
-    zero.step(2.0, np.full(3, 2.01e-3))
-    assert zero.drift == pytest.approx(np.full(3, 1e-5 * (1 - np.exp(-0.5))))
-    assert zero.offset == pytest.approx(2e-3 + zero.drift)
+def test_it_is_the_kalman_filter_of_a_zero_and_its_speed(planar):
+    """Against the filter of both in one state, which forgets what it knew by e^(dt / 2 s)."""
+    rng, zero = np.random.default_rng(0), turned(planar)
+    noise = signal_noise(planar)
+    state, covariance = np.zeros(18), np.kron(np.eye(2), noise / 20)
+    sees, time, factor = np.eye(9, 18), 0.0, np.linalg.cholesky(noise)
+    for k in range(60):
+        step = 0.0 if k == 0 else rng.uniform(0.01, 0.2)
+        time += step
+        kept = np.exp(-step / 3.0)
+        moves = np.kron([[1.0, 3.0 * (1 - kept)], [0.0, kept]], np.eye(9))
+        state, covariance = moves @ state, moves @ covariance @ moves.T
+        read = 0.5e-6 * time * np.arange(9) / 9 + factor @ rng.normal(size=9)
+        assert zero.step(time, read)
+        covariance = covariance * np.exp(step / 2.0)
+        gain = covariance @ sees.T @ np.linalg.inv(sees @ covariance @ sees.T + noise)
+        state = state + gain @ (read - state[:9])
+        covariance = covariance - gain @ sees @ covariance
+        np.testing.assert_allclose(zero.offset, state[:9], rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(zero.covariance, covariance[:9, :9], rtol=1e-6, atol=1e-17)
+
+
+def test_the_zero_of_a_board_that_cannot_turn_forgets_by_its_time_constant():
+    """In time its gain is 1 - e^(-dt / T), whatever the noise."""
+    for scale in (1.0, 100.0):
+        tracking = ZeroTracking(hold=0.0, time_constant=2.0)
+        zero = Zero(tracking, IdleBand(), np.zeros(6), scale * NOISE)
+        for k in range(200):
+            zero.step(0.1 * k, np.zeros(6))
+        zero.step(20.0, np.full(6, 10e-6))
+        np.testing.assert_allclose(zero.drift, 10e-6 * (1 - np.exp(-0.05)), rtol=1e-5)
+
+
+def test_a_zero_goes_on_under_a_touch_as_it_went(planar):
+    zero, speed, touch = turned(planar), np.tile([20e-6, -10e-6, 15e-6], 3), np.zeros(9)
+    touch[5] = touch[8] = 1e-3
+    for k in range(50):
+        assert zero.step(0.1 * k, 0.1 * k * speed)
+    for k in range(50, 53):
+        assert not zero.step(0.1 * k, 4.9 * speed + touch)
+    # With a time constant of 3 s a speed is lost.
+    gone = 4.9 + 3.0 * (1 - np.exp(-0.1))
+    np.testing.assert_allclose(zero.offset, gone * speed, rtol=0.02)
+    for k in range(53, 600):
+        zero.step(0.1 * k, 4.9 * speed + touch)
+    np.testing.assert_allclose(zero.offset, (4.9 + 3.0) * speed, atol=5e-6)
+
+
+def test_the_zero_is_less_sure_at_its_rate_up_to_its_limit_and_sure_once_it_is_seen():
+    tracking = {"hold": 0.0, "time_constant": 10.0, "widening_rate": 1e-6, "widening_limit": 5e-6}
+    for busy, wide in ((0.0, 0.0), (2.0, 2e-6), (5.0, 5e-6), (100.0, 5e-6)):
+        zero = banded(**tracking)
+        zero.step(0.0, np.full(3, 1e-3))
+        zero.step(busy, np.full(3, 1e-3))
+        was = FAINT[0, 0] / 20
+        np.testing.assert_allclose(zero.covariance, (was + wide**2) * np.eye(3), rtol=1e-9)
+    zero.step(100.1, np.full(3, 44e-6))
+    assert zero.covariance[0, 0] < FAINT[0, 0]
+    np.testing.assert_allclose(zero.drift, 44e-6, rtol=0.05)
+
+
+def test_what_a_touch_left_is_idle_and_at_once_the_zero():
+    left = np.diag([900.0, 900, 900, 0, 0, 0]) * 1e-12
+    touch, stays = np.full(6, 1e-3), np.array([60e-6, -50e-6, 40e-6, 0, 0, 0])
+    for known, idle in ((None, False), (left, True)):
+        zero = noisy(left=known)
+        assert zero.step(0.0, np.zeros(6))
+        assert not zero.step(0.1, touch)
+        assert zero.step(0.2, stays) is idle
+    np.testing.assert_allclose(zero.drift, stays, rtol=0.02, atol=1e-6)
+    assert zero.covariance.diagonal().max() < 10e-12
+    # Nothing is left where nothing touched.
+    assert not zero.step(0.3, np.zeros(6))
+
+
+@pytest.mark.parametrize("field", [60e-6, -130e-6])
+def test_a_field_that_changes_alike_at_all_chips_is_idle_and_at_once_the_zero(planar, field):
+    alike = np.tile([0.0, field, 0.0], 3)
+    zero = turned(planar)
+    assert zero.step(0.0, np.zeros(9))
+    assert zero.step(0.01, alike)
+    np.testing.assert_allclose(zero.drift, alike, atol=5e-6)
+    zero = turned(planar)
+    assert zero.step(0.0, np.zeros(9))
+    assert not zero.step(0.01, 2 * alike * ([0] * 6 + [0, 1, 0]))
+
+
+@pytest.mark.parametrize("rate", [10.0, 100.0])
+def test_a_board_that_turns_is_followed(planar, rate):
+    """Along the pattern of its weight, 14 degrees a second at most, as a slow arm turns."""
+    weight = turning(planar).whole - turning(planar).field
+    pattern = weight[0] / np.sqrt(weight[0, 0])
+    zero, rng = turned(planar), np.random.default_rng(1)
+    noise = np.linalg.cholesky(zero._noise)
+    for k in range(int(20 * rate)):
+        time = k / rate
+        angle = np.pi / 4 * (1 - np.cos(2 * np.pi * max(time - 2.0, 0.0) / 20))
+        read = pattern * np.sin(angle) + noise @ rng.normal(size=9)
+        assert zero.step(time, read)
+        if k == 12 * rate:
+            np.testing.assert_allclose(zero.drift, pattern, atol=30e-6)
+        if k > 3 * rate:
+            off = zero.drift - pattern * np.sin(angle)
+            assert off @ np.linalg.solve(zero.covariance + 25e-12 * np.eye(9), off) < 45
+    assert zero.believed
+
+
+def test_a_still_board_is_as_sure_as_noise_allows(planar):
+    """No turn is looked for: the readings of its last two seconds tell its zero."""
+    zero, rng = turned(planar), np.random.default_rng(2)
+    noise = np.linalg.cholesky(zero._noise)
+    for k in range(300):
+        assert zero.step(0.1 * k, noise @ rng.normal(size=9))
+    for k in range(300, 310):
+        assert not zero.step(0.1 * k, np.full(9, 1e-3) * (-1.0) ** np.arange(9))
+    assert (zero.covariance.diagonal() < 2 * zero._noise.diagonal()).all()
+
+
+def test_a_board_that_was_still_for_an_hour_is_followed_as_it_turns(planar):
+    zero, rng = turned(planar), np.random.default_rng(4)
+    noise = np.linalg.cholesky(signal_noise(planar))
+    for k in range(3600):
+        assert zero.step(float(k), noise @ rng.normal(size=9))
+    for k in range(300):
+        alike = np.tile([3e-7 * k, -2e-7 * k, 0.0], 3)
+        assert zero.step(3600 + 0.01 * k, alike + noise @ rng.normal(size=9))
+    np.testing.assert_allclose(zero.drift, alike, atol=6e-6)
+
+
+def test_what_a_turn_changes_is_the_earths_field_and_the_weights(planar):
+    field, whole = turning(planar)
+    alike = uniform_covariance(3, EARTH)
+    np.testing.assert_array_equal(field, alike)
+    weight = np.sqrt(np.diag(whole - field)).reshape(3, 3)
+    # The board slides by 0.46 mm under its chip, where the field changes by 9.7 T/m.
+    np.testing.assert_allclose(weight[0, :2], 0.46e-3 * 9.7, rtol=0.05)
+    np.testing.assert_allclose(weight[1:, :2], 0.06e-3 * 7.7, rtol=0.2)
+    some = turning(planar, (2, 1))
+    rows = [6, 7, 8, 3, 4, 5]
+    np.testing.assert_allclose(some.whole, whole[np.ix_(rows, rows)], rtol=1e-12)
 
 
 @pytest.mark.parametrize("start", [0.0, 1e-3, -1e-3])
@@ -168,25 +285,8 @@ def test_the_bound_is_on_the_drift_wherever_the_zero_starts(start):
     assert believed == [True, True, True, False, True]
 
 
-def test_the_band_widens_at_its_rate_up_to_its_limit_and_narrows_with_the_zero():
-    tracking = {"hold": 0.0, "time_constant": 10.0, "widening_rate": 1e-6, "widening_limit": 5e-6}
-    for busy, wide in ((0.0, 0.0), (2.0, 2e-6), (5.0, 5e-6), (100.0, 5e-6)):
-        for inside in (True, False):
-            zero = banded(**tracking)
-            zero.step(0.0, np.full(3, 1e-3))
-            zero.step(busy, np.full(3, 1e-3))
-            edge = 40e-6 + wide + (-1e-9 if inside else 1e-9)
-            assert zero.step(busy, np.array([0.0, edge, 0.0])) is inside
-    zero = banded(**tracking)
-    for time, field in ((0.0, 1e-3), (100.0, 1e-3), (100.0, 0.0), (110.0, 0.0)):
-        zero.step(time, np.full(3, field))
-    narrowed = 40e-6 + 5e-6 / np.e
-    assert zero.step(110.0, np.full(3, narrowed - 1e-9))
-    assert not zero.step(110.0, np.full(3, narrowed + 1e-9))
-
-
 def test_a_zero_without_an_idle_test_stays():
-    zero = Zero(ZeroTracking(hold=0.0), None, np.zeros(3))
+    zero = Zero(ZeroTracking(hold=0.0), None, np.zeros(3), FAINT)
     assert not any(zero.step(float(k), np.full(3, 1e-6)) for k in range(9))
     assert not zero.drift.any()
 
@@ -210,16 +310,18 @@ def test_wrong_idle_tests_are_refused():
             IdleBand(field)
     for chance in (0.0, 1.0, -0.1, np.nan):
         with pytest.raises(ArgumentError, match=r"false_alarms must lie in \(0, 1\); got"):
-            IdleNoise(NOISE, (0, 1), chance)
+            IdleNoise(NOISE, chance)
 
 
 @pytest.mark.recordings
 def test_idle_moments_of_a_real_recording_are_found_among_presses(recordings):
     (run,) = (one for one in read_eflesh(recordings) if one.set == "spatial_resolution")
     rest = run.field - run.field_rezeroed
-    zero = Zero(ZeroTracking(hold=0.0, time_constant=30.0), IdleBand(), rest[0])
+    tracking = ZeroTracking(hold=0.0, time_constant=30.0, widening_rate=2e-6)
+    noise = 40e-6**2 * np.eye(rest[0].size)
+    zero = Zero(tracking, IdleBand(), rest[0].ravel(), noise)
     idle = [
-        (zero.step(float(t) - 2.0, a), zero.step(float(t), b))
+        (zero.step(float(t) - 2.0, a.ravel()), zero.step(float(t), b.ravel()))
         for t, a, b in zip(run.time, rest, run.field, strict=True)
     ]
     at_rest, pressed = np.sum(idle, axis=0)
@@ -228,33 +330,9 @@ def test_idle_moments_of_a_real_recording_are_found_among_presses(recordings):
     assert zero.believed
 
 
-@pytest.mark.parametrize(("field", "idle"), [(130e-6, True), (145e-6, True), (155e-6, False)])
-def test_the_earths_field_turned_over_is_idle(field, idle):
-    # 25 to 65 uT, which turning over changes by twice as much.
-    band = IdleBand(10e-6, uniform=True)
-    for axis in range(3):
-        change = np.zeros((3, 3))
-        change[:, axis] = field, field + 9e-6, field - 9e-6
-        assert band(change, 0.0) is idle
-        assert band(-change, 0.0) is idle
-        assert not IdleBand(10e-6)(change, 0.0)
-        change[1, axis] += 3e-6  # past the band of what is not alike
-        assert not band(change, 0.0)
-        assert band(change, 5e-6) is idle
-
-
-def test_a_field_that_changes_alike_is_followed_soon_and_drift_slowly():
-    for change, seconds in ((7.9e-6, 10.0), (8.1e-6, 0.05)):
-        zero = Zero(ZeroTracking(hold=0.0), IdleBand(uniform=True), np.zeros((3, 3)), uniform=True)
-        zero.step(0.0, np.zeros((3, 3)))
-        zero.step(0.02, np.tile([0.0, change, 0.0], (3, 1)))
-        followed = -change * np.expm1(-0.02 / seconds)
-        np.testing.assert_allclose(zero.offset[:, 1], followed, rtol=0.01)
-
-
 def test_after_a_day_without_readings_the_zero_does_not_leap():
     for gap, share in ((0.9e5, 1.0), (1.1e5, 0.0)):
         zero = banded(hold=0.0)
         zero.step(0.0, np.zeros(3))
         zero.step(gap, np.full(3, 20e-6))
-        np.testing.assert_allclose(zero.offset, share * 20e-6, atol=1e-12)
+        np.testing.assert_allclose(zero.offset, share * 20e-6, atol=1e-6)

@@ -22,7 +22,7 @@ from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
 from smoskin.sensing.bayes.solver import Solve, TouchSolver
 from smoskin.sensing.bayes.starts import TYPICAL
 from smoskin.sensing.response.table import ResponseTable
-from smoskin.sensing.signals.estimator import FOLLOWING, SignalEstimator
+from smoskin.sensing.signals.estimator import SignalEstimator
 from smoskin.sensing.signals.zero import ZeroTracking
 
 _WARMER: Final = 0.25
@@ -32,9 +32,9 @@ _DOUBT: Final = 25.0
 a table misses has heavier tails than a normal: hard touches in a corner come to 15 on some
 skins, few pairs to less than 25."""
 _STIRRED: Final = 4.0
-"""Misfit of a single touch, likewise, past which the skin may have turned under it."""
+"""Misfit of a single touch, likewise, past which the skin may turn under it."""
 _TURNS: Final = math.log(0.01)
-"""Logarithm of the chance that a skin has turned in the Earth's field since it was idle."""
+"""Logarithm of the chance that a skin begins to turn under a touch."""
 _NEAR: Final = 0.1
 """Change of signals, as a share of them, within which one search for touches serves."""
 _LIKE: Final = 1.25
@@ -67,11 +67,10 @@ class BayesEstimator(SignalEstimator):
     Notes
     -----
     Where one touch fits badly, the number K of touches is the one of greater evidence
-    p(s | K) p(K); see `smoskin.sensing.bayes.posterior.TouchProblem`. A skin that has turned in the
-    Earth's field reads the same besides at all chips, which joins the noise where that is likelier
-    ("Fields alike at all chips" in `docs/derivations.md`). Two touches are taken as straight. One
-    that was alone before the other came is taken to stand about where it stood
-    (`TouchPriors.slide`) and comes first.
+    p(s | K) p(K); see `smoskin.sensing.bayes.posterior.TouchProblem`. How unsure the zero is joins
+    the noise ("The zero" in `docs/derivations.md`). Two touches are taken as straight. One that was
+    alone before the other came is taken to stand about where it stood (`TouchPriors.slide`) and
+    comes first.
     """
 
     @typed
@@ -86,9 +85,6 @@ class BayesEstimator(SignalEstimator):
         tracking: ZeroTracking | None = None,
     ) -> None:
         design.check_own("table", table.design_hash)
-        left = table.residue**2 * table.newton
-        if tracking is None:
-            tracking = replace(FOLLOWING, residue=math.sqrt(left.diagonal().max()))
         super().__init__(
             design,
             table.chips,
@@ -96,6 +92,7 @@ class BayesEstimator(SignalEstimator):
             false_alarms=false_alarms,
             tracking=tracking,
             most=table.forces[1],
+            left=table.residue**2 * table.newton,
         )
         self.table = table
         self._unwarps = table.contact.inverse(table.warps[0], table.basis.extent)
@@ -103,12 +100,11 @@ class BayesEstimator(SignalEstimator):
         table = table.by_loads()
         self._priors = priors or TouchPriors()
         self._solver = TouchSolver(
-            _with_creep_left(table, design, self.creep), self.noise + left, self._priors
+            _with_creep_left(table, design, self.creep), self.noise, self._priors
         )
         self._solved_at = np.nan
         self._leads: dict[str, Lead] = {}
         self._alone: LoneTouch | None = None
-        self._turned = False
 
     @property
     def misfit(self) -> Floats:
@@ -117,7 +113,6 @@ class BayesEstimator(SignalEstimator):
 
     def _forget(self) -> None:
         self._leads, self._alone = {}, None
-        self._turned = False
 
     def _read(self, time: float, signals: Floats, temperature: float) -> Estimate:
         if not abs(temperature - self._solved_at) < _WARMER:
@@ -164,22 +159,25 @@ class BayesEstimator(SignalEstimator):
             self._leads[way] = lead._replace(values=found.values)
             return found
 
+        zero = self._signals.followed
+        solver.add_noise(zero.covariance)
         one = best = follow("one", solver.one)
-        had_turned, self._turned = self._turned, False
-        if one.misfit > _STIRRED * count and len(self.table.chips) > 1:
-            turned = follow("turned", solver.turned)
-            if turned.evidence + _TURNS > one.evidence:
-                best, self._turned = turned, True
-        # A skin that was found to have turned, rather than to be touched twice, stays so.
-        goes_on = had_turned and self._turned and best.misfit < _STIRRED * count
-        if one.misfit < _DOUBT * count or goes_on:
+        turned = False
+        if one.misfit > _STIRRED * count:
+            solver.add_noise(zero.stirred)
+            other = follow("turned", solver.one)
+            if other.evidence + _TURNS > one.evidence:
+                best, turned = other, True
+        if best.misfit < _DOUBT * count:
             self._alone = LoneTouch(time, best)
         elif self._priors.chances[2] > 0:
+            solver.add_noise(zero.covariance)
             standing = self._alone and self._alone.standing(time, self._priors.slide)
             two = follow("two", solver.two, standing)
-            if two.evidence > best.evidence + (_TURNS if self._turned else 0.0):
-                self._turned = False
+            if two.evidence > best.evidence + (_TURNS if turned else 0.0):
                 return two
+        if turned:
+            zero.stir()
         return best
 
 

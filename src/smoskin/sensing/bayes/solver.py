@@ -16,10 +16,11 @@ from smoskin.sensing.bayes.posterior import Descent, TouchProblem, pair_answer, 
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
 from smoskin.sensing.bayes.starts import TYPICAL, Starts, pair_starts, single_starts
 from smoskin.sensing.response.table import ResponseTable
-from smoskin.sensing.signals.zero import EARTH, uniform_covariance
 
 _FITS: Final = 4.0
 """Squared residual a signal up to which what follows from the last reading is believed."""
+_ALIKE: Final = 0.1
+"""Change of noise, as a share of its variance, up to which it counts as the same."""
 _BRIEF: Final = 3
 """Steps after which many starts are compared."""
 _SEARCHES: Final = {1: (3, 1, 2.0), 2: (8, 3, 0.4)}
@@ -44,7 +45,7 @@ class TouchSolver:
         self.priors = priors or TouchPriors()
         self.misfit = table.misfit + _mode_energy(table)
         """Covariance M of what is not known of single touches' signals, T^2/N^2."""
-        self._noise = noise
+        self._rest_noise = self._noise = noise
         self._pair_starts: Starts | None = None
         self.warm_to(REFERENCE_TEMPERATURE)
 
@@ -53,8 +54,15 @@ class TouchSolver:
         self._point = self.table.point_table(temperature)
         self._single = self._problem(1)
         self._single_starts = self._starts(self._single)
-        self._turned: tuple[TouchProblem, Starts] | None = None
         self._pair: TouchProblem | None = None
+
+    def add_noise(self, more: Floats) -> None:
+        """Take signals to be less sure by this covariance (C, C), T^2, from now on."""
+        noise = self._rest_noise + more
+        gained = noise.diagonal() / self._noise.diagonal()
+        if np.abs(gained - 1).max() > _ALIKE:
+            self._noise = noise
+            self._single, self._pair = self._problem(1), None
 
     def one(
         self, signals: Floats, guess: Floats | None = None, *, enough: float = 0.0
@@ -64,16 +72,6 @@ class TouchSolver:
         What follows from the guess is believed where it fits, or its misfit is at most `enough`.
         """
         return self._solve(1, self._single, self._single_starts, signals, guess, None, enough)
-
-    def turned(
-        self, signals: Floats, guess: Floats | None = None, *, enough: float = 0.0
-    ) -> TouchPosterior:
-        """The same of a skin that has turned in the Earth's field, by `EARTH` along each axis."""
-        if self._turned is None:
-            field = uniform_covariance(len(self.table.chips), EARTH)
-            problem = self._problem(1, self._noise + field)
-            self._turned = problem, self._starts(problem)
-        return self._solve(1, *self._turned, signals, guess, None, enough)
 
     def two(
         self,
@@ -97,10 +95,9 @@ class TouchSolver:
         """Starts of the search for a single touch."""
         return single_starts(self.table, self._point, problem, self.priors.drag_spread)
 
-    def _problem(self, touches: int, noise: Floats | None = None) -> TouchProblem:
-        """What is solved for so many touches, in the noise of a skin at rest unless another is."""
-        table, priors = self.table, self.priors
-        noise = self._noise if noise is None else noise
+    def _problem(self, touches: int) -> TouchProblem:
+        """What is solved for so many touches."""
+        table, priors, noise = self.table, self.priors, self._noise
         if touches == 1:
             answer = single_answer(self._point, straight=priors.drag_spread == 0)
             return TouchProblem(answer, 1, table, noise, self.misfit, priors)

@@ -92,7 +92,7 @@ class ClosedFormEstimator(SignalEstimator):
             range(len(mounts)),
             creep=ELASTIC,
             tracking=tracking or ZeroTracking(),
-            idle=IdleBand(idle_field, uniform=len(mounts) > 2),
+            idle=IdleBand(idle_field),
             correction=calibration.field_correction,
             most=known.forces[1] if isinstance(known, ResponseTable) else math.inf,
             # The SI's skin reads as designed, unless a table says that this one does not.

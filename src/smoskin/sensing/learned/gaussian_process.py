@@ -275,6 +275,7 @@ class LearnedEstimator(Estimator):
         self.model = model
         self._tracking = tracking or ZeroTracking()
         self._idle = None if tracking is None else IdleBand(idle_field)
+        self._idle_field = idle_field
         self._chips = list(model.encoding.chips)
         self._guard = ChipGuard(self._chips)
         self._given: Floats | None = None
@@ -358,7 +359,8 @@ class LearnedEstimator(Estimator):
 
     def _begin(self, zero: Floats | None) -> None:
         """Start from this zero, with no past."""
-        self._zero = None if zero is None else Zero(self._tracking, self._idle, zero)
+        noise = self._idle_field**2 * np.eye(3 * len(self._chips))
+        self._zero = None if zero is None else Zero(self._tracking, self._idle, zero, noise)
         self._rest()
 
     def _rest(self) -> None:

@@ -56,6 +56,8 @@ class SignalEstimator(Estimator):
         Largest force that is known, N; past a quarter more a touch is `OUT_OF_RANGE`.
     zeroed : bool
         Whether the correction holds the zero; else it is `NOT_CALIBRATED` until `zero`.
+    left : Floats, shape (C, C), optional
+        Covariance of what a touch leaves in the signals, T^2; by default nothing.
 
     Raises
     ------
@@ -75,6 +77,7 @@ class SignalEstimator(Estimator):
         correction: tuple[Floats, Floats] | None = None,
         most: float = math.inf,
         zeroed: bool = False,
+        left: Floats | None = None,
     ) -> None:
         self.design = design
         self.creep = elastomer_prony(design.columns.material) if creep is None else creep
@@ -91,8 +94,10 @@ class SignalEstimator(Estimator):
             correction=correction,
             creep=self.creep,
             tracking=tracking or FOLLOWING,
-            idle=idle or IdleNoise(self.noise, chips, false_alarms),
+            idle=idle or IdleNoise(self.noise, false_alarms),
             zeroed=zeroed,
+            chips=chips,
+            left=left,
         )
 
     def _forget(self) -> None:

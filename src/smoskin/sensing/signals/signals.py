@@ -23,6 +23,7 @@ from smoskin.origami.geometry import geometry
 from smoskin.records import Reading, Status
 from smoskin.sensing.signals.guards import PLAUSIBLE, ChipGuard, Clock, check_chips
 from smoskin.sensing.signals.settling import Settling
+from smoskin.sensing.signals.turning import turning
 from smoskin.sensing.signals.zero import IdleTest, Zero, ZeroTracking
 
 _THERMAL_SMOOTHING: Final = 0.05
@@ -102,6 +103,10 @@ class Signals:
         Which signals count as those of the idle skin; by default none, and the zero stays.
     zeroed : bool
         Whether the design, or the correction, holds the zero; else it is unknown until `zero`.
+    chips : sequence of int, optional
+        Chips whose zero is followed, all by default; the others' stays.
+    left : Floats, shape (C, C), optional
+        Covariance of what a touch leaves in their signals, T^2.
     """
 
     def __init__(
@@ -113,6 +118,8 @@ class Signals:
         tracking: ZeroTracking | None = None,
         idle: IdleTest | None = None,
         zeroed: bool = True,
+        chips: Sequence[int] | None = None,
+        left: Floats | None = None,
     ) -> None:
         self.rest_field = rest_field(design)
         """Field of each untouched chip's own magnet, (S, 3), T."""
@@ -126,15 +133,25 @@ class Signals:
         self._precision = np.linalg.inv(signal_noise(design))
         self._given = zeroed
         self._tracking, self._idle = tracking or ZeroTracking(), idle
-        self._undone: tuple[Settling, Bend] | None = None
-        if creep is not None and len(creep.times):
-            self._undone = Settling(creep), Bend(field_curvature(design))
+        self._settling = None if creep is None or not len(creep.times) else Settling(creep)
+        self._bend = Bend(field_curvature(design))
+        self._chips = list(range(len(self.rest_field)) if chips is None else chips)
+        prompt = 1.0 if creep is None else 1 - float(creep.retardation_shares.sum())
+        self.noise = signal_noise(design, self._chips) / prompt**2
+        """Covariance N of these chips' signals untouched, (C, C), T^2: undoing creep raises what
+        changes from reading to reading by what is missing of a prompt answer."""
+        self._turning, self._left = turning(design, self._chips), left
         self.reset()
 
     @property
     def drift(self) -> Floats:
         """How far the zero has followed since it was set, shape (S, 3), T."""
-        return self._zero.drift
+        return self._of_all(self._zero.drift)
+
+    @property
+    def followed(self) -> Zero:
+        """The zero of the chips' signals as if fields were linear in motion."""
+        return self._zero
 
     @property
     def temperature(self) -> float:
@@ -192,7 +209,7 @@ class Signals:
         Creep is not undone.
         """
         mean = np.mean(self._offsets(readings), axis=0)
-        return np.asarray(mean + self._ideal - self._untouched - self._zero.offset)
+        return self._less_zero(self._bend.straightened(mean + self._ideal - self._untouched))
 
     def step(self, reading: Reading) -> Signal:
         """Signals of the next reading; the zero follows those of an idle skin."""
@@ -206,21 +223,26 @@ class Signals:
             self._zero.interrupt(reading.time)
             return self._refused(fault)
         raised = self._settled(reading.time, self._own_field(reading) - self._untouched)
-        values = raised - self._zero.offset
-        if not self.zeroed:
-            return Signal(values, self._thermometer.rubber, Status.NOT_CALIBRATED)
-        status = Status.NO_CONTACT if self._zero.step(reading.time, raised) else None
-        if not self._zero.believed:
-            status = Status.NOT_CALIBRATED
-        return Signal(values, self._thermometer.rubber, status)
+        status: Status | None = Status.NOT_CALIBRATED
+        if self.zeroed:
+            idle = self._zero.step(reading.time, raised[self._chips].ravel())
+            if self._zero.believed:
+                status = Status.NO_CONTACT if idle else None
+        return Signal(self._less_zero(raised), self._thermometer.rubber, status)
 
     def _begin(self, offset: Floats) -> None:
         """Start from an offset, (S, 3), T, of the chips turned as designed; the skin has rested."""
         # At reference temperature: nearly all of it is what a made skin's magnets differ from the
         # designed ones, which weakens as they do.
         self._untouched = self._ideal + offset
-        still = np.zeros_like(self.rest_field)
-        self._zero = Zero(self._tracking, self._idle, still, uniform=len(still) > 1)
+        self._zero = Zero(
+            self._tracking,
+            self._idle,
+            np.zeros(len(self.noise)),
+            self.noise,
+            turning=self._turning,
+            left=self._left,
+        )
         self._rest()
 
     def _rest(self) -> None:
@@ -228,8 +250,8 @@ class Signals:
         self._zero.rest()
         self._guard.forget()
         self._settled_time = math.inf
-        if self._undone is not None:
-            self._undone[0].reset()
+        if self._settling is not None:
+            self._settling.reset()
 
     def _offsets(self, readings: Sequence[Reading]) -> Floats:
         """Fields of the good ones of these readings less the design's, (N, S, 3), T."""
@@ -253,14 +275,23 @@ class Signals:
             raise ArgumentError(f"{LET_GO}; got readings that move by {_rms(flat):.3g} uT")
 
     def _settled(self, time: float, raised: Floats) -> Floats:
-        """Signals with creep undone."""
-        if self._undone is None:
-            return raised
-        settling, bend = self._undone
+        """Signals of motions as if fields were linear in them, with creep undone."""
+        straight = self._bend.straightened(raised)
+        if self._settling is None:
+            return straight
         elapsed = max(time - self._settled_time, 0.0)
         self._settled_time = time
-        # Motions creep, and fields are not linear in them.
-        return bend.bent(settling.step(elapsed, bend.straightened(raised)))
+        return self._settling.step(elapsed, straight)
+
+    def _less_zero(self, straight: Floats) -> Floats:
+        """Signals (S, 3), T, of straight ones less the zero: motions add up, fields do not."""
+        return self._bend.bent(straight - self._of_all(self._zero.offset))
+
+    def _of_all(self, used: Floats) -> Floats:
+        """Numbers (C,) of the chips that are used, 0 of others, (S, 3)."""
+        whole = np.zeros_like(self.rest_field)
+        whole[self._chips] = used.reshape(-1, 3)
+        return whole
 
     def _refused(self, status: Status) -> Signal:
         return Signal(np.full_like(self.rest_field, np.nan), self._thermometer.rubber, status)

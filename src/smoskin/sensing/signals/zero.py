@@ -1,38 +1,47 @@
-"""The zero: what a skin reads while nothing touches it, and how that is followed.
+"""The zero: what a skin reads while nothing touches it, followed by a Kalman filter.
 
-Decides how fast and how far a zero follows readings that count as idle, and which count so: those
-within a band of it, or those that its noise explains. The longer nothing was idle, the farther the
-zero may have moved unseen, and the more is taken for idle, so that a zero that moved under a touch
-is found again. A field that changes alike at all chips is the Earth's, of a skin that turns: it is
-idle and soon followed. Hides the memory that this needs.
+Decides which readings are idle, how fast and how far the zero follows them, and how sure it is.
+While something touches, the zero goes on as fast as it went. A skin that turns is followed along
+what its weight and the Earth's field change. Hides the filter.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.errors import ArgumentError
+from smoskin.sensing.signals.turning import Turning
 
-EARTH: Final = 100e-6
-"""Spread u along each axis, T, of what a skin that turns in the Earth's field sees change at all of
-its chips alike: a field of 25 to 65 uT turned over changes by twice as much."""
-_TURNED: Final = 8e-6
-"""Change of the field at all chips alike, T, past which the zero follows at once."""
-_TURNING: Final = 0.05
-"""Time constant, s, with which it then follows."""
-_SMALL: Final = 0.05
-"""Share of what a touch left below which the zero follows at its own pace again."""
+_CALM: Final = 0.8
+"""Share of an idle reading's limit past which a turn is looked for."""
+_UNDER_WAY: Final = 0.08**2
+"""Power of accelerations of a skin that turns evenly, rad^2/s^3."""
+_JERK: Final = 0.8**2
+"""Power of those with which a turn starts or stops, rad^2/s^3."""
+_JERKS: Final = (0.1, 0.3)
+"""Shortest and longest time for which they may have lasted unnoticed, s."""
+_GOES_ON: Final = 2.0
+"""Time for which a turn is taken to go on once it was seen, s."""
+_MOVES: Final = 3.0
+"""Squared speed, of its variance along each axis, past which the skin turns still."""
+_SLOW: Final = 0.01
+"""Variance of speeds that do not count, of the noise's, 1/s^2."""
+_UNNOTICED: Final = 1.0
+"""Time for which a turn may have gone on under a touch before it was seen, s."""
+_LASTS: Final = 3.0
+"""Time constant with which a speed is lost, s."""
+_FARTHEST: Final = 6.0
+"""Turn, rad, up to which a zero is believed."""
+_TAKEN: Final = 20
+"""Number of readings that zeros are taken from."""
+_LONG: Final = 20.0
+"""Time constants after which nothing is known any more."""
 _WILD: Final = 1e5
 """Seconds without a reading after which none is taken for a zero's pace: a clock has jumped."""
-
-
-def uniform_covariance(chips: int, spread: float) -> Floats:
-    """Covariance u^2 (1 1^T) x I of a field that is the same at all chips, (3 S, 3 S), T^2."""
-    return np.kron(np.full((chips, chips), spread**2), np.eye(3))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,34 +57,33 @@ class ZeroTracking:
     hold: float = 1.0
     """Seconds of idleness before the zero starts to follow."""
     time_constant: float = 10.0
-    """Time constant of the exponential mean that the zero follows with, s; `inf` keeps it still."""
+    """Time constant, s, with which the zero forgets readings; `inf` keeps it still."""
     drift_bound: float = 500e-6
-    """Distance from its start, T, past which the zero is no longer believed."""
+    """Distance from its start, T, past which the zero is no longer believed, turns apart."""
     widening_rate: float = 1e-6
     """Speed, T/s, at which a zero may move unseen while nothing is idle."""
     widening_limit: float = 40e-6
     """Farthest that it may have moved so, T: a steady touch that is fainter becomes the zero."""
-    residue: float = 0.0
-    """How far a touch leaves it off, T; the zero is soon taken anew once nothing touches."""
 
     def __post_init__(self) -> None:
         for name in ("time_constant", "drift_bound"):
             if not getattr(self, name) > 0:
                 raise ArgumentError(f"{name} must be positive; got {getattr(self, name)}")
-        for name in ("hold", "widening_rate", "widening_limit", "residue"):
+        for name in ("hold", "widening_rate", "widening_limit"):
             if not getattr(self, name) >= 0:
                 raise ArgumentError(f"{name} must be >= 0; got {getattr(self, name)}")
 
 
-IdleTest: TypeAlias = Callable[[Floats, float], bool]
-"""Whether a change from the zero, T, is that of an idle sensor, if the zero may have moved so far
-unseen, T."""
+IdleTest: TypeAlias = Callable[[Floats, Floats], float]
+"""How near a change (C,) from a zero of this covariance (C, C), T and T^2, is to the largest of an
+idle sensor, which is 1."""
 
 
 class IdleBand:
     """Takes for idle what changes by less than a field, T, on every axis.
 
-    With `uniform` a field that is the same at all chips, in the skin's axes, may change besides.
+    A zero of covariance P widens the band b along P's own axes by their standard deviations: of a
+    change d, ``(I + P^(1/2) / b)^-1 d`` must stay below b.
 
     Raises
     ------
@@ -83,26 +91,16 @@ class IdleBand:
         If the field is not positive.
     """
 
-    def __init__(self, field: float = 40e-6, *, uniform: bool = False) -> None:
+    def __init__(self, field: float = 40e-6) -> None:
         if not field > 0:
             raise ArgumentError(f"idle_field must be positive; got {field} T")
-        self._field, self._uniform = field, uniform
+        self._field = field
 
-    def __call__(self, change: Floats, unseen: float) -> bool:
-        """Whether every axis changes by less than the band, wider by what moved unseen."""
-        band = self._field + unseen
-        # Plain numbers: for nine of them NumPy takes longer to start than Python to finish.
-        values: list[float] = change.ravel().tolist()
-        if all(abs(value) < band for value in values):
-            return True
-        if not self._uniform:
-            return False
-        for axis in range(3):
-            along = values[axis::3]
-            mean = sum(along) / len(along)
-            if abs(mean) > 1.5 * EARTH or not all(abs(value - mean) < band for value in along):
-                return False
-        return True
+    def __call__(self, change: Floats, unsure: Floats) -> float:
+        """Largest share of the band over the chips' axes."""
+        variances, axes = np.linalg.eigh(unsure)
+        wider = self._field + np.sqrt(np.maximum(variances, 0.0))
+        return float(np.abs(axes @ ((axes.T @ change) / wider)).max())
 
 
 class IdleNoise:
@@ -112,8 +110,6 @@ class IdleNoise:
     ----------
     noise : Floats, shape (C, C)
         Covariance N of an idle sensor's signals, T^2.
-    chips : sequence of int
-        Rows of a change that these signals are, C / 3 of them.
     false_alarms : float
         Chance of an idle reading not to be taken for one.
 
@@ -124,50 +120,77 @@ class IdleNoise:
 
     Notes
     -----
-    Idle where s^T (N + v^2 I + u^2 (1 1^T) x I)^-1 s is below the quantile of chi-square that only
-    `false_alarms` exceed; v is how far the zero may have moved unseen, u the spread of a field that
-    is the same at all chips (`EARTH`). It leaves nothing to tell along three of the C directions of
-    two or more chips; a single chip's u is 0.
+    Idle where d^T (N + P)^-1 d, P the covariance of the zero, is below the quantile of chi-square
+    that only `false_alarms` exceed.
     """
 
-    def __init__(self, noise: Floats, chips: Sequence[int], false_alarms: float) -> None:
+    def __init__(self, noise: Floats, false_alarms: float) -> None:
         if not 0.0 < false_alarms < 1.0:
             raise ArgumentError(f"false_alarms must lie in (0, 1); got {false_alarms}")
         # Here, so that whoever only imports the package does not wait for it.
         from scipy.stats import chi2
 
-        self._chips = list(chips)
-        told = len(noise)
-        if len(self._chips) > 1:
-            noise, told = noise + uniform_covariance(len(self._chips), EARTH), told - 3
-        self._variances, axes = np.linalg.eigh(noise)
-        self._axes = np.ascontiguousarray(axes.T)
-        self._limit = float(chi2.isf(false_alarms, told))
+        self._noise, self._limit = noise, float(chi2.isf(false_alarms, len(noise)))
 
-    def __call__(self, change: Floats, unseen: float) -> bool:
-        """Whether noise, and what moved unseen, explain a change, (S, 3), T."""
-        along = self._axes @ change[self._chips].ravel()
-        return float(along @ (along / (self._variances + unseen**2))) < self._limit
+    def __call__(self, change: Floats, unsure: Floats) -> float:
+        """Share of the limit that a change comes to."""
+        return float(change @ np.linalg.solve(self._noise + unsure, change)) / self._limit
+
+
+def _never(change: Floats, unsure: Floats) -> float:
+    """Take nothing for idle."""
+    return math.inf
+
+
+class _Spread(NamedTuple):
+    """Covariances of a zero z and its speed v: of z with itself, of z with v, and of v."""
+
+    zero: Floats
+    mixed: Floats
+    speed: Floats
+
+    def later(self, kept: float, gone: float) -> "_Spread":
+        """The same after z += gone v and v *= kept."""
+        met = self.mixed + gone * self.speed
+        zero = self.zero + gone * (self.mixed + met.T)
+        return _Spread(zero, kept * met, kept**2 * self.speed)
+
+    def turned(self, turns: Floats, power: float, duration: float) -> "_Spread":
+        """The same after accelerations of this power, rad^2/s^3, white over the duration, s."""
+        new = power * duration * turns
+        return _Spread(
+            self.zero + duration**2 / 3 * new, self.mixed + duration / 2 * new, self.speed + new
+        )
 
 
 class Zero:
-    """An offset that follows what is read while nothing touches.
+    """A zero that is followed while nothing touches.
 
     Parameters
     ----------
     idle : IdleTest or None
         Which readings count as idle; None: none do.
-    offset : Floats, any shape
+    offset : Floats, shape (C,)
         T: the zero to start from.
-    uniform : bool
-        Whether it soon follows a field that is the same at all chips, in offsets (S, 3).
+    noise : Floats, shape (C, C)
+        Covariance N of an idle sensor's readings, T^2.
+    turning : Turning, optional
+        What a turn of the skin changes; by default nothing.
+    left : Floats, shape (C, C), optional
+        Covariance L of what a touch leaves, T^2; by default nothing.
+
+    Notes
+    -----
+    The state is the zero z and its speed v, ``dz/dt = v`` and ``dv/dt = -v / T + w``, with w white
+    along what turns change where the skin turns; "The zero" in `docs/derivations.md`.
 
     Examples
     --------
-    >>> zero = Zero(ZeroTracking(hold=0.0, time_constant=1.0), IdleBand(), np.zeros(3))
+    >>> tracking = ZeroTracking(hold=0.0, time_constant=1.0)
+    >>> zero = Zero(tracking, IdleBand(), np.zeros(3), 1e-12 * np.eye(3))
     >>> [zero.step(float(t), np.full(3, 2e-5)) for t in range(9)] == [True] * 9
     True
-    >>> bool(np.allclose(zero.offset, 2e-5, rtol=1e-3))
+    >>> bool(np.allclose(zero.offset, 2e-5, rtol=1e-2))
     True
     """
 
@@ -176,60 +199,86 @@ class Zero:
         tracking: ZeroTracking,
         idle: IdleTest | None,
         offset: Floats,
+        noise: Floats,
         *,
-        uniform: bool = False,
+        turning: Turning | None = None,
+        left: Floats | None = None,
     ) -> None:
         self.tracking = tracking
         self.offset = offset
         """The present zero, T."""
         self.believed = True
         """Whether it has stayed within its bound."""
-        self._idle, self._uniform = idle, uniform
+        self._idle: IdleTest = idle or _never
+        self._noise, self._turning = noise, turning
+        self._left = np.zeros_like(noise) if left is None else left
+        bound = tracking.drift_bound**2 * np.eye(len(noise))
+        if turning is not None:
+            bound = bound + _FARTHEST**2 * turning.whole
+        self._bound = np.linalg.inv(bound)
         self._start = offset
-        self._unseen = self._left = 0.0
-        self._last_time: float | None = None
-        self._idle_since: float | None = None
+        self._touched = False
+        self._unseen = 0.0
+        self.rest()
 
     @property
     def drift(self) -> Floats:
         """How far it has moved since the start, T."""
         return np.asarray(self.offset - self._start)
 
-    def step(self, time: float, read: Floats) -> bool:
-        """Whether a reading, in T, is idle; the zero follows it once idleness has held."""
-        unseen = math.hypot(self._unseen, self._left)
-        if self._idle is None or not self._idle(read - self.offset, unseen):
-            self.interrupt(time)
-            return False
-        elapsed = self._elapsed(time)
-        if self._idle_since is None:
-            self._idle_since = time
-        if time - self._idle_since >= self.tracking.hold:
-            pace = self.tracking.time_constant
-            if self._left > _SMALL * self.tracking.residue:
-                pace = min(pace, _TURNING)
-            kept = math.exp(-elapsed / pace)
-            self._left *= kept
-            if self._uniform and kept < 1:
-                self._turn(elapsed, read)
-            self.offset = read + kept * (self.offset - read)
-            self.believed = float(np.abs(self.drift).max()) <= self.tracking.drift_bound
-            # At the zero's own pace: sooner, and the zero would run out of the band.
-            self._unseen *= kept
-        return True
+    @property
+    def covariance(self) -> Floats:
+        """Covariance P of the zero, and of what a touch has left, (C, C), T^2."""
+        zero = self._spread.zero
+        return zero + self._left if self._touched else zero
 
     def rest(self) -> None:
         """Forget when readings came, as their clock starts again; the zero stays."""
-        self._last_time = self._idle_since = None
+        self._last_time: float | None = None
+        self._idle_since: float | None = None
+        self._speed = np.zeros_like(self.offset)
+        taken, none = self._noise / _TAKEN, np.zeros_like(self._noise)
+        self._spread = _Spread(taken, none, none if self._turning is None else taken)
+        self._turn: Floats | None = None
+        self._turn_seen = -math.inf
+
+    @property
+    def stirred(self) -> Floats:
+        """The same of a skin that has just begun to turn under what touches it."""
+        return self.covariance + self._begun().zero - self._spread.zero
+
+    def stir(self) -> None:
+        """Take the skin to have just begun to turn."""
+        if self._turning is not None and self._last_time is not None:
+            self._spread, self._turn = self._begun(), self._turning.whole
+            self._turn_seen = self._last_time
+
+    def _begun(self) -> _Spread:
+        """What is known of the zero of a skin that has just begun to turn."""
+        if self._turning is None:
+            return self._spread
+        return self._spread.turned(self._turning.whole, _UNDER_WAY, _UNNOTICED)
+
+    def step(self, time: float, read: Floats) -> bool:
+        """Whether a reading (C,), T, is idle; the zero follows it once idleness has held."""
+        elapsed = self._elapsed(time)
+        self._go_on(elapsed)
+        change = read - self.offset
+        if not self._explained(time, elapsed, change):
+            self._leave(elapsed)
+            return False
+        if self._idle_since is None:
+            self._idle_since = time
+        held = time - self._idle_since >= self.tracking.hold
+        if held and self.tracking.time_constant < math.inf:
+            self._follow(time, elapsed, change)
+        return True
 
     def interrupt(self, time: float) -> None:
         """Begin idleness anew, as nothing idle was read: the zero may move unseen meanwhile."""
         elapsed = self._elapsed(time)
-        self._idle_since = None
-        self._left = self.tracking.residue
-        if self.tracking.time_constant < math.inf:
-            wider = self._unseen + self.tracking.widening_rate * elapsed
-            self._unseen = min(wider, self.tracking.widening_limit)
+        self._go_on(elapsed)
+        self._leave(elapsed)
 
     def _elapsed(self, time: float) -> float:
         """Seconds since the last reading of any kind."""
@@ -237,8 +286,81 @@ class Zero:
         self._last_time = time
         return elapsed if elapsed < _WILD else 0.0
 
-    def _turn(self, elapsed: float, read: Floats) -> None:
-        """Follow a field that has changed at all chips alike."""
-        common = (read - self.offset).mean(axis=0)
-        if (common @ common) > _TURNED**2:
-            self.offset = self.offset - common * math.expm1(-elapsed / _TURNING)
+    def _go_on(self, elapsed: float) -> None:
+        """Let the zero move as it did."""
+        kept = math.exp(-elapsed / _LASTS)
+        gone = _LASTS * (1 - kept)
+        self.offset = self.offset + gone * self._speed
+        self._speed = kept * self._speed
+        self._spread = self._spread.later(kept, gone)
+
+    def _explained(self, time: float, elapsed: float, change: Floats) -> bool:
+        """Whether a change is idle; a turn that explains it makes the zero less sure."""
+        still, share = self._spread, self._idle(change, self.covariance)
+        if time - self._turn_seen > _GOES_ON:
+            self._turn = None
+        if self._turn is not None:
+            self._spread = still.turned(self._turn, _UNDER_WAY, elapsed)
+        if share < _CALM or self._turning is None:
+            return share < 1.0
+        share = self._idle(change, self.covariance)
+        spread, turn = self._spread, self._turn
+        for tried, of in self._jerks(self._turning, still, elapsed):
+            if share < _CALM:
+                break
+            now = self._idle(change, tried.zero)
+            if now < share:
+                spread, turn, share = tried, of, now
+        if share < 1.0 and turn is not None:
+            self._spread, self._turn_seen = spread, time
+            if self._turn is not self._turning.whole:
+                self._turn = turn
+        return share < 1.0
+
+    def _jerks(
+        self, turning: Turning, still: _Spread, elapsed: float
+    ) -> Iterator[tuple[_Spread, Floats]]:
+        """What else may explain a change, the likeliest first, and what turns.
+
+        A turn is jerked, in the Earth's field alone or with the skin's weight; or the skin is
+        handed over. Just as a touch has left something that is too rare to be believed.
+        """
+        jerk = min(max(elapsed, _JERKS[0]), _JERKS[1])
+        for turn in turning:
+            yield self._spread.turned(turn, _JERK, jerk), turn
+        handed = still._replace(zero=still.zero + turning.field)
+        yield handed.turned(turning.field, _JERK, jerk), turning.field
+
+    def _leave(self, elapsed: float) -> None:
+        """Be less sure of a zero that nothing idle showed."""
+        self._idle_since, self._touched = None, True
+        if self.tracking.time_constant < math.inf:
+            wider = self._unseen + self.tracking.widening_rate * elapsed
+            wider, before = min(wider, self.tracking.widening_limit), self._unseen
+            added = (wider**2 - before**2) * np.eye(len(self._noise))
+            self._spread = self._spread._replace(zero=self._spread.zero + added)
+            self._unseen = wider
+
+    def _follow(self, time: float, elapsed: float, change: Floats) -> None:
+        """Take in an idle change d: z += P (P + N)^-1 d and v += X^T (P + N)^-1 d, X of both.
+
+        What was known before fades by the time constant.
+        """
+        fading = math.exp(min(elapsed / self.tracking.time_constant, _LONG))
+        zero, mixed, speed = (fading * part for part in self._spread)
+        if self._touched:
+            zero = zero + self._left
+        both = np.concatenate([zero, mixed], axis=1)
+        gains = np.linalg.solve(zero + self._noise, both).T
+        of_zero, of_speed = gains[: len(zero)], gains[len(zero) :]
+        self.offset = self.offset + of_zero @ change
+        self._speed = self._speed + of_speed @ change
+        zero, speed = zero - of_zero @ zero, speed - of_speed @ mixed
+        self._spread = _Spread((zero + zero.T) / 2, mixed - of_zero @ mixed, (speed + speed.T) / 2)
+        self._touched, self._unseen = False, 0.0
+        if self._turn is not None:
+            moves = self._speed @ np.linalg.solve(speed + _SLOW * self._noise, self._speed)
+            if moves > _MOVES * len(speed):
+                self._turn_seen = time
+        drift = self.drift
+        self.believed = float(drift @ self._bound @ drift) <= 1.0

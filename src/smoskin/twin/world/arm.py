@@ -11,6 +11,7 @@ from smoskin.magnetics.arrangement import rotation_matrix
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.mechanics.reduced.stiffness import board_stiffness
 from smoskin.mechanics.sheet.holders import holder_matrix
+from smoskin.mechanics.weight import GRAVITY, board_mass, magnet_masses, panel_masses
 from smoskin.origami.geometry import geometry
 from smoskin.records import Motion
 from smoskin.twin.manufacture import made_mechanics
@@ -19,10 +20,6 @@ from smoskin.twin.world.effect import Effect, History
 
 ARM: Final = "arm"
 """Name of the randomness of all that an arm does: its axis is drawn first."""
-GRAVITY: Final = 9.81
-"""m/s^2."""
-_ACRYLIC, _MAGNET, _BOARD = 1190.0, 5500.0, 1850.0
-"""Densities, kg/m^3: panels, bonded magnets, the board."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,20 +92,13 @@ def _motion_by_acceleration(twin: Twin) -> tuple[Floats, float]:
     design = twin.design
     made, lattice = made_mechanics(design, twin.deviations, REFERENCE_TEMPERATURE)
     sheet = geometry(design).sheet
-    corners = sheet.vertices[sheet.facets]
-    sides = corners[:, [1, 3]] - corners[:, :1]
-    areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-    panel = _ACRYLIC * design.panels.thickness * areas
+    panel = panel_masses(design)
     masses = np.bincount(sheet.facets.ravel(), np.repeat(panel / 4, 4), len(lattice.nodes))
     loads = masses[:, None, None] * np.eye(3)
     holders = holder_matrix(design).reshape(len(design.magnets), 6, -1, 3)
-    weights = [
-        _MAGNET * math.pi * magnet.radius**2 * magnet.height if magnet.mount == "sheet" else 0.0
-        for magnet in design.magnets
-    ]
+    weights = magnet_masses(design)
     loads = loads + np.einsum("g,gdva->vad", weights, holders[:, :3])
     tangent = Tangent(lattice)
     moved = tangent.solve(tangent.at(np.zeros_like(lattice.nodes)), loads)
-    board = _BOARD * design.board.thickness * float(np.prod(geometry(design).extent))
-    whole = masses.sum() + sum(weights) + board
+    whole = masses.sum() + sum(weights) + board_mass(design)
     return np.einsum("gpva,vad->gpd", holders, moved), whole / board_stiffness(made)

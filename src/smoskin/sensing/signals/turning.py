@@ -1,0 +1,64 @@
+"""What a skin that turns reads untouched: the Earth's field, and its own weight.
+
+Decides along which patterns over the chips that changes; hides fields and weights.
+"""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from smoskin.arrays import Floats
+from smoskin.design.skin import SkinDesign
+from smoskin.magnetics.sector import field_and_gradient
+from smoskin.mechanics.weight import slides
+from smoskin.origami.geometry import geometry
+
+EARTH: Final = 100e-6
+"""Spread along each axis, T, of the Earth's field in the frame of a skin that turns by a radian: a
+field of 25 to 65 uT turned over changes by twice as much."""
+_UNLIKE: Final = 0.2
+"""Share of the change by its weight in which a made skin's chip differs from the designed one."""
+_RISE: Final = 0.05
+"""Share of the board's slide by which it rises or sinks."""
+
+
+class Turning(NamedTuple):
+    """Covariances of what a turn by a radian changes, (C, C), T^2."""
+
+    field: Floats
+    """Earth's field alone, of a skin that its weight does not move."""
+    whole: Floats
+    """Both, with the skin's weight."""
+
+
+def uniform_covariance(chips: int, spread: float) -> Floats:
+    """Covariance u^2 (1 1^T) x I of a field that is the same at all chips, (3 S, 3 S), T^2."""
+    return np.kron(np.full((chips, chips), spread**2), np.eye(3))
+
+
+def turning(design: SkinDesign, chips: Sequence[int] | None = None) -> Turning:
+    """What all chips of a design, or those chosen, read of a turn.
+
+    Notes
+    -----
+    Chip s reads U_s q of an acceleration q ~ N(0, I), in g, that moves its magnet by d: a magnet of
+    the sheet hangs above its chip, one of the base lies below a board that slides. So its
+    covariance is U U^T and c^2 |U_s|^2 I / 3 at each chip, with c what made skins differ by.
+    """
+    used = range(len(design.halls)) if chips is None else chips
+    sheet, board = slides(design)
+    field = uniform_covariance(len(used), EARTH)
+    parts = []
+    for chip in used:
+        site = design.halls[chip]
+        magnet = design.magnet(site.magnet)
+        gradient = field_and_gradient(magnet, geometry(design).rest[chip])[1]
+        moved = np.array([board, board, _RISE * board] if magnet.mount == "base" else [-sheet] * 3)
+        parts.append(gradient * moved)
+    alike = np.concatenate(parts)
+    whole = field + alike @ alike.T
+    for row, part in enumerate(parts):
+        own = slice(3 * row, 3 * row + 3)
+        whole[own, own] += _UNLIKE**2 / 3 * float((part**2).sum()) * np.eye(3)
+    return Turning(field, whole)

@@ -1,0 +1,165 @@
+"""A skin on an arm that turns it, with its own weight and in the Earth's field, and what drifts."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import smoskin as smo
+from smoskin.mechanics.viscoelasticity import ELASTIC
+from smoskin.records import Contact, Motion, Status
+from smoskin.sensing.bayes.priors import TouchPriors
+from smoskin.twin.rig import drifting_readings
+from smoskin.twin.whole import Twin
+from smoskin.twin.world.arm import Gravity
+from smoskin.twin.world.effect import World
+from smoskin.twin.world.fields import Earth
+
+pytest.importorskip("jax")
+PLACE, SEED = (0.05, 0.09), 31
+WORLD = World(name="arm", effects=(Earth(), Gravity()))
+
+
+@cache
+def known(design):
+    """The made skin and its table, by eight touches of it."""
+    rig = smo.VirtualRig(design, seed=SEED)
+    table = smo.calibrate(smo.load_response_table("planar"), rig, count=8).table
+    return Twin(design, seed=SEED, manufactured=True), table
+
+
+def stream(
+    design, times, held, forces=((PLACE, 0.5),), *, world=WORLD, begin=0.0, warm=0.0, drift=0.3e-6
+):
+    """Readings at times (T,) of touches while they are held; the arm turns from `begin`."""
+    twin = known(design)[0]
+    touches = [Contact(position=place, force=(0.0, 0.0, -press)) for place, press in forces]
+    cold, hot = (twin.motion(touches, temperature=degrees) for degrees in (25.0, 25.0 + warm))
+    share = held * np.linspace(0.0, 1.0, len(times))
+    motion = Motion(
+        magnets=(held - share)[:, None, None] * cold.magnets + share[:, None, None] * hot.magnets,
+        board=(held - share)[:, None] * cold.board + share[:, None] * hot.board,
+    )
+    run = world.run(twin, (SEED, 1))
+    around = run.around(times - begin)
+    steps, rng = np.diff(times, prepend=times[0]), np.random.default_rng(3)
+    readings, _ = drifting_readings(
+        twin,
+        run.moved(times - begin, motion),
+        times,
+        steps,
+        rng,
+        temperature=25.0 + warm * np.linspace(0.0, 1.0, len(times)),
+        drift=drift,
+        around=around,
+    )
+    return readings
+
+
+def told(design, readings, zeros=20):
+    """What is told of readings after those of the zero."""
+    skin = smo.BayesEstimator(
+        design, known(design)[1], priors=TouchPriors(drag_spread=0.0), creep=ELASTIC
+    )
+    skin.zero(readings[:zeros], force=True)
+    return [skin.step(reading) for reading in readings]
+
+
+def errors(estimates):
+    """Distances from the place, mm, and shares of the force that are missed, of touches found."""
+    contacts = [one.contacts[0] for one in estimates]
+    away = [1e3 * np.hypot(*(contact.position - PLACE)) for contact in contacts]
+    return np.array(away), np.array([contact.normal_force for contact in contacts])
+
+
+@pytest.mark.parametrize("rate", [10.0, 50.0])
+def test_a_turning_board_makes_no_touch(planar, rate):
+    """A quarter turn to and fro in 20 s: 60 uT and a board that slides by 0.4 mm."""
+    times = np.arange(-2.0, 40.0, 1 / rate)
+    readings = stream(planar, times, 0.0 * times)
+    assert {one.status for one in told(planar, readings)} == {Status.NO_CONTACT}
+
+
+def test_a_touch_on_a_turning_board_is_found_and_leaves_none(planar):
+    """Each held for 0.3 s, ten readings a second: found to a millimetre, and to 2 % of force."""
+    times = np.arange(-2.0, 20.0, 0.1)
+    held = ((times > 0.95) & (times % 1.0 < 0.35)).astype(float)
+    estimates = told(planar, stream(planar, times, held))
+    statuses = np.array([one.status for one in estimates])
+    assert (statuses[held > 0] == Status.CONTACT).all()
+    assert (statuses[held == 0] == Status.NO_CONTACT).all()
+    away, force = errors([one for one, there in zip(estimates, held, strict=True) if there])
+    assert away.mean() < 1.0
+    assert np.abs(force - 0.5).mean() < 0.01
+
+
+def test_the_earths_field_moves_a_touch_by_half_a_millimetre(planar):
+    """Where it were read for still, 20 uT would move this touch by three."""
+    times = np.arange(-2.0, 12.0, 0.02)
+    held = ((times > 0.95) & (times % 1.0 < 0.3)).astype(float)
+    where = []
+    for world in (World(name="plain"), World(name="earth", effects=(Earth(),))):
+        estimates = told(planar, stream(planar, times, held, world=world))
+        found = [one for one, there in zip(estimates, held, strict=True) if there]
+        places = np.array([one.contacts[0].position for one in found])
+        where.append(places.reshape(11, -1, 2).mean(axis=1))
+    moved = 1e3 * np.hypot(*(where[1] - where[0]).T)
+    assert moved.mean() < 0.6
+    assert moved.max() < 1.0
+
+
+def test_a_board_that_begins_to_turn_under_a_touch_is_followed(planar):
+    times = np.arange(-2.0, 12.0, 0.1)
+    held = ((times > 0.95) & (times < 4.95)).astype(float)
+    estimates = told(planar, stream(planar, times, held, begin=2.0))
+    statuses = np.array([one.status for one in estimates])
+    assert (statuses[held > 0] == Status.CONTACT).all()
+    assert (statuses[held == 0] == Status.NO_CONTACT).all()
+
+
+def test_a_zero_taken_on_a_board_that_hangs_askew_serves(planar):
+    """As an arm stands when the skin is switched on: a quarter turned, at rest for a moment."""
+    times = np.arange(0.0, 20.0, 0.1)
+    held = ((times > 4.95) & (times % 1.0 < 0.35)).astype(float)
+    askew = stream(planar, times, held, begin=-10.0)
+    estimates = told(planar, askew, zeros=4)
+    statuses = np.array([one.status for one in estimates])
+    assert (statuses[held > 0] == Status.CONTACT).all()
+    assert (statuses[held == 0] == Status.NO_CONTACT).all()
+
+
+def test_a_long_touch_that_warms_stays_where_it_is(planar):
+    """0.3 N for half an hour, while the skin warms by 5 degrees; then nothing is left."""
+    times = np.arange(-20.0, 1830.0, 1.0)
+    held = ((times > 0.0) & (times <= 1800.0)).astype(float)
+    forces = ((PLACE, 0.3),)
+    plain = World(name="plain")
+    estimates = told(
+        planar, stream(planar, times, held, forces, world=plain, warm=5.0, drift=0.05e-6)
+    )
+    away, force = errors([one for one, there in zip(estimates, held, strict=True) if there])
+    assert away[:100].mean() < 1.0
+    assert away[-100:].mean() < 1.5
+    np.testing.assert_allclose(force, 0.3, rtol=0.02)
+    left = [one.status for one, time in zip(estimates, times, strict=True) if time > 1800.0]
+    assert set(left) == {Status.NO_CONTACT}
+
+
+@pytest.mark.parametrize("place", [PLACE, (0.06, 0.08), (0.02, 0.14), (0.11, 0.02)])
+def test_a_light_touch_of_a_still_board_is_found_at_ten_readings_a_second(planar, place):
+    times = np.arange(-2.0, 4.0, 0.1)
+    held = ((times > 0.95) & (times < 2.95)).astype(float)
+    readings = stream(planar, times, held, ((place, 0.1),), world=World(name="plain"))
+    statuses = np.array([one.status for one in told(planar, readings)])
+    assert (statuses[held > 0] == Status.CONTACT).all()
+    assert (statuses[held == 0] == Status.NO_CONTACT).all()
+
+
+def test_two_touches_of_a_turning_board_are_two(planar):
+    times = np.arange(-2.0, 12.0, 0.1)
+    held = ((times > 0.95) & (times % 1.0 < 0.35)).astype(float)
+    forces = (((0.03, 0.04), 0.6), ((0.09, 0.12), 0.6))
+    estimates = told(planar, stream(planar, times, held, forces))
+    counts = np.array([len(one.contacts) for one in estimates])
+    assert (counts[held == 0] == 0).all()
+    assert np.mean(counts[held > 0] == 2) > 0.9
