@@ -5,6 +5,7 @@ would a serial port.
 """
 
 import os
+import select
 import threading
 import time
 from typing import Final, final
@@ -71,11 +72,15 @@ class VirtualBoard(Resource):
         import tty
 
         self._source, self._design, self._format = source, design, format
-        self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)
+        self._master, far_end = os.openpty()
+        tty.setraw(far_end)
         os.set_blocking(self._master, False)
-        self.port = os.ttyname(self._slave)
+        self.port = os.ttyname(far_end)
         """Name of the port that programs open."""
+        # Nobody but they holds the far end, so that it is known whether one does.
+        os.close(far_end)
+        self._far_end = select.poll()
+        self._far_end.register(self._master, 0)
         self.sent = 0
         """Frames that were sent."""
         self.dropped = 0
@@ -85,6 +90,17 @@ class VirtualBoard(Resource):
         self._ended = False
         self._using = threading.Lock()
         self._start = time.monotonic()
+
+    @property
+    def watched(self) -> bool:
+        """Whether a program has the port open; False once closed."""
+        with self._using:
+            return not self._ended and not self._far_end.poll(0)
+
+    def restart(self, source: Source) -> None:
+        """Close the source and go on with another one's readings of the same design."""
+        self._source.close()
+        self._source = source
 
     def step(self) -> bool:
         """Send the next reading and do what was commanded; False when the source has ended."""
@@ -120,7 +136,6 @@ class VirtualBoard(Resource):
             if not self._ended:
                 self._ended = True
                 os.close(self._master)
-                os.close(self._slave)
 
     def _next(self) -> int:
         number = self._sequence
@@ -131,7 +146,7 @@ class VirtualBoard(Resource):
         """Send a frame whole or not at all."""
         try:
             written = os.write(self._master, data)
-        except BlockingIOError:
+        except OSError:
             self.dropped += 1
             return
         self.sent += written == len(data)
@@ -141,7 +156,7 @@ class VirtualBoard(Resource):
         """Do what has been commanded."""
         try:
             data = os.read(self._master, 4096)
-        except BlockingIOError:
+        except OSError:
             return
         if self._format != "smoskin":
             return
