@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 import pytest
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page, Route
+    from playwright.sync_api import Locator, Page, Route
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 WIDTH, HEIGHT = 1400, 900
@@ -53,6 +53,10 @@ class OpenPage:
             self.page.wait_for_timeout(50)
         pytest.fail(f"did not come true within {deadline} s")
 
+    def click(self, element: "Locator") -> None:
+        """Click an element, without waiting for it to stand still: a busy page draws too seldom."""
+        element.dispatch_event("click")
+
     def canvas(self) -> tuple[float, float, float, float]:
         """Left, top, width and height of the 3-D picture, in pixels of the page."""
         box = self.page.locator("canvas").first.bounding_box()
@@ -62,7 +66,7 @@ class OpenPage:
     def dismiss_notices(self) -> None:
         """Close what the viewer says about drawing without a graphics card."""
         for notice in self.page.locator(".mantine-Notification-closeButton").all():
-            notice.click()
+            self.click(notice)
             notice.wait_for(state="detached")
 
 

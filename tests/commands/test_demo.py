@@ -165,11 +165,11 @@ def test_the_page_shows_rig_and_press_and_changes_the_estimator(planar, monkeypa
             # SMOSKIN_PICTURE=docs/demo.png renews the README's picture.
             picture = Path(os.environ.get("SMOSKIN_PICTURE", tmp_path / "demo.png"))
             opened.page.screenshot(path=str(picture))
-            opened.page.get_by_role("button", name="Zero").click()
+            opened.click(opened.page.get_by_role("button", name="Zero"))
             opened.wait_until(lambda: opened.text("status") == "Not touched")  # the hand lets go
             opened.wait_until(lambda: opened.text("status") == "Touched")
-            opened.page.locator('input[role="combobox"][value="Bayes"]').click()
-            opened.page.get_by_role("option", name="closed form").click()
+            opened.click(opened.page.locator('input[role="combobox"][value="Bayes"]'))
+            opened.click(opened.page.get_by_role("option", name="closed form"))
             # The closed form knows cells: it says the middle of one.
             opened.wait_until(
                 lambda: opened.text("touch").startswith("x 70.0 mm  y 93.3 mm"), deadline=60.0

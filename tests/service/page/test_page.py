@@ -202,7 +202,7 @@ def test_every_control_does_what_it_says() -> None:
         settle(opened)
 
         def press(name: str) -> None:
-            opened.page.get_by_role("button", name=name, exact=True).dispatch_event("click")
+            opened.click(opened.page.get_by_role("button", name=name, exact=True))
 
         with feeding(lambda k: view.write(reading(0.02 * k), NOTHING)):
             for name, what in (
@@ -213,7 +213,7 @@ def test_every_control_does_what_it_says() -> None:
             ):
                 press(name)
                 opened.wait_until(lambda what=what: done and done[-1] == what)  # type: ignore[misc]
-            opened.page.get_by_label("Hold the hand still").check()
+            opened.click(opened.page.get_by_label("Hold the hand still"))
             opened.wait_until(lambda: done[-1] == ("still", True))
             opened.wait_until(lambda: opened.text("status") == "Not touched")
             press("Pause")
@@ -232,8 +232,8 @@ def test_every_control_does_what_it_says() -> None:
             opened.wait_until(lambda shown=shown: box.input_value() == shown)  # type: ignore[misc]
         assert view._panel.force == (0.0, 0.0, -0.3)
 
-        opened.page.locator('input[role="combobox"][value="Bayes"]').click()
-        opened.page.get_by_role("option", name="closed form").click()
+        opened.click(opened.page.locator('input[role="combobox"][value="Bayes"]'))
+        opened.click(opened.page.get_by_role("option", name="closed form"))
         opened.wait_until(lambda: done[-1] == "closed form")
 
         # What a callback raises reaches the caller.
