@@ -20,7 +20,6 @@ from smoskin.commands.optimise.limits import (
     GAP_STEP,
     Limits,
     Reached,
-    fit_gaps,
     made_limits,
     own_limits,
     slowest_setting,
@@ -41,9 +40,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Limits", "Objective", "Optimised", "SearchEffort", "design_bound", "optimise"]
 
-_WIDER: Final = 0.3
-"""Standard deviations by which gaps give way more where a made skin leaves its range."""
-_TRIES: Final = 6
+_TRIES: Final = 12
+"""Steps by which the gap of a chip whose made skins leave its range gives way, at most."""
 _MADE: Final = 3
 """Made skins over which their bounds are averaged."""
 _SEED: Final = 500_000
@@ -221,7 +219,7 @@ def optimise(
     new = search.run().design
     progress("made skins", 1.0)
     sheet = PressedSheet(new, force=aim.force, places=(2, 2), rated_places=coarser(places))
-    new, made = _widened(new, sheet, within)
+    new, made = _widened(new, within)
     progress("comparison", 1.0)
     changes = changes_of(design, new)
     return Optimised(
@@ -263,17 +261,22 @@ def _judged_first(
     return places, old
 
 
-def _widened(
-    design: SkinDesign, sheet: PressedSheet, limits: Limits
-) -> tuple[SkinDesign, tuple[Reached, ...]]:
-    """The design with gaps so wide that made skins of it keep the limits, and the worst of them."""
-    sheets, margin = made_sheets(design, limits), limits
+def _widened(design: SkinDesign, limits: Limits) -> tuple[SkinDesign, tuple[Reached, ...]]:
+    """The design with gaps so wide that made skins of it keep the limits, and the worst of them.
+
+    The gaps of chips that keep theirs stay.
+    """
+    sheets = made_sheets(design, limits)
     made = check_made(design, sheets, limits)
     for _ in range(_TRIES):
-        if all(limit.kept for limit in made):
+        broken = {limit.name.split()[0] for limit in made if not limit.kept}
+        if not broken.intersection(site.name for site in design.halls):
             break
-        margin = replace(margin, deviations=margin.deviations + _WIDER)
-        design = fit_gaps(design, sheet, margin, step=GAP_STEP)
+        halls = [
+            replace(site, gap=round(site.gap + GAP_STEP * (site.name in broken), 9))
+            for site in design.halls
+        ]
+        design = replace(design, halls=tuple(halls))
         made = check_made(design, sheets, limits)
     return design, made
 
