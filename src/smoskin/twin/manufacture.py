@@ -135,6 +135,12 @@ def as_designed(design: SkinDesign) -> Deviations:
     return draw(design, np.random.default_rng(0), nothing)
 
 
+def drawn_skin(design: SkinDesign, seed: int, tolerances: Tolerances | None = None) -> Deviations:
+    """The skin of a seed, as a twin with this seed has it."""
+    of_skin, _ = np.random.SeedSequence(seed).spawn(2)
+    return draw(design, np.random.default_rng(of_skin), tolerances)
+
+
 def draw(
     design: SkinDesign, rng: np.random.Generator, tolerances: Tolerances | None = None
 ) -> Deviations:

@@ -23,8 +23,13 @@ from smoskin.mechanics.sheet.holders import holder_matrix
 from smoskin.mechanics.sheet.touches import Grip, Sticking, Touches, check_on_skin, touches_of
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Motion
-from smoskin.twin.inspection import drawn_skin
-from smoskin.twin.manufacture import Deviations, Tolerances, as_designed, made_mechanics
+from smoskin.twin.manufacture import (
+    Deviations,
+    Tolerances,
+    as_designed,
+    drawn_skin,
+    made_mechanics,
+)
 from smoskin.twin.readout import MagneticSkin, Readout
 from smoskin.twin.surroundings import Surroundings
 
@@ -63,8 +68,7 @@ class Twin(MagneticSkin):
         same skin and the same readings. None gives ideal chips: no noise, no quantisation, no
         limits.
     manufactured : bool
-        Whether to draw one skin from the tolerances, `Tolerances()` by default; one whose chips
-        cannot read their magnets untouched is set aside.
+        Whether to draw one skin from the tolerances, `Tolerances()` by default.
     deviations : Deviations, optional
         A skin that is drawn already, which goes before both.
     grip : Grip, optional

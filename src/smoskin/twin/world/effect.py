@@ -17,8 +17,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.records import Motion, Reading
 from smoskin.roles import ContactLaw
-from smoskin.twin.inspection import drawn_skin
-from smoskin.twin.manufacture import Deviations, Tolerances
+from smoskin.twin.manufacture import Deviations, Tolerances, drawn_skin
 from smoskin.twin.surroundings import Ambience
 from smoskin.twin.whole import Twin
 
