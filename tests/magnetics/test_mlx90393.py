@@ -62,10 +62,10 @@ def test_sensitivity_is_the_data_sheets(gain: int, lateral: float, axial: float)
 def test_ranges() -> None:
     assert_allclose(full_scale(setting(resolution=0)) * 1e3, [4.92, 4.92, 7.93], atol=0.01)
     assert_allclose(full_scale(setting(resolution=1)) * 1e3, [9.83, 9.83, 15.86], atol=0.01)
-    # Ten elevenths of the data sheet's 13.2, 21.3 and 106 mT: a chip may stop before the end.
-    assert_allclose(full_scale(setting(resolution=2)) * 1.1e3, [13.2, 13.2, 21.3], atol=0.05)
-    assert_allclose(full_scale(setting(resolution=3)) * 1.1e3, [13.2, 13.2, 21.3], atol=0.05)
-    assert_allclose(full_scale(setting(0, 3))[2] * 1.1, 106.5e-3, atol=0.1e-3)
+    assert_allclose(full_scale(setting(resolution=2)) * 1e3, [13.2, 13.2, 21.3], atol=0.05)
+    assert_allclose(full_scale(setting(resolution=3)) * 1e3, [13.2, 13.2, 21.3], atol=0.05)
+    # The data sheet's largest field: 106 mT in z at the lowest gain.
+    assert_allclose(full_scale(setting(0, 3))[2], 106.5e-3, atol=0.1e-3)
     assert [wraps(setting(resolution=r)) for r in range(4)] == [True, True, False, False]
 
 
@@ -100,8 +100,7 @@ def test_where_all_bits_are_read_it_stops_at_the_rail_and_says_so(
     chosen = setting(resolution=resolution)
     sample = measure([field, [0.0, 0.0, 0.0]], chosen)
     assert_array_equal(sample.flags, [ChipFlag.SATURATED, ChipFlag.GOOD])
-    # The converter's nominal 17.4 bits end before the data sheet's 22000 and 11000 counts.
-    assert np.abs(sample.counts).max() in ((21618, 21619) if resolution == 2 else (10809, 10810))
+    assert np.abs(sample.counts).max() in ((21999, 22000) if resolution == 2 else (10999, 11000))
     assert_array_equal(np.sign(sample.counts[0]), np.sign(field))
 
 

@@ -24,10 +24,10 @@ _STEP: Final = (0.150e-6, 0.150e-6, 0.242e-6)
 """T a count in x, y, z at GAIN_SEL 7 (1x) and RES 0."""
 _GAIN: Final = (5.0, 4.0, 3.0, 2.5, 2.0, 5.0 / 3.0, 4.0 / 3.0, 1.0)
 """Factor on the step for GAIN_SEL 0..7."""
-_RAIL: Final = 86_476
-"""Counts of RES 0 from zero to where the converter nominally stops, after half of 2^17.4."""
+_RAIL: Final = 88_000
+"""Counts of RES 0 from zero to where the converter stops: 22000 at RES 2, 11000 at RES 3."""
 _TRUSTED: Final = 80_000
-"""Counts of RES 0 that every converter reaches: 20000 at RES 2, 10000 at RES 3."""
+"""Counts of RES 0 that every converter reaches, of which some stop before the data sheet's end."""
 _WORD: Final = 2**15
 """Counts from zero to the end of the 16 bits that are read."""
 _DEGREE: Final = 45.2
@@ -108,28 +108,29 @@ def full_scale(setting: HallSetting) -> Floats:
 
     Notes
     -----
-    Source: Melexis MLX90393 data sheet rev 011, Table 21, gives +-22000 counts at RES 2 and
-    +-11000 at RES 3, but the converter's nominal 17.4 bits end at 21619 and 10809, and a chip's
-    may end earlier: a tenth is kept off. The front end is specified to 50 mT only.
+    Source: Melexis MLX90393 data sheet rev 011, Table 21: +-22000 counts at RES 2 and +-11000 at
+    RES 3. The converter's nominal 17.4 bits end at 21619 and 10809, and a chip's may end earlier:
+    a design should leave a tenth. The front end is specified to 50 mT only.
 
     Examples
     --------
     >>> setting = HallSetting(gain_selection=7, resolution=3, oversampling=0, digital_filter=2)
     >>> (full_scale(setting) * 1e3).round(1)
-    array([12. , 12. , 19.4])
+    array([13.2, 13.2, 21.3])
     """
-    return sensitivity(setting) * min(_WORD, _TRUSTED >> setting.resolution)
+    return sensitivity(setting) * min(_WORD, _RAIL >> setting.resolution)
 
 
 def wraps(setting: HallSetting) -> bool:
     """Whether a field past the range comes back as a false value instead of stopping."""
-    return _WORD << setting.resolution < _TRUSTED
+    return _WORD << setting.resolution < _RAIL
 
 
 def railed(counts: ArrayLike, setting: HallSetting) -> Bools:
     """Whether an axis of chips, by its signed counts (..., 3), may stand at its rail, (...,).
 
-    At RES 0 and 1 none does: what is too much wraps.
+    At RES 0 and 1 none does: what is too much wraps. Real chips may stop a tenth before the data
+    sheet's end, at which those that `measure` simulates do.
     """
     trusted = _TRUSTED >> setting.resolution
     beyond = (np.abs(np.asarray(counts)) >= trusted).any(axis=-1)
@@ -180,7 +181,9 @@ def measure(
     step = sensitivity(setting) / 2.0**setting.resolution
     full = np.rint(np.clip(seen / step, -_RAIL, _RAIL - 1)).astype(np.int64)
     counts = (((full >> setting.resolution) + _WORD) & 0xFFFF) - _WORD
-    flags = np.where(railed(counts, setting), int(ChipFlag.SATURATED), int(ChipFlag.GOOD))
+    rail = _RAIL >> setting.resolution
+    stopped = ((counts >= rail - 1) | (counts <= -rail)).any(axis=-1) & (not wraps(setting))
+    flags = np.where(stopped, int(ChipFlag.SATURATED), int(ChipFlag.GOOD))
     flags = np.where(finite, flags, int(ChipFlag.INVALID))
     warmth = np.broadcast_to(floats("temperature", temperature), finite.shape)
     if rng is not None and law.temperature:

@@ -1,6 +1,5 @@
 """Sheets on the surfaces that were fixed beforehand, and what is refused."""
 
-import time
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +13,6 @@ from smoskin.origami.cell import size
 from smoskin.origami.sheet import build_sheet
 from smoskin.origami.surface.analytic import (
     Bump,
-    Cone,
     Cylinder,
     HeightField,
     Plane,
@@ -160,25 +158,6 @@ def test_the_inside_of_a_tube_folds_as_its_outside_does(planar):
     made = tessellate(surface, planar.cell, (4, 4), refold=False)
     assert made.holds, made.advice
     assert made.folds
-
-
-@pytest.mark.slow
-def test_time_grows_with_the_vertices_alone_but_for_their_logarithm(planar):
-    def seconds(count):
-        cell = replace(
-            planar.cell, panel_a=0.6 * planar.cell.panel_a, panel_b=0.6 * planar.cell.panel_b
-        )
-        radius = 0.016 * count
-        begin = time.process_time()
-        made = tessellate(
-            Cone(0.95 * radius, 1.05 * radius, 0.012 * count), cell, (count, count), refold=False
-        )
-        assert made.holds, made.advice
-        return time.process_time() - begin
-
-    few, many = seconds(10), seconds(20)
-    vertices = np.array([21**2, 41**2])
-    assert many / few < 1.6 * np.divide(*(vertices * np.log(vertices))[::-1])
 
 
 def test_a_search_that_runs_out_of_time_tells_how_far_it_came(planar):

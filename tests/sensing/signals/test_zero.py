@@ -305,8 +305,8 @@ def test_wrong_tracking_is_refused(name, least):
 
 
 def test_wrong_idle_tests_are_refused():
-    for field in (0.0, -1e-6, np.nan):
-        with pytest.raises(ArgumentError, match="idle_field must be positive"):
+    for field in (0.0, -1e-6, 1.1, np.inf, np.nan):
+        with pytest.raises(ArgumentError, match="idle_field must be positive and at most 1 T"):
             IdleBand(field)
     for chance in (0.0, 1.0, -0.1, np.nan):
         with pytest.raises(ArgumentError, match=r"false_alarms must lie in \(0, 1\); got"):

@@ -88,12 +88,12 @@ class IdleBand:
     Raises
     ------
     ArgumentError
-        If the field is not positive.
+        If the field is not positive, or above 1 T.
     """
 
     def __init__(self, field: float = 40e-6) -> None:
-        if not field > 0:
-            raise ArgumentError(f"idle_field must be positive; got {field} T")
+        if not 0 < field <= 1:
+            raise ArgumentError(f"idle_field must be positive and at most 1 T; got {field} T")
         self._field = field
 
     def __call__(self, change: Floats, unsure: Floats) -> float:
