@@ -95,7 +95,8 @@ def test_an_anyskin_board_is_learned_and_run(tmp_path: Path) -> None:
     learned = smoskin(tmp_path, "learn", "touches.csv", "--out", "own.model")
     error = re.search(r"mean_error_mm: ([\d.]+)", learned.stdout)
     assert error is not None
-    assert float(error.group(1)) < 4.0
+    stated = float(error.group(1))
+    assert stated < 4.0
     with Line() as line, Board(line, 9) as board:
 
         def presses(sentence: str) -> None:
@@ -108,4 +109,5 @@ def test_an_anyskin_board_is_learned_and_run(tmp_path: Path) -> None:
     touched = re.findall(r" CONTACT +x +([-\d.]+) mm +y +([-\d.]+) mm", run)
     assert len(touched) >= 10
     place = np.median(np.array(touched[-8:], float), axis=0)
-    np.testing.assert_allclose(place, [12.0, 18.0], atol=4.0)
+    # Sixteen touches by hand: a place may be off by some times what is stated in the mean.
+    np.testing.assert_allclose(place, [12.0, 18.0], atol=max(4.0, 3 * stated))
