@@ -274,7 +274,8 @@ class LearnedEstimator(Estimator):
             raise ArgumentError(f"model must give one touch; got one of {names}")
         self.model = model
         self._tracking = tracking or ZeroTracking()
-        self._idle = None if tracking is None else IdleBand(idle_field)
+        band = IdleBand(idle_field)
+        self._idle = None if tracking is None else band
         self._idle_field = idle_field
         self._chips = list(model.encoding.chips)
         self._guard = ChipGuard(self._chips)
