@@ -135,7 +135,7 @@ def test_a_guess_is_followed_where_it_fits_and_else_the_likeliest_starts(
     table = reduced_table(skin)
     solver, problem = TouchSolver(table, signal_noise(skin)), StatedProblem(*costs)
     exact = table.signals(WHERE[:1], FORCE[:1])[0]
-    monkeypatch.setattr(solver, "_single", problem)
+    monkeypatch.setattr(solver._problems, "single", problem)
     guess = np.array([[0.1, 0.02, 0.0, 0.0, -0.2]])
     assert solver.one(exact, guess) == best
     assert len(problem.begun) == taken
@@ -148,7 +148,7 @@ def test_a_guess_is_followed_where_it_fits_and_else_the_likeliest_starts(
 def test_a_guess_is_followed_as_well_where_its_misfit_is_enough(skin, monkeypatch, cost, taken):
     table = reduced_table(skin)
     solver, problem = TouchSolver(table, signal_noise(skin)), StatedProblem(cost, 60.0, 60.0, 60.0)
-    monkeypatch.setattr(solver, "_single", problem)
+    monkeypatch.setattr(solver._problems, "single", problem)
     exact = table.signals(WHERE[:1], FORCE[:1])[0]
     solver.one(exact, np.array([[0.1, 0.02, 0.0, 0.0, -0.2]]), enough=100.0)
     assert len(problem.begun) == taken
@@ -163,7 +163,7 @@ def test_pairs_are_compared_after_some_steps_and_three_at_least_are_followed(
     brief = [9.0, 3.0, 5.0, 4.0, *[9.0] * 4]
     for ends, taken in (((9.0, 1.7, 4.0), 3), ((1.9, 2.0, 1.9, 1.7), 4)):
         problem = StatedProblem(*brief, *ends)
-        monkeypatch.setattr(solver, "_pair", problem)
+        monkeypatch.setattr(solver._problems, "pair", problem)
         assert solver.two(exact) == min(ends)
         steps = [row[2] for row in problem.begun]
         assert steps == [3] * 8 + [15] * taken
@@ -177,7 +177,7 @@ def test_a_touch_that_cannot_have_stood_there_is_let_go(table, skin, monkeypatch
     standing = Standing(WHERE[0], 1e-6 * np.eye(2))
     for cost, let_go in ((17.9, False), (18.1, True)):
         problem = StatedProblem(*[cost] * 60)
-        monkeypatch.setattr(solver, "_pair", problem)
+        monkeypatch.setattr(solver._problems, "pair", problem)
         solver.two(exact, None, standing)
         assert (problem.begun[-1][1] is None) == let_go
         np.testing.assert_array_equal(problem.begun[0][0][0, :2], WHERE[0])

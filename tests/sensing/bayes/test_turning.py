@@ -8,8 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from smoskin.datasets.patterns import far_pairs
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
+from smoskin.mechanics.viscoelasticity import ELASTIC
+from smoskin.origami.geometry import geometry
 from smoskin.records import Reading
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.bayes.priors import TouchPosterior
@@ -54,6 +57,12 @@ def table():
     return load_response_table("planar")
 
 
+def known_skin(table, misfit=1e-7):
+    """The table of a skin that is known to a misfit, T/N."""
+    modes = {name: getattr(table, name)[:0] for name in ("modes", "grip_modes", "warp_modes")}
+    return replace(table, **modes, misfit=misfit**2 * np.eye(9))
+
+
 def stated(planar, table, monkeypatch, one, turned=(1.0, -np.inf), two=(1.0, -np.inf)):
     bayes, solver = BayesEstimator(planar, table), Stated(one, turned, two)
     monkeypatch.setattr(bayes, "_solver", solver)
@@ -95,12 +104,12 @@ def test_two_touches_are_likelier_than_a_turn_by_its_chance(
 
 def test_a_skin_that_turns_under_a_touch_is_followed_from_then_on(planar, table, monkeypatch):
     bad = 25 * COUNT + 0.1
-    bayes, solver, step = stated(planar, table, monkeypatch, (bad, 0.0), (1.0, 10.0), (1.0, 0.0))
+    bayes, _, step = stated(planar, table, monkeypatch, (bad, 0.0), (1.0, 10.0), (1.0, 0.0))
     before = bayes._signals.followed.covariance.trace()
-    assert step(1.0) == ([TURNED], ["one", "turned"])  # two are not even asked about
+    assert step(1.0) == ([TURNED], ["one", "turned", "two"])
     assert bayes._signals.followed.covariance.trace() > 100 * before
-    solver.stated["turned"] = bad, 10.0
-    bayes, solver, step = stated(planar, table, monkeypatch, (bad, 0.0), (bad, 10.0), (1.0, 15.0))
+    # However well a turn fits, two that are likelier are two.
+    bayes, _, step = stated(planar, table, monkeypatch, (bad, 0.0), (1.0, 10.0), (1.0, 15.0))
     before = bayes._signals.followed.covariance.trace()
     assert step(1.0) == ([FIRST, SECOND], ["one", "turned", "two"])
     assert bayes._signals.followed.covariance.trace() < 2 * before
@@ -108,11 +117,7 @@ def test_a_skin_that_turns_under_a_touch_is_followed_from_then_on(planar, table,
 
 def test_what_the_zero_is_unsure_of_is_noise_of_a_touch(planar, table):
     """A field of 90 uT alike at all chips moves a touch that is read for a still skin's."""
-    known = replace(
-        table,
-        **{name: getattr(table, name)[:0] for name in ("modes", "grip_modes", "warp_modes")},
-        misfit=1e-14 * np.eye(9),
-    )
+    known = known_skin(table)
     solver = TouchSolver(known, signal_noise(planar))
     place, force = np.array([[0.05, 0.07]]), np.array([[0.05, 0.0, -0.5]])
     still = known.signals(place, force)[0]
@@ -128,3 +133,27 @@ def test_what_the_zero_is_unsure_of_is_noise_of_a_touch(planar, table):
     assert solver.one(still).evidence > less_sure.evidence
     with pytest.raises(ArgumentError, match="noise must be a covariance"):
         TouchSolver(table, -signal_noise(planar))
+
+
+def test_pairs_are_no_turns_however_few_readings_there_are(planar, table):
+    """One reading before each pair, two under it and one after, once a second."""
+    bayes = BayesEstimator(planar, known_skin(table, 9e-6), creep=ELASTIC)
+    rng = np.random.default_rng(5)
+    where = far_pairs(geometry(planar).extent, 0.05, 10, rng)
+    push = np.zeros((10, 2, 3))
+    push[..., 2] = -rng.uniform(0.4, 1.0, (10, 2))
+    rest = rest_field(planar)
+    turn = np.swapaxes(mlx90393.rotations(planar.halls), 1, 2)
+    spread = np.linalg.cholesky(signal_noise(planar))
+
+    def read(time, signals):
+        noisy = (signals + spread @ rng.normal(size=COUNT)).reshape(-1, 3)
+        return Reading(time=time, field=(turn @ (rest + noisy)[:, :, None])[:, :, 0])
+
+    bayes.zero([read(0.05 * k, np.zeros(COUNT)) for k in range(20)])
+    counts = []
+    for k, signals in enumerate(table.together(where, push)):
+        for after, now in ((0.0, 0.0), (0.02, 1.0), (0.3, 1.0), (0.32, 0.0)):
+            estimate = bayes.step(read(2.0 + k + after, now * signals))
+            counts.append((now, len(estimate.contacts)))
+    assert counts == 10 * [(0.0, 0), (1.0, 2), (1.0, 2), (0.0, 0)]

@@ -336,3 +336,16 @@ def test_after_a_day_without_readings_the_zero_does_not_leap():
         zero.step(0.0, np.zeros(3))
         zero.step(gap, np.full(3, 20e-6))
         np.testing.assert_allclose(zero.offset, share * 20e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize(("touched", "unnoticed"), [(0.02, 0.02), (0.3, 0.3), (3.0, 1.0)])
+def test_a_turn_under_a_touch_began_after_the_last_idle_reading(planar, touched, unnoticed):
+    """Accelerations of .08^2 rad^2/s^3 since then, for a second at most."""
+    zero = turned(planar)
+    assert zero.step(1.0, np.zeros(9))
+    assert not zero.step(1.0 + touched, np.full(9, 1e-3) * (-1.0) ** np.arange(9))
+    np.testing.assert_allclose(
+        zero.stirred - zero.covariance,
+        0.08**2 * unnoticed**3 / 3 * turning(planar).whole,
+        atol=1e-18,
+    )

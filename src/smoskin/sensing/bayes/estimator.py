@@ -168,7 +168,7 @@ class BayesEstimator(SignalEstimator):
             other = follow("turned", solver.one)
             if other.evidence + _TURNS > one.evidence:
                 best, turned = other, True
-        if best.misfit < _DOUBT * count:
+        if one.misfit < _DOUBT * count:
             self._alone = LoneTouch(time, best)
         elif self._priors.chances[2] > 0:
             solver.add_noise(zero.covariance)

@@ -21,6 +21,8 @@ _FITS: Final = 4.0
 """Squared residual a signal up to which what follows from the last reading is believed."""
 _ALIKE: Final = 0.1
 """Change of noise, as a share of its variance, up to which it counts as the same."""
+_NOISES: Final = 3
+"""Noises whose problems are kept: a still skin's, a turning one's, and the one before."""
 _BRIEF: Final = 3
 """Steps after which many starts are compared."""
 _SEARCHES: Final = {1: (3, 1, 2.0), 2: (8, 3, 0.4)}
@@ -29,6 +31,20 @@ squared residual a signal at which no other is followed."""
 
 Solve: TypeAlias = Callable[..., TouchPosterior]
 """Way to explain signals by touches: a method of `TouchSolver`."""
+
+
+class _Problems:
+    """What is solved under one noise: a single touch, and a pair once it was asked for."""
+
+    def __init__(self, noise: Floats, single: TouchProblem) -> None:
+        self.noise, self.single = noise, single
+        self.pair: TouchProblem | None = None
+        spread = np.sqrt(noise.diagonal())
+        self._apart = _ALIKE * np.outer(spread, spread)
+
+    def alike(self, noise: Floats) -> bool:
+        """Whether another noise counts as the same."""
+        return bool((np.abs(noise - self.noise) <= self._apart).all())
 
 
 class TouchSolver:
@@ -45,24 +61,26 @@ class TouchSolver:
         self.priors = priors or TouchPriors()
         self.misfit = table.misfit + _mode_energy(table)
         """Covariance M of what is not known of single touches' signals, T^2/N^2."""
-        self._rest_noise = self._noise = noise
+        self._rest_noise = noise
         self._pair_starts: Starts | None = None
         self.warm_to(REFERENCE_TEMPERATURE)
 
     def warm_to(self, temperature: float) -> None:
         """Take the rubber to be this warm, degC."""
         self._point = self.table.point_table(temperature)
-        self._single = self._problem(1)
-        self._single_starts = self._starts(self._single)
-        self._pair: TouchProblem | None = None
+        self._problems = _Problems(self._rest_noise, self._problem(1, self._rest_noise))
+        self._recent = [self._problems]
+        self._single_starts = self._starts(self._problems.single)
 
     def add_noise(self, more: Floats) -> None:
         """Take signals to be less sure by this covariance (C, C), T^2, from now on."""
         noise = self._rest_noise + more
-        gained = noise.diagonal() / self._noise.diagonal()
-        if np.abs(gained - 1).max() > _ALIKE:
-            self._noise = noise
-            self._single, self._pair = self._problem(1), None
+        for known in self._recent:
+            if known.alike(noise):
+                self._problems = known
+                return
+        self._problems = _Problems(noise, self._problem(1, noise))
+        self._recent = [self._problems, *self._recent][:_NOISES]
 
     def one(
         self, signals: Floats, guess: Floats | None = None, *, enough: float = 0.0
@@ -71,7 +89,8 @@ class TouchSolver:
 
         What follows from the guess is believed where it fits, or its misfit is at most `enough`.
         """
-        return self._solve(1, self._single, self._single_starts, signals, guess, None, enough)
+        problem = self._problems.single
+        return self._solve(1, problem, self._single_starts, signals, guess, None, enough)
 
     def two(
         self,
@@ -85,19 +104,19 @@ class TouchSolver:
 
         What is known of one from when it was alone stands for the first of them.
         """
-        if self._pair is None:
-            self._pair = self._problem(2)
+        problem = self._problems.pair or self._problem(2, self._problems.noise)
+        self._problems.pair = problem
         if self._pair_starts is None:
-            self._pair_starts = pair_starts(self.table, self._pair)
-        return self._solve(2, self._pair, self._pair_starts, signals, guess, standing, enough)
+            self._pair_starts = pair_starts(self.table, problem)
+        return self._solve(2, problem, self._pair_starts, signals, guess, standing, enough)
 
     def _starts(self, problem: TouchProblem) -> Starts:
         """Starts of the search for a single touch."""
         return single_starts(self.table, self._point, problem, self.priors.drag_spread)
 
-    def _problem(self, touches: int) -> TouchProblem:
+    def _problem(self, touches: int, noise: Floats) -> TouchProblem:
         """What is solved for so many touches."""
-        table, priors, noise = self.table, self.priors, self._noise
+        table, priors = self.table, self.priors
         if touches == 1:
             answer = single_answer(self._point, straight=priors.drag_spread == 0)
             return TouchProblem(answer, 1, table, noise, self.misfit, priors)

@@ -31,7 +31,7 @@ _MOVES: Final = 3.0
 _SLOW: Final = 0.01
 """Variance of speeds that do not count, of the noise's, 1/s^2."""
 _UNNOTICED: Final = 1.0
-"""Time for which a turn may have gone on under a touch before it was seen, s."""
+"""Longest time for which a turn may have gone on under a touch before it was seen, s."""
 _LASTS: Final = 3.0
 """Time constant with which a speed is lost, s."""
 _FARTHEST: Final = 6.0
@@ -236,6 +236,7 @@ class Zero:
         """Forget when readings came, as their clock starts again; the zero stays."""
         self._last_time: float | None = None
         self._idle_since: float | None = None
+        self._idle_until = -math.inf
         self._speed = np.zeros_like(self.offset)
         taken, none = self._noise / _TAKEN, np.zeros_like(self._noise)
         self._spread = _Spread(taken, none, none if self._turning is None else taken)
@@ -255,9 +256,10 @@ class Zero:
 
     def _begun(self) -> _Spread:
         """What is known of the zero of a skin that has just begun to turn."""
-        if self._turning is None:
+        if self._turning is None or self._last_time is None:
             return self._spread
-        return self._spread.turned(self._turning.whole, _UNDER_WAY, _UNNOTICED)
+        unnoticed = min(self._last_time - self._idle_until, _UNNOTICED)
+        return self._spread.turned(self._turning.whole, _UNDER_WAY, unnoticed)
 
     def step(self, time: float, read: Floats) -> bool:
         """Whether a reading (C,), T, is idle; the zero follows it once idleness has held."""
@@ -269,6 +271,7 @@ class Zero:
             return False
         if self._idle_since is None:
             self._idle_since = time
+        self._idle_until = time
         held = time - self._idle_since >= self.tracking.hold
         if held and self.tracking.time_constant < math.inf:
             self._follow(time, elapsed, change)
