@@ -27,7 +27,7 @@ _GAIN: Final = (5.0, 4.0, 3.0, 2.5, 2.0, 5.0 / 3.0, 4.0 / 3.0, 1.0)
 _RAIL: Final = 88_000
 """Counts of RES 0 from zero to where the converter stops: 22000 at RES 2, 11000 at RES 3."""
 _TRUSTED: Final = 80_000
-"""Counts of RES 0 that every converter reaches, of which some stop before the data sheet's end."""
+"""Counts of RES 0 that every converter reaches; some stop before the data sheet's end."""
 _WORD: Final = 2**15
 """Counts from zero to the end of the 16 bits that are read."""
 _DEGREE: Final = 45.2
@@ -82,8 +82,8 @@ class HallSample:
     temperature_counts: Ints
     """(...,): temperature word, unsigned 16 bits."""
     flags: Ints
-    """(...,), `ChipFlag`: SATURATED near the rails, INVALID where there was no field. A wrapped
-    axis looks valid to the chip and has no flag."""
+    """(...,), `ChipFlag`: SATURATED at a rail, INVALID where there was no field. A wrapped axis
+    looks valid to the chip and has no flag."""
 
 
 def sensitivity(setting: HallSetting) -> Floats:
@@ -129,8 +129,8 @@ def wraps(setting: HallSetting) -> bool:
 def railed(counts: ArrayLike, setting: HallSetting) -> Bools:
     """Whether an axis of chips, by its signed counts (..., 3), may stand at its rail, (...,).
 
-    At RES 0 and 1 none does: what is too much wraps. Real chips may stop a tenth before the data
-    sheet's end, at which those that `measure` simulates do.
+    At RES 0 and 1 none does: what is too much wraps. A real chip may stop a tenth before the data
+    sheet's end; one that `measure` simulates stops there.
     """
     trusted = _TRUSTED >> setting.resolution
     beyond = (np.abs(np.asarray(counts)) >= trusted).any(axis=-1)
@@ -166,8 +166,9 @@ def measure(
 
     The field, (..., 3), T, is in the chip's own axes; the chips' temperature, (...), degC, is
     broadcast against it. At RES 0 and 1 a field beyond +-32768 counts wraps to a false value
-    without a flag; at RES 2 and 3 the converter stops, and from the last tenth of its range on
-    (`full_scale`) a reading is flagged. It raises an `ArgumentError` if `field` is not (..., 3).
+    without a flag; at RES 2 and 3 the converter stops at the end of its range (`full_scale`), and
+    a reading that stands there is flagged; `railed` flags those of boards a tenth earlier. It
+    raises an `ArgumentError` if `field` is not (..., 3).
 
     Notes
     -----
