@@ -48,3 +48,23 @@ def test_a_virtual_board_is_read_as_a_real_one_would_be(
     ended.set()
     running.join(20.0)
     assert done[0].sent >= 20
+
+
+def test_a_board_whose_readings_end_ends(
+    planar: SkinDesign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps = []
+
+    class Ending(board.VirtualBoard):
+        watched = True
+
+        def restart(self, source: object) -> None:
+            pass
+
+        def step(self) -> bool:
+            steps.append(1)
+            return len(steps) < 3
+
+    monkeypatch.setattr(board, "VirtualBoard", Ending)
+    board.run_board(planar, seconds=5.0)
+    assert len(steps) == 3

@@ -37,6 +37,17 @@ def test_presses_are_in_equilibrium(sheet, cases):
         assert np.linalg.norm(unbalanced) <= 2e-8 * np.linalg.norm(loads)
 
 
+def test_what_is_left_unbalanced_is_stated_over_the_load(sheet, cases):
+    """Of coarse answers, where rounding says nothing, to the presses without drag."""
+    pressed, loads = sheet.press(cases, tolerance=3e-3), sheet._loads(cases)
+    for row in range(4):
+        loaded = outer_force(sheet, cases, pressed, row)
+        unbalanced = inner_force(sheet.lattice, pressed.displacements[row]) - loaded
+        stated = pressed.residual[row] * np.linalg.norm(loads.shares[row].T @ loads.force[row])
+        assert stated == pytest.approx(np.linalg.norm(unbalanced), rel=1e-4)
+    assert pressed.residual[:4].max() > 1e-4
+
+
 def test_numbering_does_not_matter(small, sheet, cases):
     rng = np.random.default_rng(5)
     lattice = sheet.lattice

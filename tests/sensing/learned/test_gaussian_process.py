@@ -61,6 +61,15 @@ def readings(count=8, seed=0):
 ZERO = np.zeros((CHIPS, 3))
 
 
+@pytest.mark.parametrize(
+    ("value", "unit", "shown"),
+    [(2.5e-3, "m", ("2.5", "mm")), (3e-6, "m^2", ("3", "mm^2")), (0.905, "1", ("90.5", "%")),
+     (0.01234, "N", ("0.0123", "N"))],
+)  # fmt: skip
+def test_figures_are_shown_in_the_units_of_people(value, unit, shown):
+    assert Metric("error", value, unit).shown == shown
+
+
 def test_outputs_have_the_units_of_places_forces_and_squares():
     units = {output.name: output.unit for output in Output}
     assert units == {

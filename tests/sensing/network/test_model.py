@@ -23,6 +23,17 @@ from tables_of_response import plain
 TOUCH = Contact(position=(0.05, 0.0667), force=(0.0, 0.0, -0.5))
 
 
+def test_weights_are_copies_that_nobody_changes():
+    model = random_network()
+    for part in (part for layer in model.layers for part in layer):
+        assert part.dtype == np.float32
+        assert not part.flags.writeable
+    given = [Layer(*(np.array(part) for part in layer)) for layer in model.layers]
+    kept = replace(model, layers=tuple(given))
+    given[0].weights[:] = 0.0
+    np.testing.assert_array_equal(kept.layers[0].weights, model.layers[0].weights)
+
+
 def some_signals(count, columns=6, seed=1):
     return 1e-3 * np.random.default_rng(seed).normal(size=(count, columns))
 

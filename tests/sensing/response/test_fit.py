@@ -13,6 +13,7 @@ from smoskin.mechanics.viscoelasticity import modulus_factor
 from smoskin.sensing.response.basis import TouchBasis
 from smoskin.sensing.response.fit import (
     _first_fit,
+    _fit_curvature,
     add_coupling,
     add_modes,
     add_warmth,
@@ -190,6 +191,18 @@ def test_a_table_bent_in_its_motion_shows_its_curvature(true):
             )
     table = replace(true, mean=mean)
     assert_allclose(table_curvature(table), curvature, atol=0.02 * np.abs(curvature).max())
+
+
+def test_a_chip_that_no_touch_moves_stays_straight_and_the_others_bend(true):
+    rng = np.random.default_rng(3)
+    bent = rng.normal(size=(3, 3, 3, 3))
+    bent = 5.0 * (bent + bent.swapaxes(1, 2))
+    one, other = 1e-4 * rng.normal(size=(2, 200, 9))
+    one[:, :3] = other[:, :3] = 0.0
+    prior = np.zeros_like(bent)
+    found = _fit_curvature(one, other, cross_signals(bent, one, other), prior, 1e-6)
+    assert not found[0].any()
+    assert_allclose(found[1:], bent[1:], atol=1e-3 * np.abs(bent).max())
 
 
 def test_coupling_states_what_pairs_miss(true):
