@@ -17,6 +17,7 @@ from smoskin.commands.optimise import (
     compare_bounds,
     made_sheets,
     optimise,
+    widened,
 )
 from smoskin.commands.optimise.limits import Reached, own_limits, stood_limits
 from smoskin.commands.optimise.pressed import PressedSheet
@@ -171,6 +172,17 @@ def test_a_made_skin_out_of_range_is_found(planar):
     worst = {one.name: one for one in check_made(near, sheets, WITHIN)}
     assert not worst["S2 field, of its range"].kept
     assert all(one.kept for one in check_made(far, sheets, WITHIN))
+
+
+def test_only_chips_whose_made_skins_leave_their_range_get_wider_gaps(planar):
+    halls = [
+        replace(site, name=f"over {site.magnet}", gap=gap)
+        for site, gap in zip(planar.halls, (6.4e-3, 5.1e-3, 6.4e-3), strict=True)
+    ]
+    new, made = widened(replace(planar, halls=tuple(halls)), WITHIN)
+    assert all(one.kept for one in made)
+    assert [new.halls[0], new.halls[2]] == [halls[0], halls[2]]
+    assert 5.1e-3 < new.halls[1].gap < 6.4e-3
 
 
 def test_the_shipped_optimum_halves_the_bound(planar, sheet):

@@ -219,7 +219,7 @@ def optimise(
     new = search.run().design
     progress("made skins", 1.0)
     sheet = PressedSheet(new, force=aim.force, places=(2, 2), rated_places=coarser(places))
-    new, made = _widened(new, within)
+    new, made = widened(new, within)
     progress("comparison", 1.0)
     changes = changes_of(design, new)
     return Optimised(
@@ -261,7 +261,7 @@ def _judged_first(
     return places, old
 
 
-def _widened(design: SkinDesign, limits: Limits) -> tuple[SkinDesign, tuple[Reached, ...]]:
+def widened(design: SkinDesign, limits: Limits) -> tuple[SkinDesign, tuple[Reached, ...]]:
     """The design with gaps so wide that made skins of it keep the limits, and the worst of them.
 
     The gaps of chips that keep theirs stay.
@@ -269,8 +269,8 @@ def _widened(design: SkinDesign, limits: Limits) -> tuple[SkinDesign, tuple[Reac
     sheets = made_sheets(design, limits)
     made = check_made(design, sheets, limits)
     for _ in range(_TRIES):
-        broken = {limit.name.split()[0] for limit in made if not limit.kept}
-        if not broken.intersection(site.name for site in design.halls):
+        broken = {limit.chip for limit in made if limit.chip and not limit.kept}
+        if not broken:
             break
         halls = [
             replace(site, gap=round(site.gap + GAP_STEP * (site.name in broken), 9))

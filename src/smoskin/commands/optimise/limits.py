@@ -84,6 +84,8 @@ class Reached:
     value: float
     least: float = -math.inf
     most: float = math.inf
+    chip: str = ""
+    """Name of the chip that it limits; empty where it limits the whole skin."""
 
     @property
     def slack(self) -> float:
@@ -230,10 +232,10 @@ def _chip_limits(
     """Limits of each chip: its largest field as a share of what is allowed, and its clearance."""
     reached = []
     for site, field, room in zip(design.halls, used.max(axis=1), left, strict=True):
-        least = limits.clearance * 1e3
+        chip, least = site.name, limits.clearance * 1e3
         reached += [
-            Reached(f"{site.name} field, {share}", float(field), most=1.0),
-            Reached(f"{site.name} clearance, mm", float(room) * 1e3, least=least),
+            Reached(f"{chip} field, {share}", float(field), most=1.0, chip=chip),
+            Reached(f"{chip} clearance, mm", float(room) * 1e3, least=least, chip=chip),
         ]
     return reached
 
