@@ -3,13 +3,14 @@
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 from typer import Argument, Option
 
 from smoskin.cli.frame import Design, File, Force, Json, Number, Text, app, examples, tell
 from smoskin.feasibility import load_design
+from smoskin.hardware.wire.packet import Format
 from smoskin.sensing.response.table import load_response_table
 
 Seconds = Annotated[Number, Option(min=0.0, help="Stop after so many seconds.")]
@@ -163,7 +164,7 @@ def board(
         str, Option(help="Design of the simulated skin: a shipped name or a document.")
     ] = "planar",
     wire: Annotated[
-        Literal["smoskin", "anyskin", "eflesh"],
+        Format,
         Option("--format", help="What the board sends; smoskin is docs/wire.md."),
     ] = "smoskin",
     rate: Annotated[float, Option(help="Readings a second, Hz.")] = 100.0,

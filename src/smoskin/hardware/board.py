@@ -8,7 +8,7 @@ import os
 import select
 import threading
 import time
-from typing import Final, final
+from typing import final
 
 import numpy as np
 
@@ -19,12 +19,10 @@ from smoskin.hardware.registers import ERROR, IN_SINGLE, NO_ANSWER, Scan, words_
 from smoskin.hardware.wire.foreign import anyskin_frame, eflesh_frame
 from smoskin.hardware.wire.framing import Frame, Framer, encoded
 from smoskin.hardware.wire.messages import BoardScan, Kind, read_set, reading_frame
+from smoskin.hardware.wire.packet import FORMATS
 from smoskin.magnetics import mlx90393
 from smoskin.records import ChipFlag, Reading
 from smoskin.roles import Resource, Source
-
-FORMATS: Final = ("smoskin", "anyskin", "eflesh")
-"""Formats that a virtual board can speak."""
 
 
 def scan_of(reading: Reading, design: SkinDesign, at: float) -> Scan:

@@ -71,6 +71,13 @@ class _Chip:
     warmth: Floats
 
 
+def chip_names(chips: int, design: SkinDesign | None) -> tuple[str, ...]:
+    """What so many chips are called: as in the design, or by their number from 1."""
+    if design is None:
+        return tuple(str(place + 1) for place in range(chips))
+    return tuple(site.name for site in design.halls)
+
+
 @typed
 def examine_readings(
     readings: Sequence[Reading],
@@ -104,14 +111,13 @@ def examine_readings(
         raise ArgumentError(f"readings must have the design's {len(design.halls)}; got {chips}")
     if setting is None and design is not None:
         setting = design.hall_setting
-    names = [site.name for site in design.halls] if design else [str(k + 1) for k in range(chips)]
     flags = np.array([reading.flags for reading in readings])
     time = np.array([reading.time for reading in readings])
     field = np.array([reading.field for reading in readings])
     warmth = np.array([reading.temperature for reading in readings])
     found: list[Finding] = []
     heard: list[_Chip | None] = []
-    for place, name in enumerate(names):
+    for place, name in enumerate(chip_names(chips, design)):
         where = f"chip {name}"
         found += _flagged(where, flags[:, place])
         good = (flags[:, place] == 0) & np.isfinite(field[:, place]).all(axis=-1)

@@ -7,6 +7,7 @@ import math
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Final, final
 
 from smoskin.arguments import typed
@@ -153,12 +154,7 @@ class ChipSource(Source):
         missed = int(self._pace.lateness / self._period)
         self._pace.advance((missed + 1) * self._period)
         reading = scan.reading(self._design.hall_setting)
-        return Reading(
-            time=scan.time - self._start,
-            field=reading.field,
-            temperature=reading.temperature,
-            flags=reading.flags,
-        )
+        return replace(reading, time=reading.time - self._start)
 
     def close(self) -> None:
         """End the readings; a waiting `read` returns, the chips rest and the bus is let go of."""

@@ -20,12 +20,14 @@ from smoskin.errors import ArgumentError, SourceError, require
 from smoskin.hardware.clock import BoardClock
 from smoskin.hardware.wire.foreign import AnySkinDecoder, EfleshDecoder
 from smoskin.hardware.wire.messages import BoardDecoder, Kind, command, set_command
-from smoskin.hardware.wire.packet import Decoder, Packet
+from smoskin.hardware.wire.packet import FORMATS, Decoder, Packet
 from smoskin.records import ChipFlag, Reading
 from smoskin.roles import Source
 
-BAUD: Final[Mapping[str, int]] = {"smoskin": 115_200, "anyskin": 115_200, "eflesh": 921_600}
-"""Usual baud rate of each format; ports over USB take any."""
+_BAUD: Final = 115_200
+"""Usual baud rate; ports over USB take any."""
+_OWN_BAUD: Final[Mapping[str, int]] = {"eflesh": 921_600}
+"""Usual baud rate of formats that have another."""
 _LATE: Final = 20e-3
 """Seconds behind the least delayed frames from which a frame is late."""
 _KEPT: Final = 10_000
@@ -110,8 +112,8 @@ class SerialSource(Source):
         baud: int | None = None,
         patience: float = 10.0,
     ) -> None:
-        if format not in BAUD:
-            raise ArgumentError(f"format must be one of {', '.join(BAUD)}; got {format!r}")
+        if format not in FORMATS:
+            raise ArgumentError(f"format must be one of {', '.join(FORMATS)}; got {format!r}")
         if format == "smoskin" and design is None:
             raise ArgumentError("design must be given for a board of the format smoskin")
         planned = None if design is None else len(design.halls)
@@ -122,7 +124,7 @@ class SerialSource(Source):
         require("a board on a serial port", "hardware", "serial")
         self._chips = chips or planned or 5
         self._design, self._place, self._patience = design, port, patience
-        self._baud = BAUD[format] if baud is None else baud
+        self._baud = _OWN_BAUD.get(format, _BAUD) if baud is None else baud
         self._greeting, self._asks = b"", rate is not None
         if format == "smoskin" and design is not None:
             self._greeting = command(Kind.IDENTIFY)
@@ -352,7 +354,7 @@ def recognised(data: bytes) -> tuple[str, ...]:
     A name with a number, such as ``anyskin&chips=4``, is that of a board of other than five chips.
     """
     found = []
-    for format in BAUD:
+    for format in FORMATS:
         best = max(range(1, 11), key=lambda chips: (_good(format, chips, data), chips == 5))
         if _good(format, best, data) > 1:
             usual = best == 5 or format == "smoskin"
@@ -374,7 +376,7 @@ def heard_on(device: str, seconds: float) -> bytes:
     import serial
 
     try:
-        with serial.Serial(device, BAUD["smoskin"], timeout=seconds, write_timeout=1.0) as port:
+        with serial.Serial(device, _BAUD, timeout=seconds, write_timeout=1.0) as port:
             port.write(command(Kind.IDENTIFY))
             return bytes(port.read(_HEARD))
     except (OSError, ValueError) as error:

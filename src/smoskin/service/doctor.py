@@ -14,7 +14,7 @@ import numpy as np
 from smoskin.arguments import typed
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import SmoskinError, SourceError
-from smoskin.hardware.health import Finding, examine_readings, interference
+from smoskin.hardware.health import Finding, chip_names, examine_readings, interference
 from smoskin.hardware.ports import buses, hindrances, serial_ports
 from smoskin.hardware.serial import SerialSource, heard_on, recognised
 from smoskin.records import Reading
@@ -48,7 +48,7 @@ def look_around(*, seconds: float = 1.0) -> Diagnosis:
     """Ports and buses of this computer, with the URL that reads each board that sends already."""
     looked: list[str] = []
     found: list[Finding] = []
-    ports = serial_ports()
+    ports, wires = serial_ports(), buses()
     for port in ports:
         found += hindrances(port.device)
         try:
@@ -59,8 +59,8 @@ def look_around(*, seconds: float = 1.0) -> Diagnosis:
         formats = recognised(heard)
         speaks = f"smoskin run '{port.url}?format={formats[0]}'" if formats else _strange(heard)
         looked.append(f"{port.device}: {port.product or 'a port'}; {speaks}")
-    looked += [f"{bus}: smoskin run i2c://{bus}" for bus in buses()]
-    if not ports and not buses():
+    looked += [f"{bus}: smoskin run i2c://{bus}" for bus in wires]
+    if not ports and not wires:
         remedy = (
             "Plug a board in, by a cable that carries data, or try one without hardware: smoskin "
             "board --virtual planar."
@@ -104,7 +104,7 @@ def examine_source(
             found += examine_readings(resting, skin)
             if moving:
                 say(f"Move the robot for {moving:g} s as it moves at work; touch nothing.")
-                names = [site.name for site in skin.halls] if skin else _numbers(resting[0])
+                names = chip_names(source.chips, skin)
                 found += interference(resting, _taken(source, moving)[0], names)
     return Diagnosis(looked=tuple(looked), findings=tuple(found))
 
@@ -160,7 +160,3 @@ def _strange(heard: bytes) -> str:
     if not heard:
         return "silent: not a board, or not told to send"
     return f"{len(heard)} bytes of no format that is known"
-
-
-def _numbers(reading: Reading) -> list[str]:
-    return [str(place + 1) for place in range(len(reading.field))]

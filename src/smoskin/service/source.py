@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, final
 from urllib.parse import parse_qsl
 
 from smoskin.errors import ArgumentError, RecordingError, SmoskinError, SourceError
+from smoskin.hardware.wire.packet import FORMATS
 from smoskin.magnetics.temperature import check_temperature
 from smoskin.pace import SPEEDS, Pace, require_between
 from smoskin.records import Contact, Reading
@@ -335,7 +336,7 @@ _I2C_OPTIONS: Final = {
     "mode": _Option("single", *_one_of({"single": "single", "burst": "burst"})),
 }
 _SERIAL_OPTIONS: Final = {
-    "format": _Option("smoskin", *_one_of({f: f for f in ("smoskin", "anyskin", "eflesh")})),
+    "format": _Option("smoskin", *_one_of({format: format for format in FORMATS})),
     "design": _Option("", "a design's name or path", str),
     "chips": _Option("", "a whole number", lambda text: _whole(text) if text else None),
     "rate": _Option("", "a positive number", lambda text: _positive(text) if text else None),

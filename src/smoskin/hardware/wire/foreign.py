@@ -25,6 +25,8 @@ _EXACT: Final = 3e-4
 """Counts by which a value may be off a whole one, plus `_ROUNDED` of its size."""
 _ROUNDED: Final = 5e-7
 """Relative error of a value that was computed by three operations in single precision."""
+_SAME: Final = 2e-4
+"""degC by which a temperature may be off the word's, whose step is 0.022 degC."""
 _WARM: Final = (-50.0, 150.0)
 """Temperatures, degC, that a chip can report."""
 _PATIENCE: Final = 3
@@ -82,10 +84,9 @@ def whole(values: Floats) -> Bools:
 
 def _warm(temperature: Floats) -> Bools:
     """Whether temperatures (C,), degC, are words of the chip."""
-    with np.errstate(all="ignore"):
-        words = 46244 + (temperature - 25.0) * 45.2
-        exact = np.abs(words - np.rint(words)) <= 1e-2
+    nearest = mlx90393.degrees(mlx90393.temperature_counts(temperature))
     least, most = _WARM
+    exact = np.abs(temperature - nearest) <= _SAME
     return np.asarray(exact & (temperature > least) & (temperature < most))
 
 

@@ -6,11 +6,14 @@ bytes that came twice.
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal, TypeAlias, get_args
 
 from smoskin.arrays import Floats, Ints, assign, freeze, wholes
 from smoskin.design.skin import HallSetting
 
+Format: TypeAlias = Literal["smoskin", "anyskin", "eflesh"]
+"""Wire format by its name, as sources' URLs give it."""
+FORMATS: Final[tuple[Format, ...]] = get_args(Format)
 _RESTART: Final = 1.0
 """Seconds by which a board's time must go back to be that of a new start."""
 
@@ -43,8 +46,8 @@ class Packet:
 class Decoder(ABC):
     """Packets out of a stream of bytes that comes in pieces of any size."""
 
-    format: str
-    """Name of the format, as in a source's URL."""
+    format: Format
+    """Format of the frames."""
     sequences: int
     """Frames after which the numbers of frames begin again; 0 where frames have none."""
 

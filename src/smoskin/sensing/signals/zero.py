@@ -325,8 +325,8 @@ class Zero:
     ) -> Iterator[tuple[_Spread, Floats]]:
         """What else may explain a change, the likeliest first, and what turns.
 
-        A turn is jerked, in the Earth's field alone or with the skin's weight; or the skin is
-        handed over. Just as a touch has left something that is too rare to be believed.
+        A turn starts or stops, in the Earth's field alone or with the skin's weight; or the skin is
+        handed over, which may leave it in any pose.
         """
         jerk = min(max(elapsed, _JERKS[0]), _JERKS[1])
         for turn in turning:
