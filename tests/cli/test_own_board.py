@@ -68,7 +68,7 @@ def followed(folder: Path, board: Board, told: Callable[[str], None], *arguments
         [sys.executable, "-m", "smoskin", *arguments], cwd=folder, stdout=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None
-        giving_up = threading.Timer(100.0, process.kill)
+        giving_up = threading.Timer(150.0, process.kill)
         giving_up.start()
         printed = []
         for line in process.stdout:
@@ -82,7 +82,7 @@ def followed(folder: Path, board: Board, told: Callable[[str], None], *arguments
 @pytest.mark.slow
 @pytest.mark.timeout(400)
 def test_an_anyskin_board_is_learned_and_run(tmp_path: Path) -> None:
-    smoskin(tmp_path, "touches", "grid", "--count", "16", "--out", "plan.csv")
+    smoskin(tmp_path, "touches", "grid", "--count", "30", "--out", "plan.csv")
     with Line() as line, Board(line, 0) as board:
 
         def obeys(sentence: str) -> None:
@@ -91,12 +91,11 @@ def test_an_anyskin_board_is_learned_and_run(tmp_path: Path) -> None:
 
         url = f"serial://{line.port}?format=anyskin"
         recorded = followed(tmp_path, board, obeys, "touches", "record", url)
-    assert "16 touches in touches.csv" in recorded
+    assert "30 touches in touches.csv" in recorded
     learned = smoskin(tmp_path, "learn", "touches.csv", "--out", "own.model")
     error = re.search(r"mean_error_mm: ([\d.]+)", learned.stdout)
     assert error is not None
-    stated = float(error.group(1))
-    assert stated < 4.0
+    assert float(error.group(1)) < 2.5
     with Line() as line, Board(line, 9) as board:
 
         def presses(sentence: str) -> None:
@@ -109,5 +108,4 @@ def test_an_anyskin_board_is_learned_and_run(tmp_path: Path) -> None:
     touched = re.findall(r" CONTACT +x +([-\d.]+) mm +y +([-\d.]+) mm", run)
     assert len(touched) >= 10
     place = np.median(np.array(touched[-8:], float), axis=0)
-    # Sixteen touches by hand: a place may be off by some times what is stated in the mean.
-    np.testing.assert_allclose(place, [12.0, 18.0], atol=max(4.0, 3 * stated))
+    np.testing.assert_allclose(place, [12.0, 18.0], atol=4.0)

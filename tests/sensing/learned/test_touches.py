@@ -69,6 +69,26 @@ def test_a_hundred_touches_are_learned_and_honestly_judged() -> None:
     assert rest.status is Status.NO_CONTACT
 
 
+@pytest.mark.parametrize("seed", [0, 9, 23])
+def test_sixteen_touches_are_not_taken_for_exact(seed: int) -> None:
+    # As many inputs as touches: a plane meets them all, and is off by far between them.
+    rng, zero = np.random.default_rng(seed), np.zeros((5, 3))
+    x = np.linspace(3.75e-3, 26.25e-3, 4)
+    rows: list[tuple[np.ndarray, np.ndarray]] = []
+    for at in np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2):
+        touch = pressed(at + rng.normal(0, 0.3e-3, 2), rng.normal(0.5, 0.015))
+        rows += [(np.full(2, np.nan), zero), (at, touch + rng.normal(0, 0.3e-6, (5, 3)))]
+    table = TouchTable(
+        position=[at for at, _ in rows],
+        force=np.tile([[0.0, 0.0, 0.0], [0.0, 0.0, -0.5]], (16, 1)),
+        field=[field for _, field in rows],
+    )
+    estimator = LearnedEstimator(learn_touches([table]), zero)
+    middle = np.array([15e-3, 15e-3])
+    estimate = estimator.step(Reading(time=0.0, field=pressed(middle, 0.5)))
+    assert_allclose(estimate.contacts[0].position, middle, atol=1.5e-3)
+
+
 def test_the_same_sheets_give_the_same_model() -> None:
     first, second = learn_touches([sheet(15)]), learn_touches([sheet(15)])
     assert first.metrics == second.metrics

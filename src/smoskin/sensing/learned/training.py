@@ -25,6 +25,7 @@ from smoskin.sensing.learned.gaussian_process import LearnedModel, Metric, Outpu
 from smoskin.sensing.learned.inputs import Encoding, Form
 
 _JITTER: Final = 1e-8  # variance added to the noise's, in units of the targets'
+_USUAL_NOISE: Final = -3.0  # logarithm of a standard deviation, in units of the targets'
 _HELD_OUT: Final = 0.15  # share of the groups that are held out
 _BELIEVED_SHARE: Final = 0.99  # of the held-out examples, which decide how far a model is believed
 _BEYOND: Final = 2.0  # distance that is believed, over that which holds the believed share
@@ -236,7 +237,7 @@ def _most_probable(
     done = itertools.count(1)
     best, _, _ = fmin_l_bfgs_b(
         negative_log_posterior,
-        np.concatenate([np.full(columns, usual), [0.0, 0.0, -3.0, -3.0]]),
+        np.concatenate([np.full(columns, usual), [0.0, 0.0, _USUAL_NOISE, _USUAL_NOISE]]),
         args=(x, y, faintness, usual),
         bounds=bounds,
         maxiter=iterations,
@@ -255,7 +256,9 @@ def negative_log_posterior(
     logarithms of the lengths, of the amplitudes of the Matern and the linear part, and of the noise
     at any field and of a faint field; x, (T, D), and y, (T, O), are standardised inputs and
     targets; `faintness`, (T,), is the factor of the faint field's noise variance; `usual` is the
-    mean of the prior of the lengths' logarithms, whose standard deviation is 1.
+    mean of the prior of the lengths' logarithms. Those of the noise have one too, at 5 % of the
+    targets' spread: fewer examples than inputs are met exactly by a plane, and would tell that
+    there is no noise. Both priors have a standard deviation of 1.
     """
     parameters = np.exp(vector)
     lengths, (amplitude, strength, floor, faint) = parameters[:-4], parameters[-4:]
@@ -272,7 +275,9 @@ def negative_log_posterior(
     inverse = np.tril(triangle) + np.tril(triangle, -1).T
     half = 0.5 * (y.shape[1] * inverse - a @ a.T)
     value = 0.5 * float((a * y).sum()) + y.shape[1] * float(np.log(np.diag(factor)).sum())
-    off = vector[:columns] - usual
+    off = vector - np.concatenate(
+        [np.full(columns, usual), vector[columns:-2], np.full(2, _USUAL_NOISE)]
+    )
     gradient = np.empty(columns + 4)
     # dK / d log(length) is the squared scaled difference along it, times the decay.
     pull = half * decay
@@ -285,7 +290,7 @@ def negative_log_posterior(
         2.0 * floor**2 * np.trace(half),
         2.0 * faint**2 * float(np.diag(half) @ faintness),
     ]
-    gradient[:columns] += off
+    gradient += off
     return (value + 0.5 * float(off @ off)) / rows, gradient / rows
 
 
