@@ -24,6 +24,7 @@ from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, HeldTouch, Status
 from smoskin.roles import Rig
 from smoskin.sensing.response.calibrate import (
+    LabelledTouches,
     Target,
     TouchPlanner,
     calibrate_touches,
@@ -256,15 +257,11 @@ def calibrate(
         if isinstance(touches, str | os.PathLike | TouchTable):
             touches, rows = _of_table(touches, skin, recording)
         labels, errors = _by_hand(touches, planner, labeller)
-    given = labelled_touches(labels, table.chips, place_spread=place, force_spread=press)
     if rows is not None:
         rows = [row for row, label in zip(rows, labels, strict=True) if label.status is None]
+    given = labelled_touches(labels, table.chips, place_spread=place, force_spread=press)
+    own, judgement = _own_table(skin, table, given, rows, accept_bad_fit=accept_bad_fit)
     noise = signal_noise(skin, table.chips)
-    turns = mlx90393.rotations(skin.halls)[list(table.chips)]
-    judgement = judge_touches(table, given, noise, turns=turns, rows=rows)
-    if not accept_bad_fit:
-        judgement.check()
-    own = calibrate_touches(table, given, noise)
     return TouchCalibration(
         table=own,
         labels=tuple(labels),
@@ -272,6 +269,23 @@ def calibrate(
         expected=(expected_error(own, noise, drag_spread=0.0), expected_error(own, noise)),
         judgement=judgement,
     )
+
+
+def _own_table(
+    design: SkinDesign,
+    table: ResponseTable,
+    touches: LabelledTouches,
+    rows: list[int] | None,
+    *,
+    accept_bad_fit: bool,
+) -> tuple[ResponseTable, Judgement]:
+    """The table of the skin that touches were made on, and what they tell of each other."""
+    noise = signal_noise(design, table.chips)
+    turns = mlx90393.rotations(design.halls)[list(table.chips)]
+    judgement = judge_touches(table, touches, noise, turns=turns, rows=rows)
+    if not accept_bad_fit:
+        judgement.check()
+    return calibrate_touches(table, touches, noise), judgement
 
 
 def plan_by_hand(

@@ -18,7 +18,7 @@ from typing import Any, Final, final
 from smoskin.arguments import typed
 from smoskin.design.document import format_design
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import ArgumentError, MissingExtraError, RecordingError
+from smoskin.errors import ArgumentError, RecordingError, require
 from smoskin.records import Estimate, Reading, Status
 from smoskin.roles import Sink
 from smoskin.service import ros
@@ -95,13 +95,11 @@ class Recorder(Sink):
     ) -> None:
         if not 0.0 <= flush_interval < float("inf"):
             raise ArgumentError(f"flush_interval must be finite and >= 0; got {flush_interval}")
-        try:
-            from mcap.writer import CompressionType, Writer
-        except ImportError as error:
-            raise MissingExtraError("recording and replaying", "recording") from error
+        require("recording and replaying", "recording", "mcap")
+        from mcap.writer import CompressionType, Writer
+
         self._codec = Codec()
-        self._clock = clock
-        self._wall_clock = wall_clock
+        self._clock, self._wall_clock = clock, wall_clock
         self._flush_interval = flush_interval
         opened = wall_clock()
         self._description = Description(
@@ -119,8 +117,7 @@ class Recorder(Sink):
         self._path, self._file = Path(path).absolute(), _new_file(path)
         self._closed = False
         self._sequence = self._kept = self._whole = self._bytes = 0
-        self._flushed = clock()
-        self._last_stamp = opened
+        self._flushed, self._last_stamp = clock(), opened
         self._first: tuple[int, float] | None = None
         self._begun: float | None = None
         # Chunks end where this class says, between readings, never by the writer's own count.
