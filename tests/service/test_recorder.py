@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -109,6 +110,20 @@ def test_the_duration_is_from_the_earliest_to_the_latest(
         for time in times:
             sink.write(Reading(time=time, field=np.zeros((CHIPS, 3))))
     assert open_recording(tmp_path / "a.mcap").duration == pytest.approx(duration)
+
+
+def test_a_chunk_ends_with_the_reading_that_fills_a_million_bytes(tmp_path: Path) -> None:
+    now = [0.0]
+    with Recorder(tmp_path / "long.mcap", DESIGN, flush_interval=1e9, clock=lambda: now[0]) as sink:
+        sizes = []
+        for k in range(9000):
+            now[0] = min(k, 1e3)  # then no more time passes
+            sink.write(Reading(time=0.01 * k, field=np.full((CHIPS, 3), 1e-6 * k)))
+            sizes.append(sink._bytes)
+    filled = [size for size, after in pairwise(sizes[1001:]) if not after]
+    each = sizes[1002] - sizes[1001]
+    assert len(filled) >= 2
+    assert all(1e6 - 2 * each <= size < 1e6 for size in filled)
 
 
 def test_a_recording_of_nothing_is_a_recording(tmp_path: Path) -> None:
