@@ -70,6 +70,37 @@ def test_figures_are_shown_in_the_units_of_people(value, unit, shown):
     assert Metric("error", value, unit).shown == shown
 
 
+@pytest.mark.parametrize(("size", "taken"), [(14.9e-6, True), (15.1e-6, False)])
+def test_a_zero_is_taken_of_readings_that_move_by_no_more_than_a_chips_noise(size, taken):
+    still = [
+        Reading(time=0.1 * k, field=np.full((CHIPS, 3), 1e-3) + size * (-1) ** k) for k in range(6)
+    ]
+    estimator = LearnedEstimator(model(chips=(0, 2)))
+    if taken:
+        estimator.zero(still)
+        assert not estimator.drift.any()
+        return
+    with pytest.raises(ArgumentError, match=r"let go first; got readings that move by 15\.1 uT"):
+        estimator.zero(still)
+    estimator.zero(still, force=True)
+
+
+def test_the_drift_is_that_of_the_chips_in_use():
+    following = ZeroTracking(hold=0.0, time_constant=1.0)
+    estimator = LearnedEstimator(model(chips=(0, 2)), zero=ZERO, tracking=following)
+    assert estimator.drift.shape == (CHIPS, 3)
+    for k in range(200):
+        estimator.step(Reading(time=0.1 * k, field=np.full((CHIPS, 3), 5e-6)))
+    assert (estimator.drift[[0, 2]] > 1e-6).all()
+    assert not estimator.drift[1].any()
+    with pytest.raises(ArgumentError, match="zero must have been set"):
+        estimator.unzero()
+    estimator.zero([Reading(time=21.0, field=np.full((CHIPS, 3), 20e-6))])
+    assert not estimator.drift.any()
+    estimator.unzero()
+    assert (estimator.drift[[0, 2]] > 1e-6).all()
+
+
 def test_outputs_have_the_units_of_places_forces_and_squares():
     units = {output.name: output.unit for output in Output}
     assert units == {

@@ -343,6 +343,24 @@ def test_the_next_touch_is_the_best_of_all_that_may_be_made():
         assert planner.error == pytest.approx(target.error, rel=1e-9)
 
 
+@pytest.mark.parametrize("drag_spread", [0.0, 0.2])
+def test_the_expected_error_is_that_of_presses_whose_drags_are_known_or_not(drag_spread):
+    """By least squares with what is believed of drags beforehand, one place after the other."""
+    table = random_table(seed=2)
+    squares, rows = [], [0, 1, 4, 2, 3] if drag_spread else [0, 1, 4]
+    for place in places_to_the_rim(table.basis.extent, (11, 14)):
+        touch = place[None], np.array([[0.0, 0.0, -0.5]])
+        slopes = table.slopes(*touch)[0][:, rows]
+        precision = np.linalg.inv(FLOOR + 0.25 * table.misfit)
+        believed = [*12 / table.basis.extent**2, 0.0]
+        believed += [drag_spread**-2] * 2 if drag_spread else []
+        spread = np.linalg.inv(slopes.T @ precision @ slopes + np.diag(believed))
+        shift = spread @ slopes.T @ precision @ table.mode_signals(*touch)[0].T
+        squares.append(np.trace(spread[:2, :2]) + (shift[:2] ** 2).sum())
+    found = calibrate.expected_error(table, FLOOR, drag_spread=drag_spread)
+    assert found == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-9)
+
+
 def test_the_usual_rig_is_a_good_one_that_presses_with_0_8_newton():
     table = random_table(seed=2)
     usual = TouchPlanner(table, FLOOR)
