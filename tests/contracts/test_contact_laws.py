@@ -218,6 +218,20 @@ def test_a_cover_that_spreads_nothing_is_bilinear(planar, touches):
     assert_allclose(law.shares(planar, touches), patch_shares(planar, touches), atol=1e-12)
 
 
+@pytest.mark.parametrize(("patch", "spread"), [(1 / 3, 5e-3), (0.5, 0.0), (0.0, 2e-3)])
+def test_a_cover_shares_as_a_disc_does_that_grows_with_the_press_and_the_rubber(
+    planar, patch, spread
+):
+    rng = np.random.default_rng(4)
+    force = np.concatenate([np.zeros((20, 1, 2)), -rng.uniform(0.1, 2, (20, 1, 1))], axis=-1)
+    place = rng.uniform([0.04, 0.05], [0.07, 0.1], (20, 1, 2))  # away from the rim
+    touches = Touches(position=place, force=force, radius=rng.uniform(1e-3, 6e-3, (20, 1)))
+    squares = (touches.radius * (-force[..., 2]) ** patch) ** 2 + 4 * spread**2
+    expected = patch_shares(planar, replace(touches, radius=np.sqrt(squares)))
+    law = ScaleContact(patch=patch, spread=spread)
+    assert_allclose(law.shares(planar, touches), expected, atol=1e-12)
+
+
 def test_each_number_of_a_cover_does_what_it_says(planar):
     tops = geometry(planar).tops
     still = ScaleContact(spread=0.0, rim=1.0, patch=0.0, tilt=0.0)

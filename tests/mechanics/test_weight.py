@@ -1,0 +1,44 @@
+"""How heavy a skin is, and how far its weight moves it: by hand, from its plates and springs."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from smoskin.mechanics.reduced.stiffness import board_stiffness, sheet_stiffness
+from smoskin.mechanics.weight import board_mass, magnet_masses, panel_masses, slides
+from smoskin.origami.geometry import geometry
+
+
+def test_panels_weigh_what_acrylic_of_their_size_does(planar):
+    cell = planar.cell
+    area = cell.panel_a * cell.panel_b * math.sin(cell.sector_angle)
+    masses = panel_masses(planar)
+    assert len(masses) == 4 * math.prod(planar.cells)
+    np.testing.assert_allclose(masses, 1190.0 * planar.panels.thickness * area, rtol=1e-9)
+
+
+def test_only_magnets_on_the_sheet_weigh_on_it(planar):
+    masses = magnet_masses(planar)
+    for magnet, mass in zip(planar.magnets, masses, strict=True):
+        volume = math.pi * magnet.radius**2 * magnet.height
+        expected = 5500.0 * volume if magnet.mount == "sheet" else 0.0
+        assert mass == pytest.approx(expected, rel=1e-12)
+    assert 0.0 in masses
+    assert max(masses) > 0.0
+
+
+def test_a_board_weighs_as_glass_fibre_does(planar):
+    length, width = geometry(planar).extent
+    assert board_mass(planar) == pytest.approx(1850.0 * length * width * planar.board.thickness)
+    thick = replace(planar, board=replace(planar.board, thickness=2 * planar.board.thickness))
+    assert board_mass(thick) == pytest.approx(2 * board_mass(planar))
+
+
+def test_a_skin_that_hangs_slides_by_its_weight_over_its_springs(planar):
+    sheet = panel_masses(planar).sum() + sum(magnet_masses(planar))
+    moved = slides(planar)
+    assert moved.sheet * sheet_stiffness(planar) == pytest.approx(9.81 * sheet)
+    whole = sheet + board_mass(planar)
+    assert moved.board * board_stiffness(planar) == pytest.approx(9.81 * whole)
