@@ -255,7 +255,19 @@ def brief(skin, seconds, **files):
 
 
 def test_it_leaves_time_for_its_end_as_its_beginning_took(skin, tmp_path):
-    trained = brief(skin, 10.0, checkpoint=tmp_path / "checkpoint")
+    heard = []
+    trained = brief(
+        skin, 10.0, checkpoint=tmp_path / "checkpoint", progress=lambda *one: heard.append(one)
+    )
+    assert [what for what, _ in heard] == [
+        "learning",
+        *(
+            f"epoch {point.epoch}, {point.held_out:.3f} nats on held-out skins"
+            for point in trained.curve[:-1]
+        ),
+        "stopped: its 10 s are over",
+    ]
+    assert [share for _, share in heard] == sorted(share for _, share in heard)
     # Held-out touches took one second, the end takes three, each epoch one.
     assert [point.seconds for point in trained.curve] == [2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
     assert trained.ended == "its 10 s are over"
