@@ -4,6 +4,7 @@ Closed forms stand in for fits: a number with standard uncertainty s is determin
 most what is allowed.
 """
 
+import re
 import types
 
 import numpy as np
@@ -161,6 +162,32 @@ def test_numbers_are_looked_for_where_skins_can_be(planar):
     assert len(names) == model.size
     one = PressModel(planar, table(planar, [[0.0, 0.0, -0.5]]), 1)
     assert fitting._limits(one, nominal)[0][0] == "attenuation"
+
+
+@pytest.mark.parametrize(
+    ("end", "inside", "kept"),
+    [(0, 0.9e-6, False), (0, 1.1e-6, True), (1, 0.0, False), (1, 1.1e-9, True), (1, 0.9e-9, False)],
+)
+@pytest.mark.parametrize("name", ["attenuation", "field_factor[2]"])
+def test_a_number_at_its_end_is_no_fit(planar, monkeypatch, name, end, inside, kept):
+    model, nominal = PressModel(planar, table(planar, LOADS), 1), Calibration.nominal(planar)
+    names, *ends, _ = fitting._limits(model, nominal)
+    which = names.index(name)
+
+    def least_squares(residuals, start, **_):
+        values = np.clip(start, ends[0] + 1e-3, ends[1] - 1e-3)
+        values[which] = ends[end][which] + (-inside if end else inside)
+        return types.SimpleNamespace(x=values)
+
+    monkeypatch.setattr("scipy.optimize.least_squares", least_squares)
+    monkeypatch.setattr(fitting, "_check_determined", lambda *_: None)
+    monkeypatch.setattr(fitting, "_levels", lambda levels, *_, **__: levels)
+    if kept:
+        fitting._fitted(model, nominal)
+        return
+    told = rf"fit no {re.escape(name)} inside \({ends[0][which]:g}, {ends[1][which]:g}\); check"
+    with pytest.raises(ModelError, match=told):
+        fitting._fitted(model, nominal)
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.99, True), (1.01, False)])
