@@ -1,0 +1,101 @@
+"""A zero that turns: for how long a turn goes on, what tells that it does, and how far it may go.
+
+Each against the filter of zero and speed in one state, which is told what turns.
+"""
+
+import numpy as np
+import pytest
+
+from smoskin.sensing.signals.signals import signal_noise
+from smoskin.sensing.signals.turning import turning
+from smoskin.sensing.signals.zero import IdleNoise, Zero, ZeroTracking
+
+FORGETS, LASTS = 2.0, 3.0
+"""s: time constants of what is known, and of a speed."""
+
+
+@pytest.fixture(scope="module")
+def noise(planar):
+    return signal_noise(planar)
+
+
+@pytest.fixture(scope="module")
+def whole(planar):
+    return turning(planar).whole
+
+
+def zero_of(planar, noise, **tracking):
+    given = {"hold": 0.0, "time_constant": FORGETS, "widening_rate": 0.0} | tracking
+    return Zero(
+        ZeroTracking(**given), IdleNoise(noise, 1e-6), np.zeros(9), noise, turning=turning(planar)
+    )
+
+
+class Filter:
+    """Zero and speed of nine signals in one state."""
+
+    def __init__(self, noise):
+        self.noise = noise
+        self.state, self.covariance = np.zeros(18), np.kron(np.eye(2), noise / 20)
+
+    def go_on(self, step, turns):
+        """So many seconds, in which accelerations with this covariance a second may act."""
+        kept = np.exp(-step / LASTS)
+        moves = np.kron([[1.0, LASTS * (1 - kept)], [0.0, kept]], np.eye(9))
+        self.state, self.covariance = moves @ self.state, moves @ self.covariance @ moves.T
+        white = np.array([[step**3 / 3, step**2 / 2], [step**2 / 2, step]])
+        self.covariance += np.kron(white, turns)
+
+    def see(self, step, read):
+        self.covariance = self.covariance * np.exp(step / FORGETS)
+        gain = self.covariance[:, :9] @ np.linalg.inv(self.covariance[:9, :9] + self.noise)
+        self.state = self.state + gain @ (read - self.state[:9])
+        self.covariance = self.covariance - gain @ self.covariance[:9]
+
+    @property
+    def moves(self):
+        """Squared speed, of its variance and a hundredth of the noise a second squared."""
+        speed, variance = self.state[9:], self.covariance[9:, 9:]
+        return speed @ np.linalg.solve(variance + 0.01 * self.noise, speed)
+
+
+@pytest.mark.parametrize("speed", [0.0, 15e-6, 45e-6, 60e-6])
+def test_a_turn_goes_on_for_two_seconds_after_the_skin_was_seen_to_move(
+    planar, noise, whole, speed
+):
+    """Its speed is told once its square is three times its variance along each of nine axes."""
+    zero, known = zero_of(planar, noise), Filter(noise)
+    assert zero.step(0.0, np.zeros(9))
+    known.see(0.0, np.zeros(9))
+    zero.stir()  # nothing can have turned unseen since the reading just now
+    seen, gone, turning_for = 0.0, 0.0, 0
+    step = 0.13  # never two seconds sharp
+    for k in range(1, 92):
+        time = step * k
+        gone += step * speed * np.interp(time, [0.0, 2.0, 4.0, 6.0], [0.0, 1.0, 1.0, 0.0])
+        read = gone * np.tile([1.0, -0.5, 0.0], 3)
+        turns = time - seen <= 2.0
+        turning_for += turns
+        known.go_on(step, 0.08**2 * whole if turns else 0 * whole)
+        known.see(step, read)
+        assert zero.step(time, read)
+        if turns and known.moves > 3 * 9:
+            seen = time
+        np.testing.assert_allclose(zero.offset, known.state[:9], rtol=1e-6, atol=1e-13)
+        np.testing.assert_allclose(zero.covariance, known.covariance[:9, :9], rtol=1e-5, atol=1e-17)
+    # About two seconds after the start, or after the skin stood still.
+    assert turning_for in ((15, 16) if speed < 20e-6 else range(50, 60))
+
+
+def test_a_zero_is_believed_up_to_six_radians_past_its_bound(planar, noise, whole):
+    zero = zero_of(planar, noise, drift_bound=50e-6)
+    bound = np.linalg.inv(50e-6**2 * np.eye(9) + 6.0**2 * whole)
+    alike, believed = np.tile([0.0, 1.0, 0.0], 3), []
+    for k in range(200):
+        assert zero.step(0.1 * k, 0.5e-6 * min(k, 20) * max(k - 10, k / 2) * alike)
+        squared = zero.drift @ bound @ zero.drift
+        if abs(squared - 1) > 1e-6:
+            assert zero.believed == (squared < 1)
+        believed.append(zero.believed)
+    assert believed[0]
+    assert not believed[-1]
