@@ -3,6 +3,7 @@
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from smoskin.origami.cell import size
 from smoskin.origami.sheet import build_sheet
 from smoskin.origami.surface.analytic import (
     Bump,
+    Cone,
     Cylinder,
     HeightField,
     Plane,
@@ -21,6 +23,7 @@ from smoskin.origami.surface.analytic import (
 )
 from smoskin.origami.surface.chart import chart_of
 from smoskin.origami.surface.mesh import Mesh
+from smoskin.origami.tessellation import solve
 from smoskin.origami.tessellation.documents import refolding_error
 from smoskin.origami.tessellation.tessellate import tessellate
 from triangle_meshes import meshed
@@ -50,6 +53,16 @@ def on(name, planar, **options):
         mesh = meshed(surface, half, noise=1e-4)
         surface = chart_of(mesh, (0, 0, 0), (1, 0, 0), reach, length)
     return tessellate(surface, cell, cells, **options)
+
+
+def test_larger_sheets_take_no_more_steps(planar):
+    cell = replace(
+        planar.cell, panel_a=0.6 * planar.cell.panel_a, panel_b=0.6 * planar.cell.panel_b
+    )
+    with mock.patch.object(solve, "splu", wraps=solve.splu) as factorised:
+        made = tessellate(Cone(0.243, 0.269, 0.192), cell, (16, 16), refold=False)
+    assert made.holds, made.advice
+    assert factorised.call_count <= 8
 
 
 def judge(made, name):

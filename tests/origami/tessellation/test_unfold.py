@@ -33,6 +33,18 @@ def test_lengths_are_kept_and_faces_stay_up():
     assert (a * d - b * c > 0).all()
 
 
+def test_what_is_rounded_does_not_grow_from_panel_to_panel(planar):
+    # Seventy panels along a slanted way: by doubling, a rounding would be longer than the sheet.
+    sheet = build_sheet(planar.cell, (35, 35))
+    rng = np.random.default_rng(0)
+    stretched = sheet.vertices * (1 + 1e-13 * rng.standard_normal(sheet.vertices.shape))
+    flat, closure = unfold(stretched, sheet.facets, sheet.vertices[:, :2])
+    assert closure < 1e-12
+    p, r, q, s = (flat[sheet.facets[:, k]] for k in (0, 2, 1, 3))
+    (a, b), (c, d) = (r - p).T, (s - q).T
+    assert (a * d - b * c > 0).all()
+
+
 def test_a_bump_that_cannot_unfold_is_told_by_its_closure(planar):
     sheet = build_sheet(planar.cell, (2, 2))
     bent = sheet.vertices + [0, 0, 1e-3] * (np.arange(25) == 12)[:, None]

@@ -46,8 +46,9 @@ _BOUNDS: Final = (np.radians(27), np.radians(153))
 """Sector angles that are free; those beyond are pulled back."""
 _BOUND: Final = 30.0
 """Weight of an angle's excess, 1/rad^2."""
-_SOFT: Final = 1e-8
-"""Compliance of the conditions in the linear system, which keeps it regular."""
+_SOFT: Final = 1e-11
+"""Compliance of the conditions in the linear system, which keeps it regular; steps to conditions
+that nearly depend on others end at it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -77,41 +77,47 @@ def _length_slopes(pairs: Ints, units: Floats, count: int) -> sparse.csr_array:
 
 
 def _laid(vertices: Floats, facets: Ints) -> Floats:
-    """Panels laid beside one another, each against the first neighbour that lies already."""
+    """Panels laid beside one another, each against the first neighbour that lies already.
+
+    A panel is laid rigidly by its neighbour's own corners: by places that other panels gave, what
+    is rounded would double from panel to panel.
+    """
     sides: dict[tuple[int, int], list[int]] = {}
     for f, corners in enumerate(facets.tolist()):
         for k in range(4):
             edge = corners[k], corners[(k + 1) % 4]
             sides.setdefault((min(edge), max(edge)), []).append(f)
     flat = np.full((len(vertices), 2), np.nan)
-    p, q = facets[0, 0], facets[0, 1]
-    flat[p], flat[q] = (0.0, 0.0), (float(np.linalg.norm(vertices[q] - vertices[p])), 0.0)
-    waiting, laid = deque([(0, int(p), int(q))]), np.zeros(len(facets), dtype=bool)
+    p, q = facets[0, :2].tolist()
+    away = float(np.linalg.norm(vertices[q] - vertices[p]))
+    waiting = deque([(0, p, q, np.zeros(2), np.array([away, 0.0]))])
+    laid = np.zeros(len(facets), dtype=bool)
     laid[0] = True
     while waiting:
-        f, p, q = waiting.popleft()
-        corners = facets[f]
-        _lay(vertices, flat, corners, p, q)
+        f, p, q, from_p, to_q = waiting.popleft()
+        corners = facets[f].tolist()
+        own = _lay(vertices[corners], vertices[[p, q]], from_p, to_q)
+        for v, place in zip(corners, own, strict=True):
+            if np.isnan(flat[v, 0]):
+                flat[v] = place
         for k in range(4):
-            edge = int(corners[k]), int(corners[(k + 1) % 4])
-            for beside in sides[min(edge), max(edge)]:
+            a, b = corners[k], corners[(k + 1) % 4]
+            for beside in sides[min(a, b), max(a, b)]:
                 if not laid[beside]:
                     laid[beside] = True
-                    waiting.append((beside, edge[1], edge[0]))
+                    waiting.append((beside, b, a, own[(k + 1) % 4], own[k]))
     if not laid.all():
         raise ArgumentError("the panels of a sheet must hang together by their edges")
     return flat
 
 
-def _lay(vertices: Floats, flat: Floats, corners: Ints, p: int, q: int) -> None:
-    """Lay the corners of a panel that do not lie yet, to the left of its edge from p to q."""
-    space = vertices[q] - vertices[p]
+def _lay(corners: Floats, edge: Floats, begin: Floats, end: Floats) -> Floats:
+    """Corners (4, 3) of a panel laid to the left of an edge (2, 3), which lies between places."""
+    space = edge[1] - edge[0]
     length = float(np.linalg.norm(space))
-    along = (flat[q] - flat[p]) / np.linalg.norm(flat[q] - flat[p])
+    along = (end - begin) / np.linalg.norm(end - begin)
     left = np.array([-along[1], along[0]])
-    for v in corners:
-        if np.isnan(flat[v, 0]):
-            arm = vertices[v] - vertices[p]
-            reach = float(arm @ space) / length
-            aside = float(np.linalg.norm(np.cross(space, arm))) / length
-            flat[v] = flat[p] + reach * along + aside * left
+    arms = corners - edge[0]
+    reach = arms @ space / length
+    aside = np.linalg.norm(np.cross(space, arms), axis=1) / length
+    return np.asarray(begin + reach[:, None] * along + aside[:, None] * left)
