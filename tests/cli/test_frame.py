@@ -101,6 +101,47 @@ def test_progress_is_told_in_lines_where_there_is_no_terminal(capsys):
     ]
 
 
+def test_progress_is_a_bar_on_a_terminal(monkeypatch):
+    import rich.console
+    import rich.progress
+
+    done = []
+
+    class Bar:
+        def __init__(self, *, console, transient):
+            assert console.is_terminal
+            assert console.stderr
+            assert transient
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            done.append("over")
+
+        def add_task(self, what, *, total):
+            done.append((what, total))
+            return 7
+
+        def update(self, task, *, description, completed):
+            done.append((task, description, completed))
+
+    monkeypatch.setattr(rich.console.Console, "is_terminal", True)
+    monkeypatch.setattr(rich.progress, "Progress", Bar)
+    with frame.progress_bar() as progress:
+        progress("learning", 0.25)
+    assert done == [("", 1.0), (7, "learning", 0.25), "over"]
+
+
+def test_a_refused_argument_is_repeated_on_one_short_line():
+    from typer.testing import CliRunner
+
+    done = CliRunner().invoke(app, ["info", "--" + 400 * "x" + "\n"])
+    assert done.exit_code == 2
+    assert 30 * "x" in done.stderr
+    assert 201 * "x" not in done.stderr.replace("\n", "").replace("│", "").replace(" ", "")
+
+
 def test_the_log_may_be_asked_for_behind_a_command(caplog, monkeypatch):
     import logging
 

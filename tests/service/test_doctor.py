@@ -8,7 +8,8 @@ import pytest
 
 from boards import Line, Readings, sending
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import ArgumentError
+from smoskin.errors import ArgumentError, SourceError
+from smoskin.hardware.health import Finding
 from smoskin.records import Reading
 from smoskin.service import doctor
 from smoskin.service.doctor import examine_source, look_around
@@ -105,3 +106,32 @@ def test_what_there_is_is_listed_with_what_reads_it(
     assert look_around().as_json()["findings"][0]["where"] == "this computer"
     assert np.isfinite(twin.read().field).all()
     assert Readings(planar, []).read() is None
+
+
+def test_a_port_that_cannot_be_read_is_listed_and_the_others_are_looked_at(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def heard(device: str, seconds: float) -> bytes:
+        assert seconds == 1.0
+        if device == "/dev/a":
+            raise SourceError("it is taken")
+        return b"xyz"
+
+    ports = [
+        SimpleNamespace(device=f"/dev/{name}", product=product, url=f"serial:///dev/{name}")
+        for name, product in (("a", ""), ("b", "QT Py"))
+    ]
+    hindrance = Finding(where="/dev/a", problem="You may not read it.", remedy="Ask.")
+    monkeypatch.setattr(doctor, "serial_ports", lambda: ports)
+    monkeypatch.setattr(
+        doctor, "hindrances", lambda device: (hindrance,) if device == "/dev/a" else ()
+    )
+    monkeypatch.setattr(doctor, "heard_on", heard)
+    monkeypatch.setattr(doctor, "recognised", lambda heard: ())
+    monkeypatch.setattr(doctor, "buses", lambda: ())
+    diagnosis = look_around()
+    assert diagnosis.looked == (
+        "/dev/a: a port; it is taken",
+        "/dev/b: QT Py; 3 bytes of no format that is known",
+    )
+    assert diagnosis.findings == (hindrance,)
