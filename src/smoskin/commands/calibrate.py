@@ -259,7 +259,10 @@ def calibrate(
         labels, errors = _by_hand(touches, planner, labeller)
     if rows is not None:
         rows = [row for row, label in zip(rows, labels, strict=True) if label.status is None]
-    given = labelled_touches(labels, table.chips, place_spread=place, force_spread=press)
+    undone, loops = labeller.unlooped(labels)
+    given = labelled_touches(
+        undone, table.chips, place_spread=place, force_spread=press, loops=loops
+    )
     own, judgement = _own_table(skin, table, given, rows, accept_bad_fit=accept_bad_fit)
     noise = signal_noise(skin, table.chips)
     return TouchCalibration(

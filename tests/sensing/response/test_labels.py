@@ -7,9 +7,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from smoskin.errors import ArgumentError
+from smoskin.magnetics.nonlinearity import Bend, field_curvature
 from smoskin.records import Contact, HeldTouch, Reading, Status
 from smoskin.sensing.response import labels as module
 from smoskin.sensing.response.labels import Label, Labeller, labelled_touches
+from smoskin.sensing.signals.loops import Loops
 
 CONTACT = Contact(position=(0.03, 0.05), force=(0.1, 0.0, -0.5))
 
@@ -123,3 +125,30 @@ def test_labels_that_can_be_used_are_given_with_the_chips_asked_for():
     assert (touches.place_spread, touches.force_spread) == (1e-4, 2e-3)
     with pytest.raises(ArgumentError, match="at least one that can be used; got 1"):
         labelled_touches([bad], (0, 1), place_spread=0.0, force_spread=0.0)
+
+
+def test_hysteresis_is_undone_where_touches_left_something(planar):
+    """Signals of the planar skin's size, with one play of 5 %."""
+    elastic = np.outer(np.random.default_rng(0).choice([-1.0, 0.5, 1.0], 40), np.full(9, 1e-3))
+    loops = Loops(weights=[0.1], plays=[0.05], reach=np.full(9, 1e-3))
+    play, read = np.zeros(9), np.zeros((40, 2, 9))
+    for row, touch in enumerate(elastic):
+        for k, x in enumerate((np.zeros(9), touch)):
+            play = np.clip(play, x - 5e-5, x + 5e-5)
+            read[row, k] = 0.9 * x + 0.1 * play
+    bend = Bend(field_curvature(planar))
+    read = bend.bent(read).reshape(40, 2, 3, 3)
+    labels = [Label(CONTACT, held - rest, 25.0, None, None, np.stack([rest, held]))
+              for rest, held in read]  # fmt: skip
+    unread = Label(CONTACT, np.full((3, 3), np.nan), np.nan, Status.SATURATED)
+    made, found = Labeller(planar).unlooped([*labels, unread])
+    assert made[-1] is unread
+    assert found.weights @ found.plays == pytest.approx(loops.weights @ loops.plays, rel=0.02)
+    values = np.array([label.values for label in made[1:-1]])
+    assert_allclose(values, bend.bent(elastic[1:]).reshape(-1, 3, 3), atol=2e-7)
+    touches = labelled_touches(made, (2, 1), place_spread=0.0, force_spread=0.0, loops=found)
+    assert touches.left < 2e-7
+    assert touches.loops.reach.shape == (6,)
+    few, none = Labeller(planar).unlooped(labels[:2])
+    assert few == labels[:2]
+    assert none is None

@@ -16,6 +16,7 @@ from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.sensing.response.basis import TouchBasis
 from smoskin.sensing.response.fit import add_warmth, fit_response_table
 from smoskin.sensing.response.table import ResponseTable, load_response_table
+from smoskin.sensing.signals.loops import Loops
 from smoskin.twin.readout import Readout
 from tables_of_response import (
     BASIS,
@@ -297,6 +298,14 @@ def test_a_whole_table_comes_back_from_its_file(tmp_path):
         np.testing.assert_array_equal(getattr(back.basis, name), getattr(table.basis, name))
     largest = np.abs(table.grip_modes).max()
     assert_allclose(back.grip_modes, table.grip_modes, rtol=2**-11, atol=1e-11 * largest)
+    assert back.loops is None
+    loops = Loops(weights=[0.1, 0.0], plays=[0.05, 0.2], reach=np.linspace(1e-3, 2e-3, 6))
+    replace(table, loops=loops).save(tmp_path / "loops")
+    other = load_response_table(tmp_path / "loops").of_chips((0,)).loops
+    np.testing.assert_array_equal(other.weights, loops.weights)
+    np.testing.assert_array_equal(other.reach, loops.reach[3:])
+    with pytest.raises(ModelError, match="loops must be of its 6 signals; got 3"):
+        replace(table, loops=other)
     # The largest number may be negative.
     below = replace(table, modes=-np.abs(table.modes) - 1e-4)
     below.save(tmp_path / "below")

@@ -8,10 +8,12 @@ from scipy.stats import chi2
 
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
+from smoskin.magnetics.nonlinearity import Bend, field_curvature
 from smoskin.magnetics.temperature import temperature_factor
 from smoskin.mechanics.viscoelasticity import ELASTIC, Memory, Prony
 from smoskin.records import ChipFlag, Contact, Motion, Reading, Status
 from smoskin.sensing.closed_form.calibration import Calibration
+from smoskin.sensing.signals.loops import Loops
 from smoskin.sensing.signals.signals import Signals, Thermometer, signal_noise
 from smoskin.sensing.signals.zero import IdleBand, ZeroTracking
 from smoskin.twin.manufacture import draw
@@ -346,3 +348,33 @@ def test_readings_at_rest_are_refused_once_in_1e9_of_chips_thrice_as_loud(planar
     signals._check_rest(0.999 * moves)
     with pytest.raises(ArgumentError, match="let go first; got readings that move by"):
         signals._check_rest(1.001 * moves)
+
+
+def test_hysteresis_is_undone_and_a_zero_taken_of_what_it_left(planar, twin):
+    """A swing makes the past known; from then on loops do not show, whatever zero is taken."""
+    loops = Loops(weights=[0.2], plays=[0.1], reach=np.full(6, 1e-3))
+    own = Signals(planar, idle=IdleBand(4e-6), chips=(1, 2), loops=loops)
+    bend, play, rest = Bend(field_curvature(planar)), np.zeros(()), twin.read().field
+    to_chips = np.swapaxes(mlx90393.rotations(planar.halls), 1, 2)
+
+    def read(time, x):
+        nonlocal play
+        play = np.clip(play, x - 1e-4, x + 1e-4)
+        signals = np.zeros((3, 3))
+        signals[1:] = 0.8 * x + 0.2 * play
+        raised = to_chips @ bend.bent(signals)[:, :, None]
+        return Reading(time=time, field=rest + raised[:, :, 0])
+
+    def elastic(time, x):
+        return bend.straightened(own.step(read(time, x)).values)[1:]
+
+    for time, x in enumerate((-1e-3, 1e-3, -1e-3)):
+        elastic(float(time), x)
+    np.testing.assert_allclose(elastic(3.0, 5e-4), 5e-4, atol=2e-7)
+    # At rest again, to which 20 uT are left: that is the zero from here on.
+    assert own.step(read(4.0, 0.0)).status is Status.NO_CONTACT
+    own.zero([read(5.0, 0.0)], force=True)
+    assert own.step(read(6.0, 0.0)).status is Status.NO_CONTACT
+    np.testing.assert_allclose(elastic(7.0, -5e-4), -5e-4, atol=2e-6)
+    own.unzero()
+    np.testing.assert_allclose(elastic(8.0, 5e-4), 5e-4, atol=2e-7)

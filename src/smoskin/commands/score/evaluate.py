@@ -325,11 +325,13 @@ def label(
         rig.hold(Contact(position=target.position, force=target.force), motion[row])
         for row, target in enumerate(plan)
     )
+    labels, loops = labeller.unlooped([labeller.label(touch) for touch in held])
     return labelled_touches(
-        [labeller.label(touch) for touch in held],
+        labels,
         tuple(range(len(twin.design.halls)) if chips is None else chips),
         place_spread=rig.place_spread,
         force_spread=rig.force_spread,
+        loops=loops,
     )
 
 

@@ -93,6 +93,7 @@ class BayesEstimator(SignalEstimator):
             tracking=tracking,
             most=table.forces[1],
             left=table.residue**2 * table.newton,
+            loops=table.loops,
         )
         self.table = table
         self._unwarps = table.contact.inverse(table.warps[0], table.basis.extent)

@@ -18,6 +18,7 @@ from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.origami.geometry import places_to_the_rim
 from smoskin.sensing.response.fit import table_curvature
 from smoskin.sensing.response.table import ResponseTable
+from smoskin.sensing.signals.loops import Loops
 
 _ROUNDS: Final = 4
 """Rounds in which weights and misfit are found from each other."""
@@ -71,6 +72,8 @@ class LabelledTouches:
     """Standard deviation of the labels' forces along each axis, N."""
     left: float = 0.0
     """Root mean square of what a touch leaves in each signal once it is gone, T; 0: unknown."""
+    loops: Loops | None = None
+    """Loops of the signals that were undone; None: none were."""
 
     def __post_init__(self) -> None:
         freeze(self, position=(None, 2))
@@ -158,6 +161,7 @@ def calibrate_touches(
         warp_modes=None if table.warp_modes is None else root.T @ table.warp_modes,
         misfit=misfit,
         residue=_residue(table, touches.left, noise),
+        loops=touches.loops or table.loops,
     )
     # How a chip's field bends shows in single touches as well.
     bent = table_curvature(moved) - table_curvature(table)

@@ -6,17 +6,22 @@ creep undone" in `docs/derivations.md`). Hides what the rubber remembers from to
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
+from smoskin.magnetics.nonlinearity import Bend, field_curvature
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.records import Contact, HeldTouch, Status
 from smoskin.sensing.response.calibrate import LabelledTouches
-from smoskin.sensing.signals.signals import Signals
+from smoskin.sensing.signals.loops import Loops, elastic_signals, learn_loops
+from smoskin.sensing.signals.signals import Signals, signal_noise
+
+_FEWEST: Final = 3
+"""Touches from which loops are learned."""
 
 
 class Label(NamedTuple):
@@ -31,6 +36,9 @@ class Label(NamedTuple):
     """What forbids to use it; None where nothing does."""
     left: Floats | None = None
     """(S, 3), T: what the touch before left behind; None where that is unknown."""
+    read: Floats | None = None
+    """(2, S, 3), T: signals of the rest before it and while it was held, against the first rest;
+    None where one is unknown."""
 
 
 class Labeller:
@@ -40,6 +48,7 @@ class Labeller:
     """
 
     def __init__(self, design: SkinDesign, creep: Prony | None = None) -> None:
+        self._design = design
         self._signals = Signals(design, creep=creep)
         self._level: Floats | None = None
 
@@ -75,16 +84,45 @@ class Labeller:
         if not held or self._level is None:
             nothing = np.full((len(touch.readings[0].field), 3), np.nan)
             return Label(touch.contact, nothing, temperature, status or Status.CHIP_MISSING, left)
-        values = np.mean(held, axis=0) - self._level
-        return Label(touch.contact, values, temperature, status, left)
+        read = np.stack([self._level, np.mean(held, axis=0)])
+        return Label(touch.contact, read[1] - read[0], temperature, status, left, read)
+
+    def unlooped(self, labels: Sequence[Label]) -> tuple[list[Label], Loops | None]:
+        """The labels of all touches with hysteresis undone, and the loops that were learned.
+
+        Where touches left nothing behind, or fewer than three were read, they stay as they are.
+        """
+        reads = [label.read for label in labels if label.read is not None]
+        if len(reads) < _FEWEST:
+            return list(labels), None
+        bend = Bend(field_curvature(self._design))
+        read = bend.straightened(np.stack(reads).reshape(len(reads), 2, -1))
+        noise = np.sqrt(signal_noise(self._design).diagonal())
+        loops = learn_loops(read[:, 0], read[:, 1], noise)
+        if not loops.weights.any():
+            return list(labels), None
+        rests, held = elastic_signals(loops, read[:, 0], read[:, 1])
+        values = iter(bend.bent(held - rests).reshape(len(reads), -1, 3))
+        left = iter([None, *np.diff(rests, axis=0).reshape(len(reads) - 1, -1, 3)])
+        made = [
+            label if label.read is None else label._replace(values=next(values), left=next(left))
+            for label in labels
+        ]
+        return made, loops
 
 
 def labelled_touches(
-    labels: Sequence[Label], chips: tuple[int, ...], *, place_spread: float, force_spread: float
+    labels: Sequence[Label],
+    chips: tuple[int, ...],
+    *,
+    place_spread: float,
+    force_spread: float,
+    loops: Loops | None = None,
 ) -> LabelledTouches:
     """The labels that can be used, with the signals of these chips alone; `ArgumentError` if none.
 
-    Spreads are standard deviations of their places, m, and forces, N, along each axis.
+    Spreads are standard deviations of their places, m, and forces, N, along each axis; loops are
+    those of all chips that were undone.
     """
     good = [label for label in labels if label.status is None]
     if not good:
@@ -103,4 +141,5 @@ def labelled_touches(
         force_spread=force_spread,
         # A change is what one touch left less what the one before had.
         left=float(np.sqrt(np.mean(np.square(left)) / 2)) if left else 0.0,
+        loops=loops and loops.of_signals([3 * chip + axis for chip in chips for axis in range(3)]),
     )

@@ -25,6 +25,7 @@ from smoskin.sensing.response.basis import TouchBasis, touch_arrays
 from smoskin.sensing.response.pairs import mutual_drags
 from smoskin.sensing.response.point import PointTable
 from smoskin.sensing.response.warp import PlaceWarp
+from smoskin.sensing.signals.loops import Loops
 
 _FILE: Final = TensorFile("a response table", RESPONSE_TABLE, 4, older=(2, 3))
 _HALVES: Final = ("modes", "grip_modes")
@@ -99,6 +100,8 @@ class ResponseTable:
     """(K, W): change of the warp with each of the modes; none by default."""
     residue: float = 0.0
     """h: what a touch leaves in the signals once it is gone, as a share of a newton's."""
+    loops: Loops | None = None
+    """Hysteresis of the signals; by default none is known."""
     origin: Mapping[str, Any] = field(default_factory=dict)
     """How the table was made, in plain values: version of the package, effort, seed."""
 
@@ -107,6 +110,10 @@ class ResponseTable:
         warps = len(self.contact.spread)
         if not self.chips or not 0 < self.forces[0] < self.forces[1]:
             raise ModelError("response table: must have chips and rising positive forces")
+        if self.loops is not None and len(self.loops.reach) != count:
+            raise ModelError(
+                f"response table: loops must be of its {count} signals; got {len(self.loops.reach)}"
+            )
         freeze_model(
             self,
             "response table",
@@ -229,6 +236,7 @@ class ResponseTable:
             curvature=self.curvature[places],
             misfit=self.misfit[np.ix_(at, at)],
             pair_misfit=self.pair_misfit[np.ix_(at, at)],
+            loops=self.loops and self.loops.of_signals(at),
         )
 
     def moved(self, weights: Floats) -> "ResponseTable":
@@ -293,6 +301,7 @@ class ResponseTable:
             "forces_N": list(self.forces),
             "softening_per_K": self.softening,
             "residue": self.residue,
+            "loops": self.loops and self.loops.as_json(),
             "radius_m": self.basis.radius,
             "signals": "x, y, z of each chip in turn, in the skin's axes, T, less the rest field",
             "steps": steps,
@@ -348,6 +357,7 @@ def _table(arrays: dict[str, Any], header: dict[str, Any]) -> ResponseTable:
         forces=(low, high),
         softening=float(header["softening_per_K"]),
         residue=float(header.get("residue", 0.0)),
+        loops=Loops.from_json(header.get("loops")),
         origin=header.get("origin", {}),
         **{name: array for name, array in arrays.items() if name in (*_TENSORS, *_WARPS)},
     )

@@ -20,6 +20,7 @@ from smoskin.mechanics.viscoelasticity import Prony, elastomer_prony
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator
+from smoskin.sensing.signals.loops import Loops
 from smoskin.sensing.signals.signals import LET_GO, Signals, signal_noise
 from smoskin.sensing.signals.zero import IdleNoise, IdleTest, ZeroTracking
 
@@ -58,6 +59,8 @@ class SignalEstimator(Estimator):
         Whether the correction holds the zero; else it is `NOT_CALIBRATED` until `zero`.
     left : Floats, shape (C, C), optional
         Covariance of what a touch leaves in the signals, T^2; by default nothing.
+    loops : Loops, optional
+        Hysteresis of the signals, which is undone.
 
     Raises
     ------
@@ -78,6 +81,7 @@ class SignalEstimator(Estimator):
         most: float = math.inf,
         zeroed: bool = False,
         left: Floats | None = None,
+        loops: Loops | None = None,
     ) -> None:
         self.design = design
         self.creep = elastomer_prony(design.columns.material) if creep is None else creep
@@ -98,6 +102,7 @@ class SignalEstimator(Estimator):
             zeroed=zeroed,
             chips=chips,
             left=left,
+            loops=loops,
         )
 
     def _forget(self) -> None:

@@ -22,6 +22,7 @@ from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.origami.geometry import geometry
 from smoskin.records import Reading, Status
 from smoskin.sensing.signals.guards import PLAUSIBLE, ChipGuard, Clock, check_chips
+from smoskin.sensing.signals.loops import Loops, Unlooping, no_loops
 from smoskin.sensing.signals.settling import Settling
 from smoskin.sensing.signals.turning import turning
 from smoskin.sensing.signals.zero import IdleTest, Zero, ZeroTracking
@@ -107,6 +108,8 @@ class Signals:
         Chips whose zero is followed, all by default; the others' stays.
     left : Floats, shape (C, C), optional
         Covariance of what a touch leaves in their signals, T^2.
+    loops : Loops, optional
+        Hysteresis of their signals, which is undone.
     """
 
     def __init__(
@@ -120,6 +123,7 @@ class Signals:
         zeroed: bool = True,
         chips: Sequence[int] | None = None,
         left: Floats | None = None,
+        loops: Loops | None = None,
     ) -> None:
         self.rest_field = rest_field(design)
         """Field of each untouched chip's own magnet, (S, 3), T."""
@@ -140,7 +144,9 @@ class Signals:
         self.noise = signal_noise(design, self._chips) / prompt**2
         """Covariance N of these chips' signals untouched, (C, C), T^2: undoing creep raises what
         changes from reading to reading by what is missing of a prompt answer."""
-        self._turning, self._left = turning(design, self._chips), left
+        self._turning = turning(design, self._chips)
+        self._left = np.zeros_like(self.noise) if left is None else left
+        self._unlooping = Unlooping(loops or no_loops(len(self.noise)))
         self.reset()
 
     @property
@@ -167,7 +173,8 @@ class Signals:
         """Whether the zero is known."""
         self.taken = False
         """Whether the zero was taken from readings of this skin."""
-        self._before: tuple[Floats, Zero, bool, bool] | None = None
+        self._before: tuple[Floats, Zero, bool, bool, Floats] | None = None
+        self._unlooping.reset()
         self._begin(np.zeros_like(self.rest_field))
 
     def zero(self, readings: Sequence[Reading], *, force: bool = False) -> None:
@@ -191,7 +198,9 @@ class Signals:
                     "readings must be near the design's rest field, each chip over its own magnet; "
                     f"got chips off by {np.abs(mean).max(axis=1) * 1e3} mT"
                 )
-        self._before = self._untouched, self._zero, self.zeroed, self.taken
+        left = self._unlooping.offset
+        self._before = self._untouched, self._zero, self.zeroed, self.taken, left
+        self._unlooping.zero()
         self._begin(mean)
         self.zeroed = self.taken = True
 
@@ -199,7 +208,8 @@ class Signals:
         """Return to the zero before the last; `ArgumentError` if there is none."""
         if self._before is None:
             raise ArgumentError("zero must have been set, once for each time it is taken back")
-        self._untouched, self._zero, self.zeroed, self.taken = self._before
+        self._untouched, self._zero, self.zeroed, self.taken, left = self._before
+        self._unlooping.offset = left
         self._before = None
         self._rest()
 
@@ -225,7 +235,10 @@ class Signals:
         raised = self._settled(reading.time, self._own_field(reading) - self._untouched)
         status: Status | None = Status.NOT_CALIBRATED
         if self.zeroed:
+            self._zero.left = self._left + np.diag(self._unlooping.variance)
             idle = self._zero.step(reading.time, raised[self._chips].ravel())
+            if idle:
+                self._unlooping.rest()
             if self._zero.believed:
                 status = Status.NO_CONTACT if idle else None
         return Signal(self._less_zero(raised), self._thermometer.rubber, status)
@@ -275,13 +288,16 @@ class Signals:
             raise ArgumentError(f"{LET_GO}; got readings that move by {_rms(flat):.3g} uT")
 
     def _settled(self, time: float, raised: Floats) -> Floats:
-        """Signals of motions as if fields were linear in them, with creep undone."""
+        """Signals of motions as if fields were linear in them, creep and hysteresis undone."""
         straight = self._bend.straightened(raised)
-        if self._settling is None:
-            return straight
-        elapsed = max(time - self._settled_time, 0.0)
-        self._settled_time = time
-        return self._settling.step(elapsed, straight)
+        if self._settling is not None:
+            elapsed = max(time - self._settled_time, 0.0)
+            self._settled_time = time
+            straight = self._settling.step(elapsed, straight)
+        elastic = straight.copy()
+        used = self._unlooping.step(straight[self._chips].ravel())
+        elastic[self._chips] = used.reshape(-1, 3)
+        return elastic
 
     def _less_zero(self, straight: Floats) -> Floats:
         """Signals (S, 3), T, of straight ones less the zero: motions add up, fields do not."""

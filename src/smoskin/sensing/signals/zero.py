@@ -211,7 +211,8 @@ class Zero:
         """Whether it has stayed within its bound."""
         self._idle: IdleTest = idle or _never
         self._noise, self._turning = noise, turning
-        self._left = np.zeros_like(noise) if left is None else left
+        self.left = np.zeros_like(noise) if left is None else left
+        """Covariance L of what a touch leaves, T^2."""
         bound = tracking.drift_bound**2 * np.eye(len(noise))
         if turning is not None:
             bound = bound + _FARTHEST**2 * turning.whole
@@ -230,7 +231,7 @@ class Zero:
     def covariance(self) -> Floats:
         """Covariance P of the zero, and of what a touch has left, (C, C), T^2."""
         zero = self._spread.zero
-        return zero + self._left if self._touched else zero
+        return zero + self.left if self._touched else zero
 
     def rest(self) -> None:
         """Forget when readings came, as their clock starts again; the zero stays."""
@@ -352,7 +353,7 @@ class Zero:
         fading = math.exp(min(elapsed / self.tracking.time_constant, _LONG))
         zero, mixed, speed = (fading * part for part in self._spread)
         if self._touched:
-            zero = zero + self._left
+            zero = zero + self.left
         both = np.concatenate([zero, mixed], axis=1)
         gains = np.linalg.solve(zero + self._noise, both).T
         of_zero, of_speed = gains[: len(zero)], gains[len(zero) :]

@@ -35,17 +35,24 @@ class Hysteresis(Effect):
 
     def history(self, twin: Twin, rng: np.random.Generator) -> History:
         """As `Effect.history`."""
-        return Loops(_ranges(twin), self.weight, self.plays)
+        return Loops(_ranges(twin), self.weight, self.plays, rng)
 
 
 class Loops:
-    """Plays of a motion's components, from rest.
+    """Plays of a motion's components, of a skin with a past: at first they are anywhere.
 
-    `ranges` are components' largest motions under a newton, one state. It raises an
+    `ranges` are components' largest motions under a newton, one state; without a generator the skin
+    is new, and its plays are at rest. It raises an
     `ArgumentError` if weights sum to 1 or more, or one or a play is negative.
     """
 
-    def __init__(self, ranges: Motion, weight: float, plays: tuple[float, ...]) -> None:
+    def __init__(
+        self,
+        ranges: Motion,
+        weight: float,
+        plays: tuple[float, ...],
+        rng: np.random.Generator | None = None,
+    ) -> None:
         if not (0.0 <= weight * len(plays) < 1.0 and min(plays, default=0.0) >= 0.0):
             raise ArgumentError(
                 "weight and plays must be >= 0 with a sum of weights below 1; got "
@@ -54,6 +61,8 @@ class Loops:
         self._weight, self._shape = weight, ranges.magnets.shape
         self._reach = np.array(plays)[:, None] * _flat(ranges)
         self._plays = np.zeros_like(self._reach)
+        if rng is not None:
+            self._plays = self._reach * rng.uniform(-1, 1, self._reach.shape)
 
     def steps(self, times: Floats, motion: Motion) -> Motion:
         """As `History.steps`; where a motion is invalid its plays stay."""

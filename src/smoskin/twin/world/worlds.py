@@ -16,6 +16,8 @@ PLAIN: Final = World(name="plain")
 _HARD: Final[dict[str, Effect]] = {
     "contact": Contact(),
     "fingers": Fingers(),
+    "gravity": Gravity(),
+    # A crease remembers what moved it, touch or weight.
     "hysteresis": Hysteresis(),
     "debonded": Debonded(),
     "glue": Glue(),
@@ -23,7 +25,6 @@ _HARD: Final[dict[str, Effect]] = {
     "earth": Earth(),
     "motor": Motor(),
     "steel": Steel(),
-    "gravity": Gravity(),
     "warmth": Warmth(),
     "arrival": Arrival(),
 }

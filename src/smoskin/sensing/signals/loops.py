@@ -1,0 +1,192 @@
+"""Hysteresis undone: from what a skin that remembers its touches reads to the elastic answer.
+
+Decides how loops are learned from what touches leave behind, and how they are followed from
+reading to reading. Hides the plays.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from smoskin.arrays import Floats, floats, freeze
+from smoskin.errors import ArgumentError
+
+PLAYS: Final = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
+"""Plays that are learned, as shares of a signal's reach."""
+_MOST: Final = 0.4
+"""Sum of weights from which loops are too wide to be undone."""
+_FIXED_POINTS: Final = 20
+"""Steps of the fixed point, each of which leaves at most two thirds of an error."""
+_ROUNDS: Final = 3
+"""Rounds in which weights and elastic answers are found from each other."""
+_STARTS: Final = (-0.8, -0.4, 0.0, 0.4, 0.8)
+"""Starts of plays that are followed, as shares of their reach."""
+_FINE: Final = 1e-9
+"""Change of a signal, T, at which the fixed point ends."""
+_FAINT: Final = 1e-3
+"""Share of a signal's reach that counts as noise of what a touch leaves."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Loops:
+    """Hysteresis of C signals by K plays, the discrete Prandtl-Ishlinskii operator.
+
+    A signal reads ``y = (1 - sum_k w_k) x + sum_k w_k P_k[x]`` of the elastic x, with plays
+    ``P_k(t) = max(x - r_k, min(x + r_k, P_k(t-)))`` and r_k a share of the signal's reach
+    ("Loops" in `docs/derivations.md`).
+
+    Raises
+    ------
+    ArgumentError
+        If weights are negative or sum to 0.4 or more, or a reach is not positive.
+    """
+
+    weights: Floats
+    """w_k, (K,)."""
+    plays: Floats
+    """r_k as shares of the reach, (K,)."""
+    reach: Floats
+    """Largest signals, (C,), T."""
+
+    def __post_init__(self) -> None:
+        freeze(self, weights=(None,), reach=(None,))
+        freeze(self, plays=(len(self.weights),))
+        if not (self.weights >= 0).all() or not self.weights.sum() < _MOST:
+            raise ArgumentError(
+                f"weights must be >= 0 with a sum below {_MOST:g}; got {self.weights.tolist()}"
+            )
+        for name in ("plays", "reach"):
+            if not (getattr(self, name) > 0).all():
+                raise ArgumentError(f"{name} must be positive; got {getattr(self, name).tolist()}")
+
+    def as_json(self) -> dict[str, list[float]]:
+        """Plain values, `reach` in T."""
+        return {name: getattr(self, name).tolist() for name in ("weights", "plays", "reach")}
+
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any] | None) -> "Loops | None":
+        """The loops of plain values, None of none."""
+        if values is None:
+            return None
+        return cls(weights=values["weights"], plays=values["plays"], reach=values["reach"])
+
+    def of_signals(self, at: list[int]) -> "Loops":
+        """The loops of these signals alone."""
+        return Loops(weights=self.weights, plays=self.plays, reach=self.reach[at])
+
+
+def no_loops(signals: int) -> Loops:
+    """A skin that remembers nothing, of so many signals."""
+    return Loops(weights=np.zeros(0), plays=np.zeros(0), reach=np.ones(signals))
+
+
+class Unlooping:
+    """Undoes hysteresis, one reading after the other, from a skin whose past is unknown.
+
+    A play may have begun anywhere: some that did are followed, until touches have moved them
+    together.
+
+    Examples
+    --------
+    >>> loops = Loops(weights=[0.1], plays=[0.2], reach=[1.0])
+    >>> skin = Unlooping(loops)
+    >>> [round(float(skin.step(np.array([y]))[0]), 6) for y in (0.98, 0.02)]
+    [1.0, 0.0]
+    """
+
+    def __init__(self, loops: Loops) -> None:
+        used = loops.weights > 0
+        self._weights = loops.weights[used, None]
+        self._elastic = 1 - float(loops.weights.sum())
+        self._reach = loops.plays[used, None] * loops.reach
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all touches."""
+        self._plays = np.multiply.outer(_STARTS, self._reach)
+        self.zero()
+
+    def zero(self) -> None:
+        """Take signals against what the skin reads now, untouched, from here on."""
+        self.offset = self._mean(np.clip(self._plays, -self._reach, self._reach))
+        """What touches had left in the signals then, (C,), T."""
+        self.rest()
+
+    def rest(self) -> None:
+        """Take what is unknown now for part of the zero."""
+        self._rest = self._plays
+
+    @property
+    def variance(self) -> Floats:
+        """Variance of elastic signals for what was unknown at the last rest, (C,), T^2."""
+        moved = self._plays - self._rest
+        return np.asarray((self._weights**2 * moved.var(axis=0)).sum(axis=0))
+
+    def step(self, read: Floats) -> Floats:
+        """Elastic signals (C,), T, behind those that are read."""
+        if not len(self._weights):
+            return read
+        read = read + self.offset
+        elastic = read
+        for _ in range(_FIXED_POINTS):
+            mean = self._mean(self._moved(elastic))
+            last, elastic = elastic, (read - mean) / self._elastic
+            if np.abs(elastic - last).max() < _FINE:
+                break
+        self._plays = self._moved(elastic)
+        return np.asarray(elastic)
+
+    def _moved(self, elastic: Floats) -> Floats:
+        """Plays that elastic signals (C,) take along."""
+        return np.minimum(np.maximum(self._plays, elastic - self._reach), elastic + self._reach)
+
+    def _mean(self, plays: Floats) -> Floats:
+        """Mean of sum_k w_k P_k over all that may be, (C,)."""
+        return np.asarray((self._weights * plays.mean(axis=0)).sum(axis=0))
+
+
+def learn_loops(rests: Floats, held: Floats, noise: Floats) -> Loops:
+    """The loops that explain what touches of one skin left behind.
+
+    Parameters
+    ----------
+    rests, held : Floats, shape (N, C)
+        Signals just before each touch and under it, T, touch after touch; freed of curvature and
+        creep.
+    noise : Floats, shape (C,)
+        Standard deviation of the rests' noise, T.
+
+    Notes
+    -----
+    At rest x = 0, so what is left is ``sum_k w_k P_k``, linear in the weights once the plays are
+    known; these follow from the touches' x, which are found with the weights before.
+    """
+    # Here, so that whoever only imports the package does not wait for it.
+    from scipy.optimize import nnls
+
+    rests, held = floats("rests", rests, (None,)), floats("held", held, (None,))
+    plays, reach = np.array(PLAYS), np.abs(held).max(axis=0)
+    rest_spread = np.hypot(noise, _FAINT * reach)
+    widths = plays[:, None] * reach
+    changes = (np.diff(rests, axis=0) / rest_spread).ravel()
+    weights, elastic = np.zeros(len(plays)), held
+    for _ in range(_ROUNDS):
+        state, left = np.zeros_like(widths), []
+        for touch in elastic:
+            state = np.clip(np.clip(state, touch - widths, touch + widths), -widths, widths)
+            left.append(state)
+        before = np.diff([np.zeros_like(widths), *left[:-1]], axis=0) / rest_spread
+        weights = nnls(np.swapaxes(before, 1, 2).reshape(-1, len(plays)), changes)[0]
+        weights *= min(1.0, 0.99 * _MOST / max(weights.sum(), 1e-12))
+        loops = Loops(weights=weights, plays=plays, reach=reach)
+        elastic = elastic_signals(loops, rests, held)[1]
+    return loops
+
+
+def elastic_signals(loops: Loops, rests: Floats, held: Floats) -> tuple[Floats, Floats]:
+    """Elastic signals (N, C), T, behind those at rest before each touch and under it."""
+    skin = Unlooping(loops)
+    found = [(skin.step(rest), skin.step(touch)) for rest, touch in zip(rests, held, strict=True)]
+    return np.array([one for one, _ in found]), np.array([other for _, other in found])
