@@ -1,0 +1,110 @@
+"""Real recordings by the doors of boards: an AnySkin's wire, and touches by hand to learn from."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from boards import Line
+from smoskin.hardware.serial import SerialSource
+from smoskin.hardware.wire.foreign import AnySkinDecoder, anyskin_frame
+from smoskin.measurement import TouchTable
+from smoskin.records import Estimate, Reading, Status
+from smoskin.sensing.learned.gaussian_process import LearnedEstimator, Output
+from smoskin.sensing.learned.inputs import Encoding, Form, Past
+from smoskin.sensing.learned.touches import learn_touches
+from smoskin.sensing.learned.training import Examples, FittingEffort, train_model
+from studies.recordings.eflesh import ProbeRun, read_eflesh
+
+LITTLE = FittingEffort(rows=400, evidence_rows=150, iterations=8)
+ROWS = 400
+"""Readings of a recording that are sent."""
+
+
+def estimator_of(run: ProbeRun, *, force: bool) -> tuple[LearnedEstimator, list[Reading]]:
+    """An estimator trained roughly on a run, and the run's first readings."""
+    zero = (run.field - run.field_rezeroed)[0]
+    chips = tuple(range(run.field.shape[1]))
+    lags: dict[str, object] = {"time_constants": (3.0, 20.0), "past": Past.STRENGTH}
+    examples = Examples(
+        time=run.time - run.time[0],
+        field=run.field - zero,
+        targets=-run.load[:, None] if force else run.position[:, :2],
+        outputs=(Output.FZ,) if force else (Output.X, Output.Y),
+        group=np.arange(len(run.time)) // 20,
+        run=np.zeros(len(run.time), dtype=int),
+    )
+    encoding = Encoding(chips=chips, form=Form.DIRECTION, **(lags if force else {}))
+    model = train_model(examples, encoding, effort=LITTLE)
+    warmth = np.full(len(chips), 25.0)
+    readings = [
+        Reading(time=time - run.time[0], field=field, temperature=warmth)
+        for time, field in zip(run.time[:ROWS], run.field[:ROWS], strict=True)
+    ]
+    return LearnedEstimator(model, zero), readings
+
+
+def estimates(estimator: LearnedEstimator, readings: list[Reading]) -> list[Estimate]:
+    estimator.reset()
+    return [estimator.step(reading) for reading in readings]
+
+
+def frames(readings: list[Reading]) -> list[bytes]:
+    return [anyskin_frame(reading.field, reading.temperature) for reading in readings]
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_estimates_are_the_same_to_the_bit(recordings: Path, force: bool) -> None:
+    wanted_set = "normal_force" if force else "spatial_resolution"
+    run = next(run for run in read_eflesh(recordings) if run.set == wanted_set)
+    estimator, readings = estimator_of(run, force=force)
+    decoder = AnySkinDecoder(run.field.shape[1])
+    packets = [packet for frame in frames(readings) for packet in decoder.feed(frame)]
+    assert (len(packets), decoder.corrupt) == (len(readings), 0)
+    wired = [
+        replace(reading, field=packet.field, temperature=packet.temperature, flags=packet.flags)
+        for reading, packet in zip(readings, packets, strict=True)
+    ]
+    batch = estimates(estimator, readings)
+    assert sum(estimate.status is Status.CONTACT for estimate in batch) > ROWS / 4
+    for one, other in zip(batch, estimates(estimator, wired), strict=True):
+        assert one == other
+
+
+def test_estimates_over_a_port_are_the_same_places(recordings: Path) -> None:
+    pytest.importorskip("serial")
+    run = next(run for run in read_eflesh(recordings) if run.set == "spatial_resolution")
+    estimator, readings = estimator_of(run, force=False)
+    with Line() as line, SerialSource(line.port, format="anyskin") as source:
+        wired = []
+        for frame in frames(readings):
+            line.send(frame)
+            reading = source.read(10.0)
+            assert reading is not None
+            wired.append(reading)
+    batch = estimates(estimator, readings)
+    for one, other in zip(batch, estimates(estimator, wired), strict=True):
+        assert one.status is other.status
+        for here, there in zip(one.contacts, other.contacts, strict=True):
+            np.testing.assert_array_equal(here.position, there.position)
+
+
+@pytest.mark.slow
+def test_a_sheet_of_recorded_touches_is_learned_as_well_as_the_recording(recordings: Path) -> None:
+    run = next(run for run in read_eflesh(recordings) if run.set == "spatial_resolution")
+    idle, nowhere = run.field - run.field_rezeroed, np.full((len(run.time), 2), np.nan)
+
+    def turns(rest: np.ndarray, touch: np.ndarray) -> np.ndarray:
+        """Rows of the rests, each with that of its touch behind it."""
+        return np.stack([rest, touch], axis=1).reshape(-1, *rest.shape[1:])
+
+    force = np.tile([0.0, 0.0, -1.0], (len(run.time), 1))
+    table = TouchTable(
+        position=turns(nowhere, run.position[:, :2]),
+        force=turns(0.0 * force, force),
+        field=turns(idle, run.field),
+    )
+    figures = {metric.name: metric.value for metric in learn_touches([table]).metrics}
+    assert figures["mean_error"] < 0.4e-3
+    assert 0.85 < figures["inside_90_percent_region"] < 0.95
