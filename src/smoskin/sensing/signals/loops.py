@@ -25,6 +25,8 @@ _STARTS: Final = (-0.8, -0.4, 0.0, 0.4, 0.8)
 """Starts of plays that are followed, as shares of their reach."""
 _FINE: Final = 1e-9
 """Change of a signal, T, at which the fixed point ends."""
+_CHANCE: Final = 1e-3
+"""Chance to take noise for loops."""
 _FAINT: Final = 1e-3
 """Share of a signal's reach that counts as noise of what a touch leaves."""
 
@@ -161,10 +163,12 @@ def learn_loops(rests: Floats, held: Floats, noise: Floats) -> Loops:
     Notes
     -----
     At rest x = 0, so what is left is ``sum_k w_k P_k``, linear in the weights once the plays are
-    known; these follow from the touches' x, which are found with the weights before.
+    known; these follow from the touches' x, which are found with the weights before. Weights that
+    explain no more than noise might are none.
     """
     # Here, so that whoever only imports the package does not wait for it.
     from scipy.optimize import nnls
+    from scipy.stats import chi2
 
     rests, held = floats("rests", rests, (None,)), floats("held", held, (None,))
     plays, reach = np.array(PLAYS), np.abs(held).max(axis=0)
@@ -178,7 +182,10 @@ def learn_loops(rests: Floats, held: Floats, noise: Floats) -> Loops:
             state = np.clip(np.clip(state, touch - widths, touch + widths), -widths, widths)
             left.append(state)
         before = np.diff([np.zeros_like(widths), *left[:-1]], axis=0) / rest_spread
-        weights = nnls(np.swapaxes(before, 1, 2).reshape(-1, len(plays)), changes)[0]
+        weights, misfit = nnls(np.swapaxes(before, 1, 2).reshape(-1, len(plays)), changes)
+        explained = float(changes @ changes) / max(misfit**2, 1e-300) - 1
+        if explained * len(changes) < chi2.isf(_CHANCE, len(plays)):
+            weights = np.zeros(len(plays))
         weights *= min(1.0, 0.99 * _MOST / max(weights.sum(), 1e-12))
         loops = Loops(weights=weights, plays=plays, reach=reach)
         elastic = elastic_signals(loops, rests, held)[1]
