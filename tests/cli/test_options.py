@@ -36,7 +36,7 @@ USUAL = {
     "record": {"plan": "plan.csv", "out": "touches.csv"},
     "run": {"source": "twin://planar", "zero": True, "port": 0},
     "score": {
-        "skins": 2, "touches": 60, "drag": 0.0, "pairs": 40, "seed": 1, "world": "plain",
+        "skins": 2, "touches": 60, "drag": 0.0, "pairs": 40, "seed": 1, "world": "hard",
     },
     "simulate": {"temperature": 25.0, "mechanics": "whole", "seed": 0},
     "sweep": {"kind": "grid", "temperature": "25", "skins": 0, "mechanics": "whole", "seed": 0},

@@ -199,19 +199,19 @@ def test_an_estimator_is_judged_as_asked(monkeypatch):
     assert done.stderr.endswith("well met\n")
     usual = {
         "skins": range(1, 3), "touches": 60, "count": None, "places": None, "chips": None,
-        "drag": 0.0, "pairs": 40, "world": "plain", "effect": None, "out": None,
+        "drag": 0.0, "pairs": 40, "world": "hard", "effect": None, "out": None,
     }  # fmt: skip
     assert judge.tells
     assert (judge.asked[0], judge.asked[1].name) == (Path("a.table"), "planar")
     assert {name: judge.options[name] for name in usual} == usual
     some = "--design optimised --skins 3 --touches 15 --places 5x7 --count 9 --drag 0.2 --pairs 0"
-    more = "--chips 0,2 --seed 8 --world hard --effect hysteresis --out judged"
+    more = "--chips 0,2 --seed 8 --world plain --effect hysteresis --out judged"
     sheet.met = False
     done = invoke("score", "a.table", *some.split(), *more.split())
     assert (done.exit_code, done.stdout) == (1, "judged/score.json\n"), done.output
     usual |= {
         "skins": range(8, 11), "touches": 15, "count": 9, "places": (5, 7), "drag": 0.2, "pairs": 0,
-        "world": "hard", "effect": "hysteresis", "out": Path("judged"),
+        "world": "plain", "effect": "hysteresis", "out": Path("judged"),
     }  # fmt: skip
     assert judge.asked[1].name == "optimised"
     assert list(judge.options["chips"]) == [0, 2]

@@ -350,8 +350,9 @@ def test_the_exit_code_is_1_where_a_target_is_missed(skin, sheet, tmp_path, monk
     assert run(True).exit_code == 0
     assert asked["out"] is None
     assert asked["skins"] == range(1, 3)
-    assert (asked["world"], asked["effect"]) == ("plain", None)
-    assert run(True, "--world", "hard").exit_code == 0
+    assert (asked["world"], asked["effect"]) == ("hard", None)
+    assert run(True, "--world", "plain").exit_code == 0
+    assert asked["world"] == "plain"
     assert run(True, "--effect", "earth").exit_code == 0
     assert asked["effect"] == "earth"
     assert run(False).exit_code == 1
@@ -370,6 +371,26 @@ def test_targets_are_met_up_to_their_ends():
     assert [Target("b", "", x, None, 1.2).met for x in (-5.0, 1.2, 1.21)] == [True, True, False]
 
 
+def test_targets_are_those_of_the_world(sheet):
+    """Asked of three chips and of two, and bounds of the plain world alone."""
+    plain = {target.name: (target.least, target.most) for target in sheet.targets()}
+    assert plain["mean error of place"] == (None, pytest.approx(1.2))
+    assert plain["mean error of normal force"] == (None, 5)
+    assert plain["told as one touch"] == plain["told as none"] == (97, 100)
+    exam = replace(sheet.exam, world=HARD)
+    for chips, most in (((0, 1, 2), 1.0), ((1, 2), 1.3)):
+        hard = replace(sheet, exam=exam, chips=chips).targets()
+        asked = {target.name: (target.least, target.most) for target in hard}
+        assert asked["mean error of place"] == (None, pytest.approx(most))
+        assert asked["mean error of normal force"] == (None, 3)
+        assert asked["dragged: mean error of place"] == (None, pytest.approx(1.5))
+        assert asked["told as one touch"] == asked["told as none"] == (99, 100)
+        assert asked["90 % regions hold"] == plain["90 % regions hold"] == (85, 95)
+        assert not any("over" in name for name in asked)
+    dragged = next(target for target in hard if target.name == "dragged: mean error of place")
+    assert dragged.reached == 1e3 * sheet.case("dragged").headline.location.mean
+
+
 def test_what_is_scored_may_be_a_model_or_any_estimator(skin, planar, monkeypatch):
     exams = []
     monkeypatch.setattr(
@@ -380,9 +401,11 @@ def test_what_is_scored_may_be_a_model_or_any_estimator(skin, planar, monkeypatc
     score(ClosedFormEstimator(skin), skin, skins=[4, 9], places=(5, 7), drag=0.3, pairs=2)
     score(reduced_table(planar), touches=0, chips=[1, 2], count=7, effect="earth")
     (_, first, usual), (_, second, other), (design, third, last) = exams
-    assert (usual.world, usual.contact) == (PLAIN, None)
+    assert (usual.world, usual.contact) == (HARD, None)
     assert last.world == world_of(effect="earth")
-    score(ClosedFormEstimator(skin), skin, world="hard", contact=CoverPanels())
+    score(ClosedFormEstimator(skin), skin, world="plain")
+    assert exams[-1][2].world == PLAIN
+    score(ClosedFormEstimator(skin), skin, contact=CoverPanels())
     hard = exams[-1][2]
     assert (hard.world, hard.contact) == (HARD, CoverPanels())
     told = hard.as_json()
@@ -390,7 +413,7 @@ def test_what_is_scored_may_be_a_model_or_any_estimator(skin, planar, monkeypatc
     with pytest.raises(ArgumentError, match="world must be one of plain, hard; got 'soft'"):
         score(ClosedFormEstimator(skin), skin, world="soft")
     assert (first.kind, first.chips) == ("network", (1, 2))
-    assert usual == Exam(skins=(1, 2, 3, 4, 5), pairs=0)
+    assert usual == Exam(skins=(1, 2, 3, 4, 5), pairs=0, world=HARD)
     assert (usual.touches, usual.count, usual.places, usual.drag) == (60, 200, (25, 33), 0.0)
     assert (second.kind, second.chips) == ("calibration", (0, 1, 2))
     assert (other.skins, other.places, other.count, other.pairs) == ((4, 9), (5, 7), None, 2)
@@ -418,6 +441,7 @@ def test_a_table_is_scored_on_made_skins(planar, tmp_path):
     small = Effort(presses=3700, pairs=200, skins=6, draws=2, presses_a_skin=200)
     make_table(planar, small).save(tmp_path / "table")
     asked = {"skins": (1,), "touches": 30, "count": 8, "pairs": 2, "chips": (1, 2)}
+    asked["world"] = "plain"
     sheets = [score(tmp_path / "table", planar, **asked, out=tmp_path / k) for k in "ab"]
     texts = [(tmp_path / k / "score.json").read_bytes() for k in "ab"]
     assert texts[0] == texts[1]

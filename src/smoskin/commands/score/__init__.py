@@ -63,7 +63,7 @@ def score(
     chips: Sequence[int] | None = None,
     drag: float = 0.0,
     pairs: int = 0,
-    world: str | World = "plain",
+    world: str | World = "hard",
     effect: str | None = None,
     contact: ContactLaw | None = None,
     out: Path | None = None,
@@ -83,8 +83,8 @@ def score(
         Places that are pressed with each force; by default 200 of a grid of 25 x 33, or all
         `places`.
     world : str or World
-        World in which skins are made, calibrated and pressed: `plain`, the twin's own assumptions;
-        `hard`, with all that those leave out; or one of your own.
+        World in which skins are made, calibrated and pressed: `hard`, with all that the twin's own
+        assumptions leave out; `plain`, without; or one of your own.
     effect : str, optional
         A world of this effect alone.
     contact : ContactLaw, optional
