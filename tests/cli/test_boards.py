@@ -98,6 +98,44 @@ def test_touches_are_recorded_as_planned_and_kept_after_each(monkeypatch, folder
     assert again.exit_code != 0
 
 
+def test_a_rig_makes_a_plan_and_goes_on_with_what_it_has_made(monkeypatch, folder):
+    import smoskin.cli.calibration as commands
+    import smoskin.service.campaign as campaign
+
+    rigs, given = [], []
+
+    class Rig:
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            rigs.append("closed")
+
+    def opened(name, design):
+        rigs.extend([name, design.name])
+        return Rig()
+
+    def press(rig, plan, *, made, keep, progress):
+        assert isinstance(rig, Rig)
+        given.append((len(plan.contacts), None if made is None else len(made.contacts)))
+        progress("touch 1 of 3", 0.0)
+        done = touches(2 if made is None else 3)
+        keep(done)
+        return done
+
+    monkeypatch.setattr(commands, "open_rig", opened)
+    monkeypatch.setattr(campaign, "press_plan", press)
+    write_touches(folder / "plan.csv", touches(3))
+    words = ("touches", "press", "optimised", "--rig", "virtual?seed=3", "--out", "made.csv")
+    for count in (2, 3):
+        done = invoke(*words)
+        assert done.exit_code == 0, done.output
+        assert done.stdout == f"{count} touches in made.csv\n"
+        assert done.stderr.endswith("Now: smoskin learn made.csv --out own.model\n")
+    assert given == [(3, None), (3, 2)]
+    assert rigs == 2 * ["virtual?seed=3", "optimised", "closed"]
+
+
 @pytest.mark.parametrize("recording", [None, "some.mcap"])
 def test_sheets_are_learned_as_asked(monkeypatch, folder, recording):
     import smoskin.sensing.learned.touches as work

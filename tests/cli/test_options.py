@@ -33,6 +33,7 @@ USUAL = {
         "count": 15, "force": 0.8, "drag": 0.0, "place_mm": 0.5, "force_mn": 10.0,
         "out": "touches.csv",
     },
+    "press": {"rig": "virtual", "plan": "plan.csv", "out": "touches.csv"},
     "record": {"plan": "plan.csv", "out": "touches.csv"},
     "run": {"source": "twin://planar", "zero": True, "port": 0},
     "score": {
@@ -140,8 +141,9 @@ def test_no_command_replaces_files_unless_it_is_forced(name):
     force = [option for option in options if "--force" in option.opts and option.is_flag]
     assert [option.default for option in force] == [False] * len(force)
     writes = {"--out", "--record"} & {text for option in options for text in option.opts}
-    # A simulation resumes what its folder holds; the demonstration refuses, and has no other way.
-    assert force or not writes or name in {"demo", "simulate"}
+    # A simulation and a rig's touches go on with what is there; the demonstration refuses, and has
+    # no other way.
+    assert force or not writes or name in {"demo", "press", "simulate"}
 
 
 def test_every_option_of_the_demonstration_reaches_it(monkeypatch, tmp_path):

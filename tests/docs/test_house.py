@@ -43,9 +43,9 @@ def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # silence; 1,500 are laws of contact and worlds to be judged in;
     # 180 keep time and show what is missed; 374 learn a skin's law of contact;
     # 3,000 lay sheets on surfaces, unfold them and judge what was found;
-    # 3,820 read chips and boards, look after them, learn from one's own touches, exchange tables;
+    # 3,990 read chips and boards, look after them, learn from one's own touches, exchange tables;
     # 280 follow the zero of a skin that turns; 280 learn and undo hysteresis.
-    assert sum(text.count("\n") for text in FILES.values()) <= 37_680
+    assert sum(text.count("\n") for text in FILES.values()) <= 37_850
 
 
 def test_no_file_has_over_450_lines():

@@ -246,6 +246,40 @@ def record_touches(
     typer.echo(f"Now: smoskin learn {out} --out own.model", err=True)
 
 
+@touches.command(
+    "press",
+    epilog=examples("touches press planar --rig 'virtual?seed=3' --plan plan.csv"),
+)
+def press_touches(
+    design: Design = "planar",
+    rig: Rig = "virtual",
+    plan: Annotated[Path, Option(help="Sheet of touches to make, of grid or plan.")] = Path(
+        "plan.csv"
+    ),
+    out: Annotated[
+        Path, Option(help="Sheet (CSV) to write, or to go on with.", dir_okay=False)
+    ] = Path("touches.csv"),
+) -> None:
+    """Let a rig make the touches of a plan, each once.
+
+    What has been made is in the file, at most five seconds late; the same command goes on with it,
+    whatever has interrupted it.
+    """
+    from smoskin.service.campaign import press_plan
+
+    wanted, made = read_touches(plan)[0], read_touches(out)[0] if out.exists() else None
+    if made is None:
+        check_output(out)
+
+    def keep(table: TouchTable) -> None:
+        write_touches(out, table)
+
+    with progress_bar() as bar, open_rig(rig, load_design(design)) as presser:
+        done = press_plan(presser, wanted, made=made, keep=keep, progress=bar)
+    typer.echo(f"{len(done.contacts)} touches in {out}")
+    typer.echo(f"Now: smoskin learn {out} --out own.model", err=True)
+
+
 @app.command("fit-paper", epilog=examples("fit-paper touches.csv --out calibration.toml"))
 def fit_paper(
     table: Annotated[Path, Argument(help="CSV of touches on the cells' top vertices.")],
