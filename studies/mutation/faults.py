@@ -1,8 +1,8 @@
 """Which faults a source file could carry: small changes, found on its syntax tree.
 
 Decides the kinds of faults and the places that cannot matter: docstrings, annotations, messages,
-arguments of decorators, and switches that only guard against misuse. Hides how a changed node is
-written back so that the rest of the file stays as it is.
+arguments of decorators, switches that only guard against misuse, and signs under squares and norms.
+Hides how a changed node is written back so that the rest of the file stays as it is.
 """
 
 import ast
@@ -68,6 +68,8 @@ _SYMMETRIC: Final = {
     *("add", "multiply", "minimum", "maximum", "min", "max", "hypot", "isclose", "suppress"),
 }
 """Functions whose arguments may be exchanged."""
+_EVEN: Final = {"norm", "abs", "fabs", "hypot", "square", "cos", "cosh"}
+"""Functions that give the same of a number and of its opposite."""
 _HARMLESS: Final = {
     *("strict", "encoding", "exist_ok", "help", "hint", "name"),
     *("dtype", "out", "optimize", "overwrite_a", "maxsize"),
@@ -197,6 +199,7 @@ def _compiles(source: str) -> bool:
 
 def _changes(tree: ast.AST, messages: bool) -> Iterator[tuple[Any, str, str]]:
     """Nodes, the kind of the change, and what is written in a node's place."""
+    even = {id(part) for node in ast.walk(tree) for part in _squared(node)}
     for node in _nodes(tree, messages):
         if isinstance(node, ast.stmt):
             yield from _statements(node)
@@ -205,8 +208,26 @@ def _changes(tree: ast.AST, messages: bool) -> Iterator[tuple[Any, str, str]]:
                 text = ast.unparse(changed)
                 if text == ast.unparse(node):  # exchanged arguments may be the same
                     continue
+                if id(node) in even and _is_opposite(node, kind):
+                    continue
                 plain = isinstance(changed, ast.Constant | ast.Name | ast.Attribute | ast.Call)
                 yield node, kind, text if plain else f"({text})"
+
+
+def _squared(node: ast.AST) -> list[ast.expr]:
+    """Expressions of which only the size counts here, to the last bit."""
+    match node:
+        case ast.BinOp(left=base, op=ast.Pow(), right=ast.Constant(value=2 | 4)):
+            return [base]
+        case ast.Call(func=ast.Attribute(attr=name) | ast.Name(id=name)) if name in _EVEN:
+            return node.args[: 2 if name == "hypot" else 1]
+    return []
+
+
+def _is_opposite(node: ast.expr, kind: str) -> bool:
+    """Whether a change of this kind gives the opposite of what an expression gave."""
+    difference = isinstance(node, ast.BinOp) and isinstance(node.op, ast.Sub)
+    return kind == "sign" or (kind == "exchange" and difference)
 
 
 def _nodes(node: ast.AST, messages: bool) -> Iterator[ast.AST]:

@@ -103,6 +103,19 @@ def test_a_change_that_changes_nothing_is_no_fault():
     assert "exchange" in changes("def grid(rows, columns):\n    return outer(rows, columns)\n")
 
 
+@pytest.mark.parametrize(
+    "source",
+    ["y = norm(a - b)", "y = np.linalg.norm(a - b, axis=1)", "y = (a - b) ** 2", "y = abs(a - b)"],
+)
+def test_a_sign_of_what_only_its_size_counts_is_no_fault(source):
+    every = {line for lines in changes(source).values() for line in lines}
+    assert not any("b - a" in line or "(-(a - b)))" in line for line in every)
+    assert any("a + b" in line for line in every)
+    for odd in ("norm(a, b - c)", "(a - b) ** 3", "(a - b) ** n", "sin(a - b)", "sum(a - b)"):
+        assert {"sign", "exchange"} <= set(changes(f"y = {odd}"))
+    assert "exchange" in changes("y = abs(a / b)")
+
+
 def test_messages_are_changed_where_asked():
     source = 'raise ValueError(f"must be {a}")'
     assert changes(source, messages=True)["message"] == {"raise ValueError('')"}
