@@ -68,6 +68,29 @@ def test_a_smoothstep_is_written_to_a_fiftieth_of_a_pitch(warp):
     assert np.abs(fitted - wanted).max() < 0.02 / 50
 
 
+@pytest.mark.parametrize("pitch", [0.02, 0.013])
+def test_skins_are_believed_to_warp_by_tenths_of_a_millimetre_and_half_a_lever(pitch):
+    """Spreads of loads among skins: 0.2 mm at vertices; a lever past them is half as sure as long;
+    between them harmonics of 8, 4 and 2 % of the pitch, and of each interval 2 % and a bow of 3 %.
+    """
+    vertices = 0.01 + pitch * np.arange(5)
+    warp = LineWarp(vertices)
+
+    def spread(x):
+        return np.sqrt(warp.functions(np.atleast_1d(x))[0] ** 2 @ warp.spread**2)
+
+    np.testing.assert_allclose(spread(vertices), 0.2e-3)
+    past = np.array([1e-3, 4e-3, 8e-3])
+    expected = np.hypot(0.2e-3, 0.5 * past)
+    np.testing.assert_allclose(spread(vertices[0] - past), expected)
+    np.testing.assert_allclose(spread(vertices[-1] + past), expected)
+    for t in (0.1, 0.25, 0.5, 0.7):
+        one, two, three = (np.sin(2 * np.pi * k * t) for k in (1, 2, 3))
+        shares = [0.08 * one, 0.04 * two, 0.02 * three, 0.02 * one, 0.03 * 4 * t * (1 - t)]
+        expected = np.hypot(0.2e-3, pitch * np.linalg.norm(shares))
+        np.testing.assert_allclose(spread(vertices[:-1] + t * pitch), expected)
+
+
 def test_a_skin_of_one_row_has_nothing_to_warp_between():
     single = PlaceWarp(np.array([0.013]), VERTICES)
     loads, slopes = single.loads(np.array([[0.02, 0.05]]), np.zeros(len(single.spread)))
