@@ -1,5 +1,7 @@
 """Learning from a sheet of touches: what is learned, how it is judged, and that it holds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -44,6 +46,15 @@ def test_only_what_varies_is_learned() -> None:
     alone = examples_of([sheet(8, place=(0.01, 0.01))])
     assert alone.outputs == (Output.FZ,)
     assert len(np.unique(alone.group)) == 8
+    # A gauge's noise is no force to learn, and spoils nothing that is.
+    table = sheet(30, force=0.5)
+    noise = 0.004 * np.random.default_rng(0).standard_normal(table.force.shape)
+    read = replace(table, force=table.force + np.where(table.touched[:, None], noise, 0.0))
+    assert examples_of([read]).outputs == (Output.X, Output.Y)
+    drags = np.where(table.touched[:, None], [0.0, 0.05, 0.0], 0.0)
+    drags[: len(drags) // 2] *= -1
+    dragged = replace(read, force=read.force + drags)
+    assert examples_of([dragged]).outputs == (Output.X, Output.Y, Output.FY)
 
 
 def test_a_hundred_touches_are_learned_and_honestly_judged() -> None:

@@ -25,7 +25,10 @@ _LEAST_PLACES: Final = 5
 _PLACE_GRID: Final = 1e-4
 """Places that round to the same multiple are one, m."""
 _SPREAD: Final = 1e-4
-"""Range of a coordinate, m, or force, N, from which it is one to learn."""
+"""Range of a coordinate from which it is one to learn, m."""
+_VARIED: Final = 0.02
+"""Standard deviation of a force over the largest of any, from which it is one to learn: where a
+gauge's noise is learned as a force, places are learned as badly."""
 _FAINT: Final = 30e-6
 """Field below which there is no touch, T, at least."""
 _NINETY: Final = 4.605
@@ -35,7 +38,8 @@ _NINETY: Final = 4.605
 def examples_of(tables: Sequence[TouchTable]) -> Examples:
     """The touches of sheets as examples: fields less those of the rest before, by place.
 
-    Each sheet is a run of its own. Learned are x and y if they vary, and each force that does.
+    Each sheet is a run of its own. Learned are x and y if they vary, and each force that does
+    by more than a gauge's noise, 2 % of the largest.
 
     Raises
     ------
@@ -65,7 +69,13 @@ def examples_of(tables: Sequence[TouchTable]) -> Examples:
     if not fields:
         raise ArgumentError("touches must hold some that were read; got none")
     known = np.array(targets)
-    vary = np.ptp(known, axis=0) > _SPREAD
+    forces = known[:, 2:]
+    vary = np.concatenate(
+        [
+            np.ptp(known[:, :2], axis=0) > _SPREAD,
+            forces.std(axis=0) > _VARIED * np.abs(forces).max(),
+        ]
+    )
     vary[:2] = vary[:2].any()
     if not vary.any():
         raise ArgumentError("touches must differ in place or force; got the same every time")
