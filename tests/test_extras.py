@@ -12,6 +12,8 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from smoskin import errors
+
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 EXTRAS = PROJECT["optional-dependencies"]
@@ -144,3 +146,16 @@ def test_an_extra_is_enough_for_its_doors(extra: str, tmp_path: Path) -> None:
         command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120
     )
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("around", [True, False])
+def test_a_library_that_cannot_even_be_looked_for_is_missing(monkeypatch, around):
+    def find_spec(module):
+        if around:
+            raise ModuleNotFoundError(module)
+
+    monkeypatch.setattr(errors, "find_spec", find_spec)
+    with pytest.raises(errors.MissingExtraError, match=r"flying needs the extra 'wings'"):
+        errors.require("flying", "wings", "feathers.long")
+    monkeypatch.setattr(errors, "find_spec", lambda module: object())
+    errors.require("flying", "wings", "feathers.long")

@@ -78,7 +78,11 @@ class MissingExtraError(SmoskinError, ImportError):
 
 def require(purpose: str, extra: str, *modules: str) -> None:
     """Raise `MissingExtraError` unless these libraries of an extra are installed."""
-    if any(find_spec(module) is None for module in modules):
+    try:
+        missing = any(find_spec(module) is None for module in modules)
+    except ImportError:  # as an import hook says it, or a package around the module that is missing
+        missing = True
+    if missing:
         raise MissingExtraError(purpose, extra)
 
 

@@ -101,6 +101,23 @@ def test_the_drift_is_that_of_the_chips_in_use():
     assert (estimator.drift[[0, 2]] > 1e-6).all()
 
 
+def test_a_zero_that_is_taken_back_leaves_no_past():
+    used = LearnedEstimator(model(memory=(1.0,)), zero=ZERO)
+    some = readings(count=6)
+    for reading in some:
+        used.step(reading)
+    used.zero([Reading(time=0.65, field=np.full((CHIPS, 3), 3e-6))], force=True)
+    used.step(replace(some[0], time=0.68))
+    used.unzero()
+    fresh = LearnedEstimator(model(memory=(1.0,)), zero=ZERO)
+    for reading in readings(count=4, seed=3):
+        later = replace(reading, time=reading.time + 1.0)
+        told, expected = used.step(later), fresh.step(later)
+        assert told.status is expected.status
+        for one, other in zip(told.contacts, expected.contacts, strict=True):
+            np.testing.assert_array_equal(one.position, other.position)
+
+
 def test_outputs_have_the_units_of_places_forces_and_squares():
     units = {output.name: output.unit for output in Output}
     assert units == {

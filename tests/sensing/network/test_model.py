@@ -34,6 +34,20 @@ def test_weights_are_copies_that_nobody_changes():
     np.testing.assert_array_equal(kept.layers[0].weights, model.layers[0].weights)
 
 
+@pytest.mark.parametrize(("weight", "kept"), [(0.99e6, True), (-1.01e6, False), (1.01e6, False)])
+@pytest.mark.parametrize("part", [0, 1])
+def test_weights_reach_a_million(weight, kept, part):
+    model = random_network()
+    layers = [[np.array(array) for array in layer] for layer in model.layers]
+    layers[1][part].flat[3] = weight
+    heavy = tuple(Layer(*layer) for layer in layers)
+    if kept:
+        assert replace(model, layers=heavy).layers[1][part].flat[3] == np.float32(weight)
+        return
+    with pytest.raises(ModelError, match=r"network: weights must lie within -1e\+06 and 1e\+06"):
+        replace(model, layers=heavy)
+
+
 def some_signals(count, columns=6, seed=1):
     return 1e-3 * np.random.default_rng(seed).normal(size=(count, columns))
 
