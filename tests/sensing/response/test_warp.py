@@ -124,6 +124,20 @@ def test_on_a_level_stretch_the_middle_is_answered_with_its_spread(warp):
         assert (place, np.sqrt(variance)) == pytest.approx((middle, spread), rel=1e-6)
 
 
+@pytest.mark.parametrize(("slope", "level"), [(0.36, False), (0.34, True)])
+def test_a_warp_is_level_where_it_rises_by_less_than_a_third(warp, slope, level):
+    coefficients = np.zeros(len(warp.spread))
+    coefficients[1] = 1 - slope  # past the first vertex
+    load = warp.point(0.004, coefficients.tolist())[0]
+    place, variance = Unwarp(warp, coefficients, END).place(load, 1e-10)
+    if level:  # to some of a grid's step
+        assert place == pytest.approx(0.004, abs=1e-3)
+        assert np.sqrt(variance) > 0.4e-3
+    else:
+        assert place == pytest.approx(0.004, abs=1e-9)
+        assert variance == pytest.approx(1e-10 / slope**2)
+
+
 @pytest.fixture(scope="module")
 def table():
     pytest.importorskip("safetensors")
