@@ -1,8 +1,8 @@
-"""Writes the table and the figure of docs/trust.md: what each effect of the hard world costs.
+"""Writes the tables and the figure of docs/trust.md: what each effect of the hard world costs.
 
 Run ``python docs/make_trust.py`` after changing trust.json; ``python docs/make_trust.py NAME ...``
 measures worlds or effects anew first, with `smo.score`, some minutes each (``--skins 31,32
---count 20``). A test compares page and figures.
+--count 20``), ``NAME@15`` after 15 touches. A test compares page and figures.
 """
 
 import argparse
@@ -39,6 +39,8 @@ TOLD = {
     "hard": "the hard world",
 }
 """What each row is, in the page's order."""
+TOUCHES = (8, 15, 30, 60, 120)
+"""Touches of a calibration after which errors are told."""
 
 
 def rows(figures: dict[str, dict[str, float]]) -> str:
@@ -62,11 +64,30 @@ def rows(figures: dict[str, dict[str, float]]) -> str:
     return "\n".join(lines)
 
 
+def by_touches(figures: dict[str, dict[str, float]]) -> str:
+    """The page's table of errors after few touches and many."""
+    lines = [
+        "| touches | hard world | regions hold | plain world | regions hold |",
+        "|" + 5 * "---|",
+    ]
+    for touches in TOUCHES:
+        both = [figures[f"{name}@{touches}"] for name in ("hard", "plain")]
+        told = [
+            f"{one['location_mm']:.2f} mm, {one['force_percent']:.1f} % "
+            f"| {one['held_percent']:.0f} %"
+            for one in both
+        ]
+        lines.append(f"| {touches} | {' | '.join(told)} |")
+    return "\n".join(lines)
+
+
 def page(text: str, figures: dict[str, dict[str, float]]) -> str:
     """The page with these figures."""
-    marks = "<!-- rows -->", "<!-- end of rows -->"
-    made = f"{marks[0]}\n\n{rows(figures)}\n\n{marks[1]}"
-    return re.sub(f"{marks[0]}.*{marks[1]}", lambda _: made, text, flags=re.S)
+    for name, table in (("rows", rows(figures)), ("touches", by_touches(figures))):
+        marks = f"<!-- {name} -->", f"<!-- end of {name} -->"
+        made = f"{marks[0]}\n\n{table}\n\n{marks[1]}"
+        text = re.sub(f"{marks[0]}.*{marks[1]}", lambda _, made=made: made, text, flags=re.S)
+    return text
 
 
 def measure(name: str, skins: list[int], count: int) -> dict[str, float]:
@@ -75,13 +96,15 @@ def measure(name: str, skins: list[int], count: int) -> dict[str, float]:
     from smoskin.twin.world.effect import World
     from smoskin.twin.world.worlds import EFFECTS, HARD, PLAIN, world_of
 
+    name, _, touches = name.partition("@")
     worlds = {one.name: one for one in (PLAIN, HARD)}
     if name == "hard without gravity":
         few = tuple(effect for effect in HARD.effects if effect != EFFECTS["gravity"])
         worlds[name] = World(name=name, effects=few)
     world = worlds.get(name) or world_of(effect=name)
     table = smo.load_response_table("planar")
-    case = smo.score(table, skins=skins, count=count, world=world).case("straight")
+    judged = smo.score(table, skins=skins, count=count, world=world, touches=int(touches or 60))
+    case = judged.case("straight")
     assert case is not None
     chief = case.headline
     return {

@@ -25,12 +25,12 @@ def with_magnets(design, corners, cells=None):
     )
 
 
-def unlike_a_turn(design, chips=None):
+def unlike_a_turn(design, chips=None, *, weight=False):
     """A change, (C,), that a turn of the skin hardly explains, of a unit's length to its zero.
 
     The zero is of twenty readings, and the skin may have been jerked for a tenth of a second.
     """
-    noise, whole = signal_noise(design, chips), turning(design, chips).whole
+    noise, whole = signal_noise(design, chips), turning(design, chips, weight=weight).whole
     jerk = 0.8**2 * 0.1**3 / 3 * whole
     factor = np.linalg.cholesky(1.05 * noise + jerk)
     white = np.linalg.solve(factor, np.linalg.solve(factor, whole).T)

@@ -458,11 +458,12 @@ def test_a_source_is_run_as_asked(monkeypatch):
     assert made[0].asked == ("twin://planar", None)
     assert made[0].options.pop("say")
     assert made[0].options == {
-        "calibration": None, "zero": True, "seconds": None, "record": None, "force": False,
-        "view": False, "port": 0,
+        "calibration": None, "arm": False, "zero": True, "seconds": None, "record": None,
+        "force": False, "view": False, "port": 0,
     }  # fmt: skip
     assert thinned[0] == {"every": None, "changes": False}
     some = "--design optimised --calibration a.table --no-zero --seconds 2 --view --port 8 --force"
+    some += " --arm"
     done = invoke("run", "replay:a", *some.split(), "--record", "b.mcap", "--every", 1, "--changes",
                   "--json")  # fmt: skip
     assert (done.stdout, json.loads(done.stderr)) == ("a True\n", {"summary": {"n": 2}})
@@ -470,7 +471,7 @@ def test_a_source_is_run_as_asked(monkeypatch):
     del made[1].options["say"]
     assert made[1].options == {
         "calibration": Path("a.table"), "zero": False, "seconds": 2.0, "record": Path("b.mcap"),
-        "force": True, "view": True, "port": 8,
+        "force": True, "view": True, "port": 8, "arm": True,
     }  # fmt: skip
     assert thinned[1] == {"every": 1.0, "changes": True}
     assert invoke("run", "--quiet").stdout == ""

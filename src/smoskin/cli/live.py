@@ -20,6 +20,7 @@ Zeroed = Annotated[
     bool,
     Option("--zero/--no-zero", help="Take the first 20 readings as those of the untouched skin."),
 ]
+Carried = Annotated[bool, Option("--arm", help="An arm turns the skin: its weight moves it.")]
 Paged = Annotated[
     bool,
     Option(
@@ -110,6 +111,7 @@ def run(
     calibration: Annotated[
         File, Option(help="File of this skin: a calibration, a response table or a network.")
     ] = None,
+    arm: Carried = False,
     zero: Zeroed = True,
     seconds: Seconds = None,
     view: Paged = False,
@@ -138,6 +140,7 @@ def run(
         source,
         None if design is None else load_design(design),
         calibration=calibration,
+        arm=arm,
         zero=zero,
         seconds=seconds,
         record=record,

@@ -23,6 +23,7 @@ from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator, Resource, Sink, Source
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst, load_estimator
+from smoskin.sensing.signals.zero import ZeroTracking
 from smoskin.service.loop import Loop
 from smoskin.service.recorder import Recorder
 from smoskin.service.replay import ReplaySource
@@ -93,6 +94,8 @@ class Watch(Resource):
         Design of the skin that the source reads; by default the source's own.
     calibration : path, optional
         File of this skin, as `smoskin.load_estimator` reads it, or it is taken to be as designed.
+    arm : bool
+        Whether an arm turns the skin, as `smoskin.load_estimator` takes it.
     zero : bool
         Whether the first 20 good readings are the zero: nothing may touch the skin in them, and
         they are answered by `Status.NOT_CALIBRATED`.
@@ -128,6 +131,7 @@ class Watch(Resource):
         design: SkinDesign | None = None,
         *,
         calibration: str | os.PathLike[str] | None = None,
+        arm: bool = False,
         zero: bool = True,
         seconds: float | None = None,
         record: str | os.PathLike[str] | None = None,
@@ -149,7 +153,7 @@ class Watch(Resource):
                 say(self._damage)
             needed = calibration is None or view or record is not None
             skin = _design_of(self._source, str(url), design, needed=needed)
-            estimator = _estimator_of(skin, calibration)
+            estimator = _estimator_of(skin, calibration, arm)
             self._estimator = ZeroFirst(estimator) if zero else estimator
             self._page: _Page | None = None
             self._seekable = view and record is None and self._played is not None
@@ -231,12 +235,14 @@ class Watch(Resource):
         return "" if self._played is None else self._played.recording.damage
 
 
-def _estimator_of(skin: SkinDesign | None, calibration: str | os.PathLike[str] | None) -> Estimator:
+def _estimator_of(
+    skin: SkinDesign | None, calibration: str | os.PathLike[str] | None, arm: bool
+) -> Estimator:
     """What reads a skin: by its calibration, else as the paper does one that is as designed."""
     if calibration is None and skin is not None:
-        return ClosedFormEstimator(skin)
+        return ClosedFormEstimator(skin, tracking=ZeroTracking(arm=arm))
     assert calibration is not None
-    return load_estimator(calibration, skin)
+    return load_estimator(calibration, skin, arm=arm)
 
 
 class _Page(Sink):

@@ -26,6 +26,8 @@ from smoskin.sensing.learned.gaussian_process import LearnedEstimator, load_mode
 from smoskin.sensing.network.estimator import NetworkEstimator
 from smoskin.sensing.network.model import load_network
 from smoskin.sensing.response.table import load_response_table
+from smoskin.sensing.signals.estimator import FOLLOWING, ON_AN_ARM
+from smoskin.sensing.signals.zero import ZeroTracking
 
 _FAULTS: Final = (Status.CHIP_MISSING, Status.SATURATED, Status.STALE)
 """Answers to readings that tell of the chips, not of the skin."""
@@ -37,6 +39,7 @@ def load_estimator(
     design: SkinDesign | None = None,
     *,
     uncalibrated: bool = False,
+    arm: bool = False,
 ) -> Estimator:
     """The estimator that reads a file of this package, not zeroed yet unless its bench was.
 
@@ -48,6 +51,8 @@ def load_estimator(
         Design of the skin; by default the shipped one that the file was made for.
     uncalibrated : bool
         Whether the table of a design will do, which no touches have made that of a skin.
+    arm : bool
+        Whether an arm turns the skin, so that its own weight moves it (`ZeroTracking.arm`).
 
     Raises
     ------
@@ -65,7 +70,7 @@ def load_estimator(
         estimator.zero(readings_of_the_untouched_skin)
         estimate = estimator.step(reading)
     """
-    file = Path(path)
+    file, tracking = Path(path), ON_AN_ARM if arm else FOLLOWING
     if not _holds_arrays(file):
         text = read_text(file, error=ModelError)
         try:
@@ -73,7 +78,7 @@ def load_estimator(
         except ModelError as error:
             raise ModelError(f"{file}: {error}") from error
         skin = _design_of(file, calibration.design_hash, design)
-        return ClosedFormEstimator(skin, calibration)
+        return ClosedFormEstimator(skin, calibration, tracking=ZeroTracking(arm=arm))
     match files.tensor_key(file):
         case files.RESPONSE_TABLE:
             table = load_response_table(file)
@@ -82,10 +87,12 @@ def load_estimator(
                     f"{file}: must be the table of one skin; got that of a design, from which made "
                     "skins differ too much: calibrate it by touches of the skin first"
                 )
-            return BayesEstimator(_design_of(file, table.design_hash, design), table)
+            skin = _design_of(file, table.design_hash, design)
+            return BayesEstimator(skin, table, tracking=tracking)
         case files.NETWORK:
             network = load_network(file)
-            return NetworkEstimator(_design_of(file, network.design_hash, design), network)
+            skin = _design_of(file, network.design_hash, design)
+            return NetworkEstimator(skin, network, tracking=tracking)
         case _:
             return LearnedEstimator(load_model(file))
 

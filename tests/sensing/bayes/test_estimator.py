@@ -17,6 +17,7 @@ from smoskin.sensing.bayes.estimator import BayesEstimator, LoneTouch
 from smoskin.sensing.bayes.priors import TouchPosterior, TouchPriors
 from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.response.fit import table_curvature
+from smoskin.sensing.signals.estimator import ON_AN_ARM
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.reduced import ReducedTwin
 from tables_of_response import reduced_table
@@ -179,6 +180,7 @@ class StatedSolver:
 
 def stated(skin, monkeypatch, misfit, evidence, **options):
     """An estimator with such a solver."""
+    options = {"tracking": ON_AN_ARM} | options
     bayes, solver = estimator(skin, **options), StatedSolver(misfit, evidence)
     monkeypatch.setattr(bayes, "_solver", solver)
     return bayes, solver

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from smoskin.commands.calibrate import calibrate
 from smoskin.datasets.patterns import far_pairs
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
@@ -18,8 +19,12 @@ from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.bayes.priors import TouchPosterior
 from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.response.table import load_response_table
+from smoskin.sensing.signals.estimator import ON_AN_ARM
 from smoskin.sensing.signals.signals import rest_field, signal_noise
 from smoskin.sensing.signals.turning import turning
+from smoskin.service.source import open_source
+from smoskin.twin.hand import HOLD, PERIOD, RAMP, scripted_hand
+from smoskin.twin.rig import VirtualRig
 
 ALONE, TURNED, FIRST, SECOND = (0.03, 0.03), (0.04, 0.04), (0.05, 0.05), (0.09, 0.12)
 COUNT = 9
@@ -64,7 +69,8 @@ def known_skin(table, misfit=1e-7):
 
 
 def stated(planar, table, monkeypatch, one, turned=(1.0, -np.inf), two=(1.0, -np.inf)):
-    bayes, solver = BayesEstimator(planar, table), Stated(one, turned, two)
+    bayes = BayesEstimator(planar, table, tracking=ON_AN_ARM)
+    solver = Stated(one, turned, two)
     monkeypatch.setattr(bayes, "_solver", solver)
     rest = np.einsum("sji,sj->si", mlx90393.rotations(planar.halls), rest_field(planar))
     bayes.zero([Reading(time=0.0, field=rest)])
@@ -157,3 +163,26 @@ def test_pairs_are_no_turns_however_few_readings_there_are(planar, table):
             estimate = bayes.step(read(2.0 + k + after, now * signals))
             counts.append((now, len(estimate.contacts)))
     assert counts == 10 * [(0.0, 0), (1.0, 2), (1.0, 2), (0.0, 0)]
+
+
+def test_an_ordinary_hand_is_no_turn_of_the_skin(planar, table):
+    """Presses and releases of a sixth of a second, at ninety readings a second."""
+    for module in ("jax", "safetensors"):
+        pytest.importorskip(module)
+    skin = calibrate(table, VirtualRig(planar, seed=0), count=15)
+    hand, off = scripted_hand(planar, 60.0, 0), []
+    bayes = BayesEstimator(planar, skin.table)
+    name = "twin://planar?manufactured=yes&seed=0&hand=yes&speed=max&rate=90"
+    with open_source(name) as source:
+        bayes.zero([source.read() for _ in range(20)])
+        while True:
+            reading = source.read()
+            estimate = bayes.step(reading)
+            number, since = divmod(reading.time - 0.25, PERIOD)
+            if number >= 11:
+                break
+            if number >= 0 and RAMP + 0.1 < since < RAMP + HOLD - 0.05:
+                assert len(estimate.contacts) == 1
+                off.append(estimate.contacts[0].position - hand[int(number)].position)
+    assert np.linalg.norm(off, axis=1).mean() < 0.8e-3
+    assert np.abs(bayes.drift).max() < 5e-6

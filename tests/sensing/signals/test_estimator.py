@@ -135,8 +135,9 @@ def test_after_a_touch_idleness_holds_anew(planar, rest):
 
 def test_past_its_bound_the_zero_is_not_believed(planar, rest):
     """What a turn by some radians explains is within it, whatever it is."""
-    tracking = ZeroTracking(hold=0.0, time_constant=0.05, drift_bound=10e-6)
-    step = 1e-6 * unlike_a_turn(planar).reshape(3, 3) / np.abs(unlike_a_turn(planar)).max()
+    tracking = ZeroTracking(hold=0.0, time_constant=0.05, drift_bound=10e-6, arm=True)
+    change = unlike_a_turn(planar, weight=True)
+    step = 1e-6 * change.reshape(3, 3) / np.abs(change).max()
     bounds = {}
     for way in (step, np.tile([1e-6, 0.0, 0.0], (3, 1))):
         estimator = Counting(planar, tracking=tracking)

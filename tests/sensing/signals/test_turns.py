@@ -3,10 +3,15 @@
 Each against the filter of zero and speed in one state, which is told what turns.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from smoskin.sensing.signals.signals import signal_noise
+from smoskin.magnetics import mlx90393
+from smoskin.records import Reading, Status
+from smoskin.sensing.signals.estimator import FOLLOWING, ON_AN_ARM
+from smoskin.sensing.signals.signals import Signals, rest_field, signal_noise
 from smoskin.sensing.signals.turning import turning
 from smoskin.sensing.signals.zero import IdleNoise, Zero, ZeroTracking
 
@@ -68,6 +73,7 @@ def test_a_turn_goes_on_for_two_seconds_after_the_skin_was_seen_to_move(
     assert zero.step(0.0, np.zeros(9))
     known.see(0.0, np.zeros(9))
     zero.stir()  # nothing can have turned unseen since the reading just now
+    zero._steady = None  # and it is believed at once
     seen, gone, turning_for = 0.0, 0.0, 0
     step = 0.13  # never two seconds sharp
     for k in range(1, 92):
@@ -114,3 +120,80 @@ def test_a_skin_touched_from_its_first_reading_may_have_turned_for_a_second(plan
         more = zero.stirred - zero.covariance
         np.testing.assert_allclose(more, 0.1**3 * begun, atol=1e-16)
         zero.rest()
+
+
+ALIKE = np.tile([1.0, -0.5, 0.0], 3)
+
+
+def began(planar, noise, readings, step=0.1):
+    """A still zero, and one of which so many readings showed what only a turn explains."""
+    still, zero = zero_of(planar, noise), zero_of(planar, noise)
+    for k in range(30):
+        for one in (still, zero):
+            assert one.step(0.1 * (k - 30), np.zeros(9))
+    for k in range(readings):
+        assert zero.step(step * k, 40e-6 * (1 + step * k) * ALIKE)
+    return still, zero
+
+
+@pytest.mark.parametrize(
+    ("readings", "step", "believed"),
+    [(1, 0.1, False), (3, 0.1, False), (4, 0.1, True), (2, 0.5, False), (3, 0.16, True)],
+)
+def test_a_turn_is_believed_after_three_tenths_of_a_second_and_three_readings(
+    planar, noise, readings, step, believed
+):
+    """What touches the skin before began as slowly as a turn: the zero is what it was."""
+    still, zero = began(planar, noise, readings, step)
+    assert np.abs(zero.offset).max() > 20e-6
+    time, touch = step * readings, 2e-3 * (-1.0) ** np.arange(9)
+    assert not zero.step(time, touch)
+    still.interrupt(time)
+    if believed:
+        assert np.abs(zero.offset - still.offset).max() > 20e-6
+    else:
+        np.testing.assert_allclose(zero.offset, still.offset, atol=1e-9)
+        np.testing.assert_allclose(zero.covariance, still.covariance, rtol=1e-9, atol=1e-18)
+
+
+def test_a_turn_that_a_reading_does_without_is_taken_back(planar, noise):
+    """The last of a touch that was let go."""
+    still, zero = began(planar, noise, 2)
+    for k in range(2, 30):
+        for one in (still, zero):
+            assert one.step(0.1 * k, np.zeros(9))
+    np.testing.assert_allclose(zero.offset, 0.0, atol=0.1e-6)
+    assert (zero.covariance.diagonal() < 1.5 * still.covariance.diagonal()).all()
+
+
+def test_a_turn_found_under_a_touch_is_taken_back_where_the_rest_needs_none(planar, noise):
+    _, zero = began(planar, noise, 0)
+    touch = 2e-3 * (-1.0) ** np.arange(9)
+    for k in range(10):
+        assert not zero.step(0.1 * k, touch)
+    zero.stir()
+    unsure = zero.covariance.diagonal().copy()
+    assert not zero.step(1.0, touch)
+    assert (zero.covariance.diagonal() > 0.9 * unsure).all()
+    assert zero.step(1.1, np.zeros(9))
+    assert (zero.covariance.diagonal() < 0.1 * unsure).all()
+
+
+def test_a_skins_weight_is_followed_on_an_arm_alone(planar, noise):
+    """What lifts the sheet as the arm turns it presses a skin that stands."""
+    lifted = np.linalg.eigh(turning(planar).whole - turning(planar).field)[1][:, -1]
+    for arm, idle in ((True, True), (False, False)):
+        tracking = replace(FOLLOWING, arm=arm)
+        signals = Signals(planar, tracking=tracking, idle=IdleNoise(noise, 1e-6))
+        rest = np.einsum("sji,sj->si", mlx90393.rotations(planar.halls), rest_field(planar))
+        own = np.einsum("sji,sj->si", mlx90393.rotations(planar.halls), lifted.reshape(3, 3))
+        signals.zero([Reading(time=0.0, field=rest)])
+        seen = []
+        for k in range(100):
+            gone = 0.5e-3 * np.interp(0.02 * k, [0.5, 1.5], [0.0, 1.0])
+            seen.append(signals.step(Reading(time=0.02 * k + 0.02, field=rest + gone * own)).status)
+        assert (set(seen) == {Status.NO_CONTACT}) is idle
+    assert replace(FOLLOWING, arm=True) == ON_AN_ARM
+    still = turning(planar, weight=False)
+    np.testing.assert_array_equal(still.whole, still.field)
+    np.testing.assert_array_equal(still.field, turning(planar).field)

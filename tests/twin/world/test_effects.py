@@ -244,6 +244,8 @@ def test_fingers_drag_no_more_than_friction_lets_them():
 def test_worlds_are_known_by_name():
     assert world_of() is PLAIN
     assert world_of("hard") is HARD
+    assert (HARD.on_arm, PLAIN.on_arm) == (True, False)
+    assert [name for name in EFFECTS if world_of(effect=name).on_arm] == ["gravity"]
     assert {effect.name for effect in (world_of(effect=n) for n in EFFECTS)} == set(EFFECTS)
     with pytest.raises(ArgumentError, match="world must be one of plain, hard; got 'soft'"):
         world_of("soft")

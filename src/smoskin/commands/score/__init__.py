@@ -35,6 +35,7 @@ from smoskin.sensing.network.model import NetworkModel
 from smoskin.sensing.response.bound import bound_map
 from smoskin.sensing.response.calibrate import Target, TouchPlanner, calibrate_touches
 from smoskin.sensing.response.table import ResponseTable
+from smoskin.sensing.signals.estimator import FOLLOWING, ON_AN_ARM
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.whole import Twin
 from smoskin.twin.world.effect import World
@@ -174,8 +175,10 @@ class Candidate:
                 seed=bench,
             )
             table = calibrate_touches(table, labels, signal_noise(twin.design, table.chips))
-        straight = BayesEstimator(twin.design, table, priors=TouchPriors(drag_spread=0.0))
-        return table, (straight, BayesEstimator(twin.design, table))
+        tracking = ON_AN_ARM if world.on_arm else FOLLOWING
+        no_drags = TouchPriors(drag_spread=0.0)
+        straight = BayesEstimator(twin.design, table, priors=no_drags, tracking=tracking)
+        return table, (straight, BayesEstimator(twin.design, table, tracking=tracking))
 
 
 def candidate(given: Scored, design: SkinDesign, exam: Exam) -> Candidate:

@@ -8,6 +8,7 @@ Hides the path from readings to signals.
 import math
 from abc import abstractmethod
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -28,6 +29,8 @@ FOLLOWING: Final = ZeroTracking(
     hold=0.2, time_constant=2.0, widening_rate=0.1e-6, widening_limit=10e-6
 )
 """How a zero follows drift by default: what noise explains is soon known to be idle."""
+ON_AN_ARM: Final = replace(FOLLOWING, arm=True)
+"""The same of a skin that an arm turns."""
 _BEYOND: Final = 5e-3
 """Distance from the rim, m, up to which a place off the skin is believed."""
 _HARDER: Final = 1.25

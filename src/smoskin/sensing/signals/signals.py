@@ -144,7 +144,7 @@ class Signals:
         self.noise = signal_noise(design, self._chips) / prompt**2
         """Covariance N of these chips' signals untouched, (C, C), T^2: undoing creep raises what
         changes from reading to reading by what is missing of a prompt answer."""
-        self._turning = turning(design, self._chips)
+        self._turning = turning(design, self._chips, weight=self._tracking.arm)
         self._left = np.zeros_like(self.noise) if left is None else left
         self._unlooping = Unlooping(loops or no_loops(len(self.noise)))
         self.reset()

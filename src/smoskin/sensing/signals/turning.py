@@ -37,8 +37,10 @@ def uniform_covariance(chips: int, spread: float) -> Floats:
     return np.kron(np.full((chips, chips), spread**2), np.eye(3))
 
 
-def turning(design: SkinDesign, chips: Sequence[int] | None = None) -> Turning:
-    """What all chips of a design, or those chosen, read of a turn.
+def turning(
+    design: SkinDesign, chips: Sequence[int] | None = None, *, weight: bool = True
+) -> Turning:
+    """What all chips of a design, or those chosen, read of a turn, with or without its weight.
 
     Notes
     -----
@@ -47,8 +49,10 @@ def turning(design: SkinDesign, chips: Sequence[int] | None = None) -> Turning:
     covariance is U U^T and c^2 |U_s|^2 I / 3 at each chip, with c what made skins differ by.
     """
     used = range(len(design.halls)) if chips is None else chips
-    sheet, board = slides(design)
     field = uniform_covariance(len(used), EARTH)
+    if not weight:
+        return Turning(field, field)
+    sheet, board = slides(design)
     parts = []
     for chip in used:
         site = design.halls[chip]

@@ -36,6 +36,9 @@ _LASTS: Final = 3.0
 """Time constant with which a speed is lost, s."""
 _FARTHEST: Final = 6.0
 """Turn, rad, up to which a zero is believed."""
+_BELIEVED: Final = (0.3, 3)
+"""Time, s, and idle readings for which a turn must have held to be more than a touch's begin or
+end."""
 _TAKEN: Final = 20
 """Number of readings that zeros are taken from."""
 _LONG: Final = 20.0
@@ -64,6 +67,9 @@ class ZeroTracking:
     """Speed, T/s, at which a zero may move unseen while nothing is idle."""
     widening_limit: float = 40e-6
     """Farthest that it may have moved so, T: a steady touch that is fainter becomes the zero."""
+    arm: bool = False
+    """Whether an arm carries the skin, so that its own weight moves it as it turns: that is
+    followed, and a slow press may be taken for it. Else only fields may turn."""
 
     def __post_init__(self) -> None:
         for name in ("time_constant", "drift_bound"):
@@ -163,6 +169,22 @@ class _Spread(NamedTuple):
         )
 
 
+@dataclass(slots=True)
+class _Steady:
+    """What the zero is if a turn that has just begun is none: a touch begins or ends slowly too."""
+
+    offset: Floats
+    speed: Floats
+    spread: _Spread
+    turn: Floats | None
+    turn_seen: float
+    idle_until: float
+    began: float
+    """Time of the turn's first idle reading, s."""
+    readings: int = 0
+    """Idle readings since."""
+
+
 class Zero:
     """A zero that is followed while nothing touches.
 
@@ -243,6 +265,7 @@ class Zero:
         self._spread = _Spread(taken, none, none if self._turning is None else taken)
         self._turn: Floats | None = None
         self._turn_seen = -math.inf
+        self._steady: _Steady | None = None
 
     @property
     def stirred(self) -> Floats:
@@ -252,6 +275,7 @@ class Zero:
     def stir(self) -> None:
         """Take the skin to have just begun to turn."""
         if self._turning is not None and self._last_time is not None:
+            self._keep(math.inf)
             self._spread, self._turn = self._begun(), self._turning.whole
             self._turn_seen = self._last_time
 
@@ -266,13 +290,18 @@ class Zero:
         """Whether a reading (C,), T, is idle; the zero follows it once idleness has held."""
         elapsed = self._elapsed(time)
         self._go_on(elapsed)
+        if self._steady is not None and self._explains(self._steady, read):
+            self._return()
         change = read - self.offset
         if not self._explained(time, elapsed, change):
+            if self._idle_since is not None:
+                self._return()
             self._leave(elapsed)
             return False
         if self._idle_since is None:
             self._idle_since = time
         self._idle_until = time
+        self._believe(time)
         held = time - self._idle_since >= self.tracking.hold
         if held and self.tracking.time_constant < math.inf:
             self._follow(time, elapsed, change)
@@ -297,6 +326,45 @@ class Zero:
         self.offset = self.offset + gone * self._speed
         self._speed = kept * self._speed
         self._spread = self._spread.later(kept, gone)
+        if (steady := self._steady) is not None:
+            steady.offset = steady.offset + gone * steady.speed
+            steady.speed = kept * steady.speed
+            steady.spread = steady.spread.later(kept, gone)
+            if steady.turn is not None:
+                steady.spread = steady.spread.turned(steady.turn, _UNDER_WAY, elapsed)
+
+    def _keep(self, began: float, spread: _Spread | None = None) -> None:
+        """Remember the zero from before a turn, until that is believed."""
+        if self._steady is None:
+            self._steady = _Steady(
+                self.offset,
+                self._speed,
+                spread or self._spread,
+                self._turn,
+                self._turn_seen,
+                self._idle_until,
+                began,
+            )
+
+    def _explains(self, steady: _Steady, read: Floats) -> bool:
+        """Whether a reading needs no turn."""
+        spread = steady.spread.zero + self.left if self._touched else steady.spread.zero
+        return self._idle(read - steady.offset, spread) < _CALM
+
+    def _return(self) -> None:
+        """Take a turn back that was none."""
+        if (steady := self._steady) is not None:
+            self.offset, self._speed, self._spread = steady.offset, steady.speed, steady.spread
+            self._turn, self._turn_seen = steady.turn, steady.turn_seen
+            self._idle_until = steady.idle_until
+            self._steady = None
+
+    def _believe(self, time: float) -> None:
+        """Count an idle reading towards the turn."""
+        if (steady := self._steady) is not None:
+            steady.began, steady.readings = min(steady.began, time), steady.readings + 1
+            if time - steady.began >= _BELIEVED[0] and steady.readings >= _BELIEVED[1]:
+                self._steady = None
 
     def _explained(self, time: float, elapsed: float, change: Floats) -> bool:
         """Whether a change is idle; a turn that explains it makes the zero less sure."""
@@ -316,6 +384,7 @@ class Zero:
             if now < share:
                 spread, turn, share = tried, of, now
         if share < 1.0 and turn is not None:
+            self._keep(time, still)
             self._spread, self._turn_seen = spread, time
             if self._turn is not self._turning.whole:
                 self._turn = turn

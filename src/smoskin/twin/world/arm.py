@@ -59,6 +59,7 @@ class Gravity(Effect):
     """
 
     on_bench = False
+    on_arm = True
     chance = ARM
     arm: Arm = TURNING
 

@@ -36,6 +36,8 @@ class Effect:
 
     on_bench: ClassVar[bool] = True
     """Whether it acts while a skin is calibrated as well, which is done on a bench."""
+    on_arm: ClassVar[bool] = False
+    """Whether an arm turns the skin, so that its weight moves it."""
     chance: ClassVar[str] = ""
     """Name of its randomness, by default the class': effects of one arm share theirs."""
 
@@ -108,6 +110,11 @@ class World:
 
     name: str
     effects: tuple[Effect, ...] = ()
+
+    @property
+    def on_arm(self) -> bool:
+        """Whether an arm turns its skins so that their weight moves them."""
+        return any(effect.on_arm for effect in self.effects)
 
     @property
     def plain(self) -> bool:
