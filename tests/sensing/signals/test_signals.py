@@ -15,7 +15,7 @@ from smoskin.records import ChipFlag, Contact, Motion, Reading, Status
 from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.signals.loops import Loops
 from smoskin.sensing.signals.signals import Signals, Thermometer, signal_noise
-from smoskin.sensing.signals.zero import IdleBand, ZeroTracking
+from smoskin.sensing.signals.zero import IdleBand, IdleNoise, ZeroTracking
 from smoskin.twin.manufacture import draw
 from smoskin.twin.readout import Readout
 from smoskin.twin.reduced import ReducedTwin
@@ -378,3 +378,29 @@ def test_hysteresis_is_undone_and_a_zero_taken_of_what_it_left(planar, twin):
     np.testing.assert_allclose(elastic(7.0, -5e-4), -5e-4, atol=2e-6)
     own.unzero()
     np.testing.assert_allclose(elastic(8.0, 5e-4), 5e-4, atol=2e-7)
+
+
+def test_an_unknown_past_explains_a_rest_until_the_zero_is_taken_of_it(planar, twin):
+    """What a first touch leaves, from wherever the plays began, is idle from its first reading."""
+    loops = Loops(weights=[0.1, 0.1], plays=[0.02, 0.1], reach=np.full(6, 2e-3))
+    noise = signal_noise(planar, (1, 2))
+    tracking = ZeroTracking(hold=0.2, time_constant=2.0)
+    rest, bend = twin.read().field, Bend(field_curvature(planar))
+    to_chips, rng = np.swapaxes(mlx90393.rotations(planar.halls), 1, 2), np.random.default_rng(0)
+    widths = loops.plays[:, None] * loops.reach
+    for _ in range(10):
+        own = Signals(
+            planar, tracking=tracking, idle=IdleNoise(noise, 1e-6), chips=(1, 2), loops=loops
+        )
+        plays, seen = widths * rng.uniform(-1, 1, widths.shape), []
+        first = 0.1 * plays.sum(axis=0)
+        for k in range(60):
+            x = 1e-3 * np.array([1, -1, 2, 0.5, -1, 1]) * (20 <= k < 30)
+            plays = np.clip(plays, x - widths, x + widths)
+            signals = np.zeros((3, 3))
+            signals[1:] = (0.8 * x + 0.1 * plays.sum(axis=0) - first).reshape(2, 3)
+            raised = to_chips @ bend.bent(signals)[:, :, None]
+            field = rest + raised[:, :, 0] + 1e-7 * rng.normal(size=(3, 3))
+            seen.append(own.step(Reading(time=0.05 * k, field=field)).status)
+        assert set(seen[20:30]) == {None}
+        assert set(seen[:20] + seen[30:]) == {Status.NO_CONTACT}

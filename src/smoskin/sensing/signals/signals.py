@@ -237,7 +237,7 @@ class Signals:
         if self.zeroed:
             self._zero.left = self._left + np.diag(self._unlooping.variance)
             idle = self._zero.step(reading.time, raised[self._chips].ravel())
-            if idle:
+            if idle and self._zero.settled:
                 self._unlooping.rest()
             if self._zero.believed:
                 status = Status.NO_CONTACT if idle else None

@@ -250,6 +250,11 @@ class Zero:
         return np.asarray(self.offset - self._start)
 
     @property
+    def settled(self) -> bool:
+        """Whether it has followed what was read since something touched last."""
+        return not self._touched
+
+    @property
     def covariance(self) -> Floats:
         """Covariance P of the zero, and of what a touch has left, (C, C), T^2."""
         zero = self._spread.zero
