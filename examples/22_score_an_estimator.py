@@ -9,7 +9,7 @@ import smoskin as smo
 from smoskin.plots import draw_map
 
 table = smo.load_response_table("planar")
-sheet = smo.score(table, skins=[41], touches=15, places=(7, 9))
+sheet = smo.score(table, skins=[41], touches=15, places=(7, 9), world="plain")
 (case,) = (case for case in sheet.cases if case.map is not None)
 errors = 1e3 * case.map.location
 print(f"{errors.mean():.2f} mm in the mean on a made skin, plain world")

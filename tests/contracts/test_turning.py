@@ -9,6 +9,7 @@ import smoskin as smo
 from smoskin.mechanics.viscoelasticity import ELASTIC
 from smoskin.records import Contact, Motion, Status
 from smoskin.sensing.bayes.priors import TouchPriors
+from smoskin.sensing.signals.estimator import FOLLOWING, ON_AN_ARM
 from smoskin.twin.rig import drifting_readings
 from smoskin.twin.whole import Twin
 from smoskin.twin.world.arm import Gravity
@@ -56,10 +57,14 @@ def stream(
     return readings
 
 
-def told(design, readings, zeros=20):
+def told(design, readings, zeros=20, tracking=ON_AN_ARM):
     """What is told of readings after those of the zero."""
     skin = smo.BayesEstimator(
-        design, known(design)[1], priors=TouchPriors(drag_spread=0.0), creep=ELASTIC
+        design,
+        known(design)[1],
+        priors=TouchPriors(drag_spread=0.0),
+        creep=ELASTIC,
+        tracking=tracking,
     )
     skin.zero(readings[:zeros], force=True)
     return [skin.step(reading) for reading in readings]
@@ -93,19 +98,22 @@ def test_a_touch_on_a_turning_board_is_found_and_leaves_none(planar):
     assert np.abs(force - 0.5).mean() < 0.01
 
 
-def test_the_earths_field_moves_a_touch_by_half_a_millimetre(planar):
-    """Where it were read for still, 20 uT would move this touch by three."""
+def test_the_earths_field_moves_a_touch_by_two_thirds_of_a_millimetre(planar):
+    """Where it were read for still, 20 uT would move this touch by three.
+
+    A turn that explains no more than the last third of a second before a touch is taken back.
+    """
     times = np.arange(-2.0, 12.0, 0.02)
     held = ((times > 0.95) & (times % 1.0 < 0.3)).astype(float)
     where = []
     for world in (World(name="plain"), World(name="earth", effects=(Earth(),))):
-        estimates = told(planar, stream(planar, times, held, world=world))
+        estimates = told(planar, stream(planar, times, held, world=world), tracking=FOLLOWING)
         found = [one for one, there in zip(estimates, held, strict=True) if there]
         places = np.array([one.contacts[0].position for one in found])
         where.append(places.reshape(11, -1, 2).mean(axis=1))
     moved = 1e3 * np.hypot(*(where[1] - where[0]).T)
-    assert moved.mean() < 0.6
-    assert moved.max() < 1.0
+    assert moved.mean() < 0.7
+    assert moved.max() < 1.2
 
 
 def test_a_board_that_begins_to_turn_under_a_touch_is_followed(planar):

@@ -92,7 +92,7 @@ class BayesEstimator(SignalEstimator):
             false_alarms=false_alarms,
             tracking=tracking,
             most=table.forces[1],
-            left=table.residue**2 * table.newton,
+            left=table.left,
             loops=table.loops,
         )
         self.table = table

@@ -153,6 +153,13 @@ class ResponseTable:
         return np.asarray(signals.T @ signals / len(places))
 
     @property
+    def left(self) -> Floats:
+        """L: what a touch leaves, half like a newton's signals, half in each alike, (C, C), T^2."""
+        whole = self.newton
+        each = float(np.trace(whole)) / self.count * np.eye(self.count)
+        return np.asarray(self.residue**2 * (whole + each) / 2)
+
+    @property
     def calibrated(self) -> bool:
         """Whether it is the table of one skin: modes leave open under 5 % of a press's signals.
 

@@ -389,7 +389,8 @@ class Zero:
             if now < share:
                 spread, turn, share = tried, of, now
         if share < 1.0 and turn is not None:
-            self._keep(time, still)
+            if self._turn is None:
+                self._keep(time, still)
             self._spread, self._turn_seen = spread, time
             if self._turn is not self._turning.whole:
                 self._turn = turn
