@@ -74,6 +74,19 @@ def test_a_file_of_another_design_is_refused(kind, planar, tmp_path):
     assert load_estimator(path, other).design is other
 
 
+@pytest.mark.parametrize("kind", KINDS[:3])
+def test_a_skin_is_on_an_arm_where_that_is_said(kind, planar, tmp_path):
+    path = save(kind, planar, tmp_path / "file")
+    for arm in (False, True):
+        assert load_estimator(path, arm=arm)._signals.followed.tracking.arm is arm
+
+
+def test_a_learned_model_does_not_know_the_skins_weight(planar, tmp_path):
+    path = save(LearnedEstimator, planar, tmp_path / "file")
+    with pytest.raises(ArgumentError, match="arm must be False for a learned model"):
+        load_estimator(path, arm=True)
+
+
 @pytest.mark.parametrize("kind", [BayesEstimator, NetworkEstimator])
 def test_drift_is_followed_by_what_files_make(kind, planar, tmp_path):
     """A slow drift of the untouched skin far beyond its noise is no touch."""

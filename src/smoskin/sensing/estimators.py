@@ -59,6 +59,8 @@ def load_estimator(
     ModelError
         If the file cannot be read, is of no such kind, was made for another design, or is a table
         that is not `ResponseTable.calibrated` and must be.
+    ArgumentError
+        If an arm is said to turn the skin of a learned model, which does not know its weight.
     MissingExtraError
         If it holds arrays and `safetensors` is not installed.
 
@@ -94,6 +96,8 @@ def load_estimator(
             skin = _design_of(file, network.design_hash, design)
             return NetworkEstimator(skin, network, tracking=tracking)
         case _:
+            if arm:
+                raise ArgumentError("arm must be False for a learned model: it knows no weight")
             return LearnedEstimator(load_model(file))
 
 

@@ -262,13 +262,12 @@ class ScoreSheet:
                 ]
         if dragged is not None and (drag := dragged.headline.drag) is not None:
             chief = dragged.headline
+            place = 1e3 * chief.location.mean
             if not plain:
-                place = 1e3 * chief.location.mean
-                rows.append(
-                    Target("dragged: mean error of place", "mm", place, None, 1e3 * _HARD_DRAGGED)
-                )
-            for name in ("undragged", "straight") if plain else ():
-                if (other := self.case(name)) is not None:
+                most = 1e3 * _HARD_DRAGGED
+                rows.append(Target("dragged: mean error of place", "mm", place, None, most))
+            for name in ("undragged", "straight"):
+                if plain and (other := self.case(name)) is not None:
                     ratio = chief.location.mean / other.headline.location.mean
                     rows.append(Target(f"dragged: place over {name}", "", ratio, None, 1.5))
             rows += [

@@ -128,8 +128,6 @@ class Unlooping:
 
     def step(self, read: Floats) -> Floats:
         """Elastic signals (C,), T, behind those that are read."""
-        if not len(self._weights):
-            return read
         read = read + self.offset
         elastic = read
         for _ in range(_FIXED_POINTS):

@@ -146,6 +146,7 @@ class Signals:
         changes from reading to reading by what is missing of a prompt answer."""
         self._turning = turning(design, self._chips, weight=self._tracking.arm)
         self._left = np.zeros_like(self.noise) if left is None else left
+        self._looped = loops is not None
         self._unlooping = Unlooping(loops or no_loops(len(self.noise)))
         self.reset()
 
@@ -235,7 +236,8 @@ class Signals:
         raised = self._settled(reading.time, self._own_field(reading) - self._untouched)
         status: Status | None = Status.NOT_CALIBRATED
         if self.zeroed:
-            self._zero.left = self._left + np.diag(self._unlooping.variance)
+            if self._looped:
+                self._zero.left = self._left + np.diag(self._unlooping.variance)
             idle = self._zero.step(reading.time, raised[self._chips].ravel())
             if idle and self._zero.settled:
                 self._unlooping.rest()
@@ -294,6 +296,8 @@ class Signals:
             elapsed = max(time - self._settled_time, 0.0)
             self._settled_time = time
             straight = self._settling.step(elapsed, straight)
+        if not self._looped:
+            return straight
         elastic = straight.copy()
         used = self._unlooping.step(straight[self._chips].ravel())
         elastic[self._chips] = used.reshape(-1, 3)

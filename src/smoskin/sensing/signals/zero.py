@@ -37,8 +37,7 @@ _LASTS: Final = 3.0
 _FARTHEST: Final = 6.0
 """Turn, rad, up to which a zero is believed."""
 _BELIEVED: Final = (0.3, 3)
-"""Time, s, and idle readings for which a turn must have held to be more than a touch's begin or
-end."""
+"""Time, s, and idle readings for which a turn must have held, not to be a touch's beginning."""
 _TAKEN: Final = 20
 """Number of readings that zeros are taken from."""
 _LONG: Final = 20.0
@@ -167,6 +166,15 @@ class _Spread(NamedTuple):
         return _Spread(
             self.zero + duration**2 / 3 * new, self.mixed + duration / 2 * new, self.speed + new
         )
+
+
+def _gone_on(
+    offset: Floats, speed: Floats, spread: _Spread, elapsed: float
+) -> tuple[Floats, Floats, _Spread]:
+    """A zero and its speed after so many seconds, s, in which nothing was seen."""
+    kept = math.exp(-elapsed / _LASTS)
+    gone = _LASTS * (1 - kept)
+    return offset + gone * speed, kept * speed, spread.later(kept, gone)
 
 
 @dataclass(slots=True)
@@ -326,15 +334,11 @@ class Zero:
 
     def _go_on(self, elapsed: float) -> None:
         """Let the zero move as it did."""
-        kept = math.exp(-elapsed / _LASTS)
-        gone = _LASTS * (1 - kept)
-        self.offset = self.offset + gone * self._speed
-        self._speed = kept * self._speed
-        self._spread = self._spread.later(kept, gone)
+        known = self.offset, self._speed, self._spread
+        self.offset, self._speed, self._spread = _gone_on(*known, elapsed)
         if (steady := self._steady) is not None:
-            steady.offset = steady.offset + gone * steady.speed
-            steady.speed = kept * steady.speed
-            steady.spread = steady.spread.later(kept, gone)
+            known = steady.offset, steady.speed, steady.spread
+            steady.offset, steady.speed, steady.spread = _gone_on(*known, elapsed)
             if steady.turn is not None:
                 steady.spread = steady.spread.turned(steady.turn, _UNDER_WAY, elapsed)
 

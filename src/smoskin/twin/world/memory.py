@@ -42,8 +42,7 @@ class Loops:
     """Plays of a motion's components, of a skin with a past: at first they are anywhere.
 
     `ranges` are components' largest motions under a newton, one state; without a generator the skin
-    is new, and its plays are at rest. It raises an
-    `ArgumentError` if weights sum to 1 or more, or one or a play is negative.
+    is new. `ArgumentError` if weights sum to 1 or more, or one or a play is negative.
     """
 
     def __init__(
