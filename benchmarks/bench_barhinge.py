@@ -14,7 +14,7 @@ from functools import partial
 
 import jax
 import numpy as np
-from scipy.sparse import coo_array, csc_array, diags_array
+from scipy.sparse import coo_array, csc_array
 from scipy.sparse.linalg import splu
 
 from smoskin import load_design
@@ -59,10 +59,10 @@ class NewtonLoop:
 
     def __init__(self, model: BarHinge) -> None:
         lattice = self.lattice = model.lattice
-        self.tangent = Tangent(lattice)
-        self.ground = diags_array(lattice.ground.ravel())
+        self.tangent = Tangent(lattice, model.board)
         where = []
-        for nodes in (lattice.bars, lattice.hinges):
+        supported = lattice.feet[:, None], lattice.stops.nodes[:, None]
+        for nodes in (lattice.bars, lattice.hinges, *supported):
             each = (3 * nodes[..., None] + np.arange(3)).reshape(len(nodes), -1)
             where.append(
                 (
@@ -73,11 +73,12 @@ class NewtonLoop:
         self.rows, self.columns = (np.concatenate(part) for part in zip(*where, strict=True))
 
     def step(self, motion: np.ndarray, outer: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        made = self.tangent.blocks(motion)
-        right = (outer - made.pushes.sum(axis=0) - self.lattice.ground * motion).ravel()
-        blocks = np.concatenate([made.bars.ravel(), made.hinges.ravel()])
+        made = self.tangent.blocks(motion, np.zeros(6))
+        right = (outer - made.pushes.sum(axis=0)).ravel()
+        parts = (made.bars, made.hinges, made.columns, made.stops)
+        blocks = np.concatenate([part.ravel() for part in parts])
         whole = coo_array((blocks, (self.rows, self.columns)), (right.size, right.size))
-        move = splu(csc_array(whole + self.ground)).solve(right)
+        move = splu(csc_array(whole)).solve(right)
         return right, move.reshape(motion.shape)
 
     def solve(self, outer: np.ndarray) -> int:

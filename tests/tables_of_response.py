@@ -112,6 +112,14 @@ def random_table(seed=0, modes=3, chips=(0, 1, 2)):
     )
 
 
+def with_coupling(table, seed=0):
+    """The table with what columns under load add to pairs, about a fifth of their signals."""
+    rng, size = np.random.default_rng([seed, 3]), (3 * table.basis.vertices, table.count)
+    coupling = 3e-4 * rng.normal(size=(size[0], *size))
+    both = coupling + coupling.swapaxes(0, 1)
+    return replace(table, coupling=both.reshape(-1, 3, size[0] // 3, 3, size[1]))
+
+
 def random_touches(count, seed=0, drag=0.3):
     """Places and forces all over that skin."""
     rng = np.random.default_rng([seed, 1])

@@ -23,8 +23,11 @@ def with_magnet(planar: SkinDesign, **changes: object) -> SkinDesign:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"radius": 9e-3}, r"'M2' overlaps a column: radius must be below 8.5\d mm"),
-        ({"height": 5e-3}, r"does not fit between chip and sheet: columns.height must exceed 11.1"),
+        ({"radius": 9e-3}, r"'M2' overlaps a column: radius must be below 6.50 mm"),
+        (
+            {"height": 14e-3},
+            r"does not fit between chip and sheet: columns.height must exceed 20.1",
+        ),
         ({"corner": (2, 4)}, "magnets 'M2' and 'M3' overlap"),
         ({"remanence": 1.4e6}, r"\|B_z\| reaches .* a gap of at least \d\.\d mm would do"),
     ],
@@ -85,7 +88,9 @@ def test_a_magnet_fits_between_chip_and_sheet(planar):
     needed = planar.board.sensing_height + site.gap + magnet.height
     for height, fits in ((needed + 1e-6, True), (needed, False)):
         columns = replace(planar.columns, height=height, radius=1.8e-3)
-        design = replace(planar, columns=columns)
+        loose = tuple(replace(one, play=0.02) for one in planar.magnets)
+        frame = replace(planar.frame, held_height=1e-3)
+        design = replace(planar, columns=columns, magnets=loose, frame=frame)
         if fits:
             check_design(design)
         else:
@@ -98,7 +103,7 @@ def test_the_rated_press_may_not_sink_the_sheet_flat(planar):
     for share, works in ((1.001, True), (0.999, False)):
         # The columns' stiffness goes with the square of their radius.
         radius = planar.columns.radius * math.sqrt(share * depth / height)
-        weak = tuple(replace(one, remanence=1e3) for one in planar.magnets)
+        weak = tuple(replace(one, remanence=1e3, play=0.1) for one in planar.magnets)
         design = replace(planar, columns=replace(planar.columns, radius=radius), magnets=weak)
         if works:
             check_design(design)
@@ -144,3 +149,10 @@ def test_the_extent_is_that_of_the_fields_over_the_stroke(planar):
     assert (fields <= extent.largest * (1 + 1e-3)).all()
     rest = sector.field(magnet, geometry(planar).rest[0]) @ turned
     np.testing.assert_allclose(extent.rest, rest, atol=1e-15)
+
+
+def test_notches_that_tie_columns_are_refused(planar):
+    tight = replace(planar.magnets[1], play=2e-6)
+    design = replace(planar, magnets=(planar.magnets[0], tight, planar.magnets[2]))
+    with pytest.raises(DesignError, match=r"play must be at least .* do not tie the columns"):
+        check_design(design)

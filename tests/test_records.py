@@ -137,7 +137,7 @@ def test_a_touch_without_readings_or_times_is_refused():
 
 def motion(batch=()):
     rng = np.random.default_rng(1)
-    return Motion(magnets=rng.normal(size=(*batch, 3, 6)), board=rng.normal(size=(*batch, 3)))
+    return Motion(magnets=rng.normal(size=(*batch, 3, 6)), board=rng.normal(size=(*batch, 6)))
 
 
 @pytest.mark.parametrize("part", ["magnets", "board"])
@@ -158,7 +158,7 @@ def test_motions_go_into_batches_and_out_again():
     assert np.array_equal(back.magnets, states.magnets)
     assert np.array_equal(back.board, states.board)
     joined = Motion.concatenate([states[1], Motion.rest(3, (1,))])
-    assert joined.board.shape == (5, 3)
+    assert joined.board.shape == (5, 6)
     assert np.array_equal(joined.magnets[:4], states.magnets[1])
     assert not joined.magnets[4].any()
     assert not joined.board[4].any()

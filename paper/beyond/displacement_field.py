@@ -35,7 +35,7 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.mechanics.reduced.attenuation import column_displacements, profiles
 from smoskin.mechanics.reduced.stiffness import stiffness_map
-from smoskin.mechanics.sheet.lattice import axial_stiffness
+from smoskin.mechanics.sheet.lattice import column_beam
 from smoskin.mechanics.sheet.model import BarHinge
 from smoskin.mechanics.sheet.touches import Sticking, Touches
 from smoskin.origami.geometry import geometry
@@ -94,7 +94,7 @@ def press_field(design: SkinDesign) -> PressField:
         reduced=column_displacements(parts, PRESSED),
         press=float(-moved[vertex, 2]),
         reduced_press=reduced_press,
-        plate=FORCE / (sheet.columns.size * axial_stiffness(design.columns)),
+        plate=FORCE / (sheet.columns.size * column_beam(design).axial),
     )
 
 
@@ -142,9 +142,9 @@ def draw(design: SkinDesign, result: PressField) -> Plate:
         f"{-result.magnets[:, 2].min() * 1e3:.2f} mm and tilt by up to {tilt:.1f} mrad. (b) The "
         f"reduced model under the same force: {result.reduced_press * 1e3:.2f} mm, up to "
         f"{theory:.0f} µm, and no column sinks. (c) The row of vertices through the pressed one "
-        "and the columns on either side: the sheet sinks and tilts on its columns much as a rigid "
-        f"plate would ({result.plate * 1e3:.2f} mm in the mean), so that what is pressed hardly "
-        "folds.",
+        "and the columns on either side: the sheet sinks and tilts on its columns "
+        f"({result.plate * 1e3:.2f} mm in the mean, as a rigid plate would) and folds round the "
+        "pressed vertex.",
         figure=figure,
     )
 

@@ -7,7 +7,7 @@ presses themselves are put to a `smoskin.mechanics.sheet.model.BarHinge`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -24,6 +24,7 @@ from smoskin.mechanics.reduced.stiffness import (
 from smoskin.mechanics.sheet.holders import holder_matrix
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.geometry import geometry
+from smoskin.sensing.closed_form.location import decide, ideal_rule, unit_press
 
 if TYPE_CHECKING:
     from smoskin.mechanics.sheet.model import BarHinge
@@ -265,3 +266,11 @@ def _fit(
         measured=measured,
         expected=expected,
     )
+
+
+def cells_named(presses: UnitPresses, attenuation: tuple[float, float]) -> int:
+    """Cells that the rule of S12 with this v_a names right by the magnets' motion."""
+    design = presses.design
+    rule = ideal_rule(unit_press(design, replace(design.coefficients, attenuation=attenuation)))
+    cells = np.moveaxis(np.indices(design.cells), 0, -1)
+    return int((decide(rule, presses.on_sheet) == cells).all(axis=-1).sum())

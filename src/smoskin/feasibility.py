@@ -19,7 +19,8 @@ from smoskin.design.skin import HallSite, Magnet, SkinDesign
 from smoskin.errors import DesignError
 from smoskin.magnetics import mlx90393, sector
 from smoskin.mechanics.reduced.attenuation import magnet_displacements, profiles
-from smoskin.mechanics.reduced.stiffness import board_stiffness, sheet_stiffness, stiffness_map
+from smoskin.mechanics.reduced.stiffness import board_stiffness, stiffness_map
+from smoskin.mechanics.sheet.lattice import swaying_stiffness
 from smoskin.origami.geometry import geometry
 
 RATED_PRESS: Final = 1.0
@@ -69,6 +70,7 @@ def check_design(design: SkinDesign) -> None:
     try:
         with np.errstate(divide="raise", over="raise", invalid="raise"):
             _check_room(design)
+            _check_depth(design)
             _check_fields(design)
     except ArithmeticError as error:
         raise DesignError(f"the design's values must suit each other; got {error}") from error
@@ -94,7 +96,7 @@ def _stroke(design: SkinDesign, magnet: Magnet) -> float:
     depth = RATED_PRESS / stiffness_map(design, coefficients)
     parts = profiles(design.cell, design.cells, coefficients.attenuation, -1.0)
     pressed = np.abs(magnet_displacements(parts, magnet.corner)) * depth[..., None]
-    return float(pressed.max()) + RATED_SHEAR / sheet_stiffness(design)
+    return float(pressed.max()) + RATED_SHEAR / swaying_stiffness(design)
 
 
 def _check_room(design: SkinDesign) -> None:
@@ -105,7 +107,10 @@ def _check_room(design: SkinDesign) -> None:
     for magnet, place in zip(design.magnets, places, strict=True):
         if magnet.mount != "sheet":
             continue
-        room = float(np.linalg.norm(columns - place, axis=1).min()) - design.columns.radius
+        apart = np.linalg.norm(columns - place, axis=1)
+        if magnet.driver == "vertex":
+            apart = np.delete(apart, apart.argmin())
+        room = float(apart.min()) - design.columns.radius
         if magnet.radius >= room:
             raise DesignError(
                 f"magnet {magnet.name!r} overlaps a column: radius must be below "
@@ -127,12 +132,36 @@ def _check_room(design: SkinDesign) -> None:
                 f"exceed {needed * 1e3:.2f} mm (sensing height, gap and magnet); "
                 f"got {design.columns.height * 1e3:.2f} mm"
             )
+
+
+def _check_depth(design: SkinDesign) -> None:
+    """What the rated press does to the sheet and to the holders' notches."""
     deepest = float((RATED_PRESS / stiffness_map(design, design.coefficients)).max())
     height = float(geometry(design).cell.height)
     if deepest >= height:
         raise DesignError(
             f"columns are too soft: a press of {RATED_PRESS:g} N must sink the sheet by less than "
             f"its height {height * 1e3:.2f} mm; got {deepest * 1e3:.2f} mm"
+        )
+    for magnet in design.magnets:
+        if magnet.mount == "sheet":
+            _check_play(design, magnet)
+
+
+def _check_play(design: SkinDesign, magnet: Magnet) -> None:
+    """Refuse notches so tight that they tie the columns on either side of the magnet together.
+
+    Two tops tied rigidly lock the whole sheet: a press then folds it by a quarter as much.
+    """
+    parts = profiles(design.cell, design.cells, design.coefficients.attenuation, -1.0)
+    depth = (RATED_PRESS / stiffness_map(design, design.coefficients)).max(axis=1)
+    p = 2 * magnet.corner[0]
+    left, right = max(p - 1, 0), min(p + 1, parts.x.shape[1] - 1)
+    needed = float((np.abs(parts.x[:, right] - parts.x[:, left]) * depth).max()) / 2
+    if magnet.play < needed:
+        raise DesignError(
+            f"magnet {magnet.name!r}.play must be at least {needed * 1e3:.2f} mm, so that its "
+            f"notches do not tie the columns beside it; got {magnet.play * 1e3:.2f} mm"
         )
 
 

@@ -194,15 +194,15 @@ class Motion:
     --------
     >>> rest = Motion.rest(3, (2,))
     >>> rest.magnets.shape, rest.board.shape, rest[0].valid.tolist()
-    ((2, 3, 6), (2, 3), True)
+    ((2, 3, 6), (2, 6), True)
     """
 
     magnets: Floats
     """(..., G, 6): shift of each magnet's middle over the board, m, and its rotation vector, rad;
     zero for a magnet on the base."""
     board: Floats
-    """(..., 3): shift of the board over the base along x and y, m, and its turn about the skin's
-    middle, rad."""
+    """(..., 6): shift of the board over the base along x, y and z, m, and its rotation vector about
+    the middle of the pillars' tops, rad."""
 
     @property
     def valid(self) -> Bools:
@@ -214,7 +214,7 @@ class Motion:
     @classmethod
     def rest(cls, magnets: int, batch: tuple[int, ...] = ()) -> "Motion":
         """An untouched skin with so many magnets, in every state of a batch."""
-        return cls(magnets=np.zeros((*batch, magnets, 6)), board=np.zeros((*batch, 3)))
+        return cls(magnets=np.zeros((*batch, magnets, 6)), board=np.zeros((*batch, 6)))
 
     @classmethod
     def stack(cls, motions: Sequence["Motion"]) -> "Motion":

@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 
 from smoskin.arrays import Floats, Ints
 from smoskin.design.skin import SkinDesign
-from smoskin.mechanics.reduced.stiffness import board_stiffness
+from smoskin.mechanics.board import board_of, carried
 from smoskin.mechanics.sheet.contact import ScaleContact
 from smoskin.mechanics.sheet.holders import holder_matrix
 from smoskin.mechanics.sheet.lattice import build_lattice
@@ -53,25 +53,29 @@ class Sheet:
         self.design = design
         lattice = build_lattice(design)
         self.loaded, self.count = lattice.loaded, len(lattice.nodes)
-        tangent = Tangent(lattice)
+        board = board_of(design)
+        tangent = Tangent(lattice, board)
         units = np.eye(3 * self.count).reshape(self.count, 3, self.count, 3)
-        self._moves = tangent.solve(tangent.at(np.zeros_like(lattice.nodes)), units)
+        self._moves = tangent.solve(tangent.at(np.zeros_like(lattice.nodes), np.zeros(6)), units)
         on_sheet = [k for k, magnet in enumerate(design.magnets) if magnet.mount == "sheet"]
         holders = holder_matrix(design)[on_sheet].reshape(6 * len(on_sheet), -1)
         holders *= np.tile(np.repeat([1.0, _ARM], 3), len(on_sheet))[:, None]
         flat = holders @ self._moves.reshape(3 * self.count, -1)
         self._magnets = flat.reshape(-1, self.count, 3)
-        self._board = board_stiffness(design)
+        self._carried = carried(board, lattice.nodes)
+        self._board = board.stiffness
 
     def magnets(self, forces: Floats, patches: Floats) -> Floats:
         """Motions (P, .) by forces (P, V, 3), N, the patches (P, V) held in the plane."""
-        give = np.eye(2) / self._board
         out = []
         for force, patch in zip(forces, patches, strict=True):
             moved = np.einsum("v,vdwe,we->d", patch, self._moves[:, :2], force, optimize=True)
             stiff = np.einsum(
                 "v,vdwe,w->de", patch, self._moves[:, :2, :, :2], patch, optimize=True
             )
+            arm = np.einsum("v,vdb->db", patch, self._carried[:, :2])
+            moved += arm / self._board @ np.einsum("vdb,vd->b", self._carried, force)
+            give = arm / self._board @ arm.T
             held = force.copy()
             held[:, :2] -= patch[:, None] * np.linalg.solve(stiff + give, moved)
             out.append(np.einsum("mvd,vd->m", self._magnets, held))

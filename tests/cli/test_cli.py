@@ -47,7 +47,7 @@ def test_info_shows_values_provenance_and_what_follows():
     rows = json.loads(smoskin("info", "--json").stdout)
     derived = {row["name"]: row["value"] for row in rows["derived"]}
     assert derived["columns"] == 91
-    assert derived["column_stiffness_N_per_mm"] == pytest.approx(0.01767, abs=1e-5)
+    assert derived["column_stiffness_N_per_mm"] == pytest.approx(0.07401, abs=1e-5)
 
 
 def test_record_then_replay_gives_the_same_estimates(tmp_path):

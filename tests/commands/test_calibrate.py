@@ -82,7 +82,7 @@ def test_a_rig_stops_where_touches_are_located_well_enough(skin, table, twin):
 def test_touches_that_no_chip_can_read_are_replaced(skin, table, twin):
     steps = []
     # Presses of 0.8 N in some places end the chip's range.
-    rig = VirtualRig(Saturating(skin, 2.9e-3, seed=3), np.random.default_rng(0))
+    rig = VirtualRig(Saturating(skin, 1.0e-3, seed=3), np.random.default_rng(0))
     done = calibrate(table, rig, design=skin, count=12, progress=steps.append)
     lost = [one for one in done.labels if one.status is not None]
     assert lost
@@ -263,7 +263,7 @@ def test_sheets_that_do_not_fit_are_refused(skin, table, twin, tmp_path):
         calibrate(table, tmp_path / "nowhere.csv", design=skin)
 
 
-@pytest.mark.parametrize(("off", "refused"), [(0.9e-5, False), (1.1e-5, True)])
+@pytest.mark.parametrize(("off", "refused"), [(0.9e-4, False), (1.1e-4, True)])
 def test_touches_must_lie_on_the_skin(skin, table, twin, tmp_path, off, refused):
     plan = tmp_path / "plan.csv"
     write_plan(plan, skin, plan_by_hand(skin, table, count=2))
@@ -406,18 +406,18 @@ def calibration_by(rig, skin, table, folder, monkeypatch):
 def test_the_touches_of_a_refused_calibration_are_kept(
     skin, table, twin, tmp_path, monkeypatch, capsys
 ):
-    class InKilonewton(VirtualRig):
+    class InMillinewton(VirtualRig):
         def press(self, contact, timeout=30.0):
             touch = super().press(contact, timeout)
-            return replace(touch, contact=replace_force(touch.contact, 1e-3))
+            return replace(touch, contact=replace_force(touch.contact, 1e3))
 
     def replace_force(contact, factor):
         return Contact(position=contact.position, force=factor * contact.force)
 
-    rig = InKilonewton(twin, np.random.default_rng(0))
+    rig = InMillinewton(twin, np.random.default_rng(0))
     words, own = calibration_by(rig, skin, table, tmp_path, monkeypatch)
     (tmp_path / "skin.touches.csv").touch()  # of an earlier calibration
-    with pytest.raises(CalibrationError, match="1000 times too small: in kN"):
+    with pytest.raises(CalibrationError, match="1000 times too large: in mN"):
         app([*words, "--touches", "12"], standalone_mode=False)
     sheet, recording = (tmp_path / f"skin.touches2.{end}" for end in ("csv", "mcap"))
     told = f"the touches are kept: --sheet {sheet} --recording {recording}\n"
@@ -425,7 +425,7 @@ def test_the_touches_of_a_refused_calibration_are_kept(
     kept, _ = read_touches(sheet)
     assert kept.touched.sum() >= 12
     assert not own.exists()
-    mended = replace(kept, force=1e3 * kept.force)
+    mended = replace(kept, force=1e-3 * kept.force)
     done = calibrate(table, mended, design=skin, recording=recording, force_spread=2e-3)
     assert done.used >= 12
     assert missed(skin, twin, done.table) < 0.2 * missed(skin, twin, table)

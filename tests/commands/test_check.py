@@ -120,7 +120,7 @@ def test_a_new_design_is_commented_and_can_be_built(tmp_path, planar):
     assert text.count("\n# ") >= 13
     resized = parse_design(new_design("mine", "planar", "4x8"))
     assert (resized.name, resized.cells) == ("mine", (4, 8))
-    assert [magnet.corner for magnet in resized.magnets] == [(2, 4), (3, 3), (1, 5)]
+    assert [magnet.corner for magnet in resized.magnets] == [(3, 5), (3, 3), (1, 5)]
     with pytest.raises(DesignError, match="overlap"):
         new_design("mine", "planar", "2x2")
     with pytest.raises(ArgumentError, match="6x8"):

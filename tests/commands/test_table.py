@@ -71,7 +71,9 @@ class Bench:
         monkeypatch.setattr("smoskin.commands.table.write_dataset", self.write_dataset)
         monkeypatch.setattr("smoskin.commands.table.Readout", self.readout)
         monkeypatch.setattr("smoskin.commands.table.Twin", self.twin)
-        monkeypatch.setattr("smoskin.commands.table.grip_compliance", lambda *parts: parts)
+        monkeypatch.setattr(
+            "smoskin.commands.table.grip_compliance", lambda design, *made: made or (design,)
+        )
         monkeypatch.setattr(
             "smoskin.commands.table.made_mechanics", lambda design, deviations, t: (*deviations, t)
         )
@@ -80,7 +82,8 @@ class Bench:
         )
 
     def fit(self, name):
-        def keep(*given):
+        def keep(*given, **named):
+            assert set(named) <= {"coupling", "curvature"}
             self.fits[name] = given
             return self.table
 

@@ -148,7 +148,9 @@ def test_a_long_touch_that_warms_stays_where_it_is(planar):
     away, force = errors([one for one, there in zip(estimates, held, strict=True) if there])
     assert away[:100].mean() < 1.0
     assert away[-100:].mean() < 1.5
-    np.testing.assert_allclose(force, 0.3, rtol=0.02)
+    # Noise of single readings is 0.7 %.
+    np.testing.assert_allclose(force, 0.3, rtol=0.03)
+    assert np.mean(np.abs(force / 0.3 - 1) < 0.02) > 0.99
     left = [one.status for one, time in zip(estimates, times, strict=True) if time > 1800.0]
     assert set(left) == {Status.NO_CONTACT}
 

@@ -196,7 +196,7 @@ def test_another_design_sweep_or_version_is_refused(planar, tmp_path, unbroken, 
     softer = replace(planar, columns=replace(planar.columns, radius=1.4e-3))
     with pytest.raises(
         RecordingError,
-        match=r"another design: columns.radius_mm is 1.5 there and 1.4 here; use another folder",
+        match=r"another design: columns.radius_mm is 3.5 there and 1.4 here; use another folder",
     ):
         write(unbroken.path, softer, tmp_path)
     with pytest.raises(RecordingError, match=r"another sweep: seed is 11 there and 12 here"):

@@ -8,7 +8,8 @@ from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
 from paper.errata import errata
-from smoskin.mechanics.sheet.lattice import axial_stiffness
+from paper.models.reduction import LEAST_ATTENUATION, cells_named
+from smoskin.mechanics.sheet.lattice import column_beam
 from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.origami.geometry import geometry
 
@@ -42,57 +43,78 @@ def texts(figure) -> str:
 
 
 def test_granting_the_assumptions_brings_the_reduced_model_nearer(found):
-    _, guided, free, hard, hard_free, rigid = found.assumptions.variants
-    left = [one.columns.residual for one in (guided, hard, hard_free, rigid)]
+    built, guided, touching, sheared, hard, rigid = found.assumptions.variants
+    left = [one.columns.residual for one in (sheared, touching, guided, hard, rigid)]
     assert left == sorted(left, reverse=True)
     assert left[0] > 0.5
     assert left[-1] < 0.06
-    assert free.columns.residual < guided.columns.residual
+    assert [one.cells_agreeing for one in (built, guided, hard, rigid)] == [36, 35, 36, 36]
+    assert (built.named, guided.named) == (34, 32)
+    assert sheared.cells_agreeing < touching.cells_agreeing < 35
+    assert sheared.named < touching.named < guided.named
     for one in found.assumptions.variants:
         assert one.columns.residual <= one.unscaled.residual + 1e-9
         assert one.columns.residual <= 1.0
         assert one.unscaled.scale == 1.0
 
 
+def test_creases_and_panels_take_little_of_a_press(found):
+    """As the SI claims under S25; what it leaves out takes most."""
+    energy = found.assumptions.energy
+    assert sum(energy) == pytest.approx(1.0)
+    assert energy.creases < 0.01 < energy.sway < energy.panels < 0.2 < 0.5 < energy.sink
+
+
 def test_folding_grows_with_axial_stiffness_and_towards_one(found):
-    for folding in (found.assumptions.folding, found.assumptions.folding_free):
+    for folding in (found.assumptions.folding, found.assumptions.folding_sheared):
         assert (np.diff(folding) > 0).all()
         assert folding[-1] > 0.98
-    assert (np.array(found.assumptions.folding_free) > found.assumptions.folding).all()
+    assert (np.array(found.assumptions.folding_sheared) < found.assumptions.folding).all()
     as_built = found.assumptions.variants[1].presses
     assert found.assumptions.folding[0] == pytest.approx(as_built.folding.mean(), rel=1e-9)
     assert found.assumptions.sizes[0].folding == pytest.approx(as_built.folding.mean(), rel=1e-9)
 
 
-def test_the_erratum_says_what_came_out(planar, found):
-    entry = next(one for one in errata(planar) if one.number == "U5")
-    variants, sizes = found.assumptions.variants, found.assumptions.sizes
-    built, guided, free, hard, hard_free, rigid = variants
+def test_the_errata_say_what_came_out(planar, found):
+    energies, entry = (
+        next(one for one in errata(planar) if one.number == number) for number in ("U4", "U5")
+    )
+    built, guided, touching, sheared, hard, rigid = found.assumptions.variants
+    energy = found.assumptions.energy
 
-    def pair(variant):
-        return "{:.2f}, {:.2f}".format(*variant.columns.attenuation)
+    def pair(fit, between=", "):
+        return between.join(f"{v:.2f}" for v in fit.attenuation)
 
     def percent(share):
         return f"{100 * share:.0f} %"
 
-    assert f"{percent(guided.presses.folding.mean())} of a guided vertex's press" in entry.holds
-    assert f"({percent(built.presses.folding.mean())} under a sticking finger)" in entry.holds
-    assert f"v_a = {pair(built)} leaves {percent(built.columns.residual)}" in entry.holds
-    assert 1 / built.columns.scale == pytest.approx(20, rel=0.05)
+    assert f"{percent(energy.panels)} is in panels and {100 * energy.creases:.1f} % in" in (
+        energies.tried
+    )
+    assert f"{percent(energy.sway)} sideways, and {percent(energy.sink)} along z" in energies.tried
+    stuck = " : ".join(f"{built.presses.stiffness[k, k] / 1e3:.2f}" for k in range(3))
+    for text in (
+        f"for {built.cells_agreeing} of 36 cells, and S12 names {built.named}",
+        f"magnets' motion, {pair(built.magnets, ' and ')}",
+        f"{percent(guided.presses.folding.mean())} of a press folds",
+        f"v_a = {pair(built.columns)} leaves {percent(built.columns.residual)}",
+        f"at {built.columns.scale:.2f} of its size",
+        f"the stiffness {stuck} N/mm",
+        f"0.23 names {cells_named(built.presses, planar.coefficients.attenuation)} cells",
+    ):
+        assert text in entry.holds, text
+    assert built.stiffness.attenuation[0] < 2 * LEAST_ATTENUATION
     half = 10 ** np.interp(
         0.5, found.assumptions.folding, np.log10(found.assumptions.axial_factors)
     )
     for text in (
-        f"guided along z, {percent(guided.columns.residual)} left",
-        f"no frame, {percent(free.columns.residual)}",
-        f"v_a = {pair(hard)} and {percent(hard.columns.residual)}",
-        f"and no frame, {pair(hard_free)} and {percent(hard_free.columns.residual)}",
-        f"as well, {pair(rigid)} and {percent(rigid.columns.residual)}",
-        "hold for " + ", ".join(str(one.cells_agreeing) for one in variants[:-1])
-        + f" and {rigid.cells_agreeing} of 36",
-        f"columns {half:.0f} times as stiff",
-        f"folds {percent(sizes[-1].folding)}, at {sizes[-1].stiffness / 1e3:.0f} N/mm",
-    ):  # fmt: skip
+        f"{touching.cells_agreeing} of 36 signs and {touching.named} cells named",
+        f"{sheared.cells_agreeing} and {sheared.named}, {percent(sheared.presses.folding.mean())}",
+        f"v_a = {pair(hard.columns)} and {percent(hard.columns.residual)} left",
+        f"procedure finds {hard.stiffness.attenuation[0]:.2f}",
+        f"as well, {pair(rigid.columns)} and {percent(rigid.columns.residual)}",
+        f"columns {half:.1f} times as stiff",
+    ):
         assert text in entry.tried
 
 
@@ -104,7 +126,7 @@ def test_the_fit_is_drawn_with_its_numbers(found):
     for one in found.assumptions.variants:
         assert "{:.2f}, {:.2f}".format(*one.columns.attenuation) in written
         assert f"{one.cells_agreeing} of 36" in written
-    for k in (0, 3, 5):
+    for k in (0, 3, 4):
         for left in found.assumptions.variants[k].columns.cell_residual.ravel():
             assert f"{left:.2f}" in written
     assert "Not in the paper" in plate.caption
@@ -117,10 +139,11 @@ def test_the_columns_carry_the_press(planar, found):
     field = found.field
     feet = geometry(planar).sheet.columns
     sunk = -field.moved[feet, 2]
-    assert sunk.sum() * axial_stiffness(planar.columns) == pytest.approx(0.5, rel=1e-6)
-    assert sunk.mean() == pytest.approx(field.plate, rel=1e-6)
+    # Columns that sway shorten besides.
+    assert 0.5 < sunk.sum() * column_beam(planar).axial < 0.51
+    assert field.plate < sunk.mean() < 1.02 * field.plate
     assert field.press < field.reduced_press
-    assert np.abs(field.moved[feet][..., :2]).max() < 0.2 * np.abs(field.reduced).max()
+    assert np.abs(field.moved[feet][..., :2]).max() > 0.9 * np.abs(field.reduced).max()
 
 
 def test_the_displacement_field_is_drawn_with_its_scales(planar, found):
@@ -133,7 +156,7 @@ def test_the_displacement_field_is_drawn_with_its_scales(planar, found):
     feet = geometry(planar).sheet.columns
     moved = found.field.moved[feet][..., :2].reshape(-1, 2) * 1e3 * factor
     assert_allclose(np.stack([arrows.U, arrows.V], axis=-1), moved)
-    assert float(reduced.get_title(loc="left").rpartition("x ")[2]) < factor
+    assert float(reduced.get_title(loc="left").rpartition("x ")[2]) >= factor
     assert_allclose(section.lines[0].get_ydata(), -field_row(planar, found.field) * 1e3)
     assert f"{found.field.press * 1e3:.2f} mm at the pressed vertex" in plate.caption
 
@@ -155,8 +178,8 @@ def test_covers_make_the_motion_independent_of_the_place(found):
     )  # fmt: skip
     assert (covered.found == 1).all()
     assert bare.spread.min() > 0.03
-    assert 0.5 < bare.found.mean() < 1
-    assert covered.place_error.mean() < bare.place_error.mean()
+    assert 0.5 < bare.found.mean() <= covered.found.mean()
+    assert covered.place_error.mean() <= bare.place_error.mean()
     # The middle of the cell is never further than its corner places.
     assert covered.place_error.max() == pytest.approx(0.4 * np.hypot(20e-3, 26.667e-3), rel=1e-3)
 

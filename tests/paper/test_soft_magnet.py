@@ -298,7 +298,7 @@ def test_wrong_use_says_so(planar, study):
         replace(magnet, profile="radial")
     with pytest.raises(ArgumentError, match="tolerance must be positive"):
         magnet_field(magnet, pressed, POINTS, tolerance=0.0)
-    thin = replace(planar, board=replace(planar.board, sensing_height=16e-3))
+    thin = replace(planar, board=replace(planar.board, sensing_height=19e-3))
     with pytest.raises(ArgumentError, match="thicker than 3 mm"):
         soft_magnet_like(thin)
     skin = ReducedTwin(planar, seed=None)

@@ -193,7 +193,7 @@ def test_the_whole_sheet_is_the_default() -> None:
 
 def test_the_rubber_creeps_unless_it_is_told_not_to() -> None:
     """Estimators undo creep, so a virtual skin has it too."""
-    touch = [Contact(position=(0.05, 0.067), force=(0.0, 0.0, -0.5))]
+    touch = [Contact(position=(0.05, 0.067), force=(0.0, 0.0, -1.5))]
     settled = {}
     for option in ("", "&creep=yes", "&creep=no"):
         url = f"twin://planar?mechanics=reduced&speed=max&rate=1{option}"

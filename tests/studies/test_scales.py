@@ -44,7 +44,7 @@ def test_vertices_take_what_the_facets_feel(cover):
 
 def test_a_cover_loads_the_sheet_as_bilinear_shares_do(planar):
     fit = fit_law(Sheet(planar), "inside", 2e-3, 3e-3, fineness=3)
-    assert fit.missed <= fit.missed_bilinear < 0.05
+    assert fit.missed <= fit.missed_bilinear < 0.12
 
 
 @pytest.mark.slow

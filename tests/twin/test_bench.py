@@ -111,7 +111,8 @@ def test_gauge_and_stage_are_as_noisy_as_asked(planar):
     relative = table.force[:, [0, 2]] / 0.5
     np.testing.assert_allclose(relative.std(axis=0), 0.02, rtol=0.1)
     np.testing.assert_allclose(np.abs(relative.mean(axis=0)), 1.0, atol=2e-3)
-    np.testing.assert_allclose((table.depth / twin.depths([load])).std(), 0.02, rtol=0.1)
+    # The stage's micrometres are another hundredth of what it sinks.
+    np.testing.assert_allclose((table.depth / twin.depths([load])).std(), 0.02, rtol=0.15)
     assert np.all(table.force[:, 1] == 0)
     np.testing.assert_allclose(table.temperature[[0, -1], 0], (24.0, 27.0), atol=0.1)
     # Gauge and stage show millinewtons and micrometres.

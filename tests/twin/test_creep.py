@@ -11,7 +11,7 @@ from smoskin.twin.creep import Creep
 
 def held(rows, magnets):
     still = np.zeros((rows, magnets, 6))
-    still[1:3], board = 1e-3, np.zeros((rows, 3))
+    still[1:3], board = 1e-3, np.zeros((rows, 6))
     board[1:3] = 2e-3
     return Motion(magnets=still, board=board)
 

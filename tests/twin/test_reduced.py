@@ -47,9 +47,7 @@ def test_a_drag_moves_board_and_sheet_by_their_stiffnesses(planar):
     drag = Contact(position=(0.06, 0.08), force=(0.3, -0.2, 0.0))
     motion = ReducedTwin(planar, seed=None).motion([drag])
     magnets, board = motion.magnets, motion.board
-    np.testing.assert_allclose(
-        board, [0.3 / board_stiffness(planar), -0.2 / board_stiffness(planar), 0]
-    )
+    np.testing.assert_allclose(board[:2], np.array([0.3, -0.2]) / board_stiffness(planar))
     by_name = dict(zip([m.name for m in planar.magnets], magnets, strict=True))
     np.testing.assert_array_equal(by_name["M1"], 0)
     np.testing.assert_allclose(by_name["M2"][:2], np.array([0.3, -0.2]) / sheet_stiffness(planar))

@@ -189,7 +189,7 @@ def test_drift_takes_no_part_in_labels(skin):
 
 
 def test_a_touch_that_ends_a_chips_range_is_not_labelled(skin):
-    rig = VirtualRig(Saturating(skin, 1.2e-3), np.random.default_rng(1), creep=False)
+    rig = VirtualRig(Saturating(skin, 0.4e-3), np.random.default_rng(1), creep=False)
     labeller = Labeller(skin)
     light = Contact(position=PRESS.position, force=0.3 * PRESS.force)
     labels = [labeller.label(rig.press(one)) for one in (light, PRESS, light)]

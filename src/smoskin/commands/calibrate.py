@@ -56,7 +56,7 @@ _TRIES: Final = 2
 """Ratio of the touches made at most to those that are asked for."""
 _REST_EVERY: Final = 10
 """Touches of a plan after which the untouched skin is read again."""
-_ROUNDED: Final = 1e-5
+_ROUNDED: Final = 1e-4
 """Distance by which a place on the rim may lie off it, m: sheets round."""
 _MILESTONES: Final = (0, 1, 2, 5, 10, 15, 30, 60, 120, 240)
 """Numbers of touches after which people are told the expected error."""

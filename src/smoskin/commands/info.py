@@ -112,7 +112,7 @@ def _of_skin(design: SkinDesign) -> list[Row]:
         ("skin", "press_stiffness_least_N_per_mm", press.min(), "S22-S25"),
         ("skin", "press_stiffness_most_N_per_mm", press.max(), "S22-S25"),
         ("skin", "press_at_rated_force_mm", RATED_PRESS / press.min(), "S27"),
-        ("skin", "sheet_stiffness_N_per_mm", sheet, "columns and frame"),
+        ("skin", "sheet_stiffness_N_per_mm", sheet, "S21, all columns"),
         ("skin", "board_stiffness_N_per_mm", board_stiffness(design), "S26"),
     ]
     for number, pair in enumerate(ambiguities(design), 1):

@@ -78,7 +78,7 @@ class PressReport:
             "temperature_degC": self.temperature,
             "touches": touches,
             "magnets": moves,
-            "board": {"shift_mm": board[:2] / _MM, "turn_deg": np.degrees(board[2])},
+            "board": {"shift_mm": board[:3] / _MM, "turn_deg": np.degrees(board[3:])},
             "chips": chips,
         }
         return dict(_plain(values))

@@ -6,6 +6,7 @@ differ. Each is a data set, so that it resumes. Each made sheet is read by chips
 several draws. The equations are those of "Fit" and "Modes" in `docs/derivations.md`.
 """
 
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -24,8 +25,10 @@ from smoskin.datasets.store import Dataset, write_dataset
 from smoskin.datasets.workers import Engine
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
+from smoskin.magnetics.nonlinearity import field_curvature
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
-from smoskin.mechanics.sheet.compliance import grip_compliance
+from smoskin.mechanics.sheet.compliance import grip_compliance, load_coupling
+from smoskin.mechanics.sheet.holders import holder_matrix
 from smoskin.origami.geometry import geometry
 from smoskin.records import Motion
 from smoskin.roles import Progress, unheard
@@ -46,6 +49,8 @@ if TYPE_CHECKING:
 
 _WARMTH: Final = tuple(REFERENCE_TEMPERATURE + degrees for degrees in (-10.0, 0.0, 10.0))
 """Temperatures between which the effect of warmth is taken, degC."""
+_NUDGE: Final = 1e-6
+"""m and rad: step of the differences by magnets' motion."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,8 +167,15 @@ def _fit(design: SkinDesign, work: Effort, pressed: Mapping[str, Dataset]) -> Re
     if work.pairs:
         place, force, motion = _read(pressed["pairs"])
         valid, signals = motion.valid, ideal.risen(motion)
-        grip = grip_compliance(design)
-        table = add_coupling(table, grip, place[valid], force[valid], signals[valid])
+        table = add_coupling(
+            table,
+            grip_compliance(design),
+            place[valid],
+            force[valid],
+            signals[valid],
+            coupling=load_coupling(design, _motion_slopes(design, ideal)),
+            curvature=field_curvature(design),
+        )
     place, force, motion = _read(pressed["warmth"])
     cold, designed, hot = np.split(ideal.risen(motion), len(_WARMTH))
     place, force = place[: len(cold), 0], force[: len(cold), 0]
@@ -174,13 +186,26 @@ def _fit(design: SkinDesign, work: Effort, pressed: Mapping[str, Dataset]) -> Re
     return table.with_open_contact()
 
 
+def _motion_slopes(design: SkinDesign, ideal: Readout) -> Floats:
+    """Slopes of the signals by every vertex's motion over the board, (C, V, 3), T/m."""
+    holders = holder_matrix(design)
+    magnets = holders.shape[:2]
+    small = _NUDGE * np.eye(math.prod(magnets)).reshape(-1, *magnets)
+    still = np.zeros((len(small), 6))
+    ends = [ideal.risen(Motion(magnets=sign * small, board=still)) for sign in (1.0, -1.0)]
+    slopes = (ends[0] - ends[1]).reshape(len(small), -1) / (2 * _NUDGE)
+    return np.tensordot(slopes, holders.reshape(len(small), *holders.shape[2:]), (0, 0))
+
+
 def _made_skins(design: SkinDesign, work: Effort, pressed: Dataset) -> tuple[Floats, Floats]:
     """Signals of L made skins in B presses, (L, B, S, 3), and their grips, (L, H, 2, H, 3)."""
     rng, tolerances = np.random.default_rng([work.seed, 1]), pressed.sweep.tolerances
     signals, grips = [], []
     for seed, rows in zip(pressed.sweep.skins, pressed.chunks(), strict=True):
         made = Twin(design, seed=seed, manufactured=True, tolerances=tolerances)
-        grip = grip_compliance(*made_mechanics(design, made.deviations, REFERENCE_TEMPERATURE))
+        grip = grip_compliance(
+            design, *made_mechanics(design, made.deviations, REFERENCE_TEMPERATURE)
+        )
         for _ in range(work.draws):
             signals.append(Readout(design, draw(design, rng, tolerances)).risen(rows.motion))
             grips.append(grip)

@@ -53,8 +53,8 @@ class Rows:
     temperature: Annotated[Floats, Column("temperature_degC", "of rubber, magnets and chips")]
     magnet_shift: Annotated[Floats, Column("magnet_shift_m", "(magnet, x y z) over the board")]
     magnet_turn: Annotated[Floats, Column("magnet_turn_rad", "(magnet, x y z) rotation vector")]
-    board_shift: Annotated[Floats, Column("board_shift_m", "(x y) over the base")]
-    board_turn: Annotated[Floats, Column("board_turn_rad", "about z")]
+    board_shift: Annotated[Floats, Column("board_shift_m", "(x y z) over the base")]
+    board_turn: Annotated[Floats, Column("board_turn_rad", "(x y z) of its rotation vector")]
     field: Annotated[Floats, Column("field_T", "(chip, x y z) exact, in the skin's frame")]
     reading: Annotated[Floats, Column("reading_T", "(chip, x y z) as read, in the chip's axes")]
     flags: Annotated[Ints, Column("flags", "(chip) 2 saturated, 16 invalid; 0: good", "int64")]
@@ -70,7 +70,7 @@ class Rows:
         """The magnets and the board, (R,) states."""
         return Motion(
             magnets=np.concatenate([self.magnet_shift, self.magnet_turn], axis=-1),
-            board=np.column_stack([self.board_shift, self.board_turn]),
+            board=np.concatenate([self.board_shift, self.board_turn], axis=-1),
         )
 
 
@@ -112,8 +112,8 @@ class Simulation:
             temperature=np.full(count, degrees),
             magnet_shift=motion.magnets[..., :3],
             magnet_turn=motion.magnets[..., 3:],
-            board_shift=motion.board[:, :2],
-            board_turn=motion.board[:, 2],
+            board_shift=motion.board[:, :3],
+            board_turn=motion.board[:, 3:],
             field=twin.field(motion, degrees),
             reading=reading,
             flags=sample.flags,

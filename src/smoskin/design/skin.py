@@ -29,7 +29,9 @@ _LIMITS: Final[Mapping[str, tuple[float, float, str]]] = MappingProxyType(
     {
         **dict.fromkeys(("panel_a", "panel_b", "thickness", "gap", "radius", "height"), _SIZE),
         "sensing_height": _SIZE,
-        "stiffness": (0.0, 1e9, "N/m"),
+        "clearance": _SIZE,
+        "held_height": _SIZE,
+        "play": _SIZE,
         "pillars": (1, 10_000, ""),
         "remanence": (1.0, 1e7, "A/m"),
         "stiffness_variation": (1e-3, 1e3, ""),
@@ -52,6 +54,13 @@ def _within(owner: str, **values: float) -> None:
         if not least <= value <= most:
             wanted = f"from {least:g} to {most:g} {unit}".rstrip()
             raise DesignError(f"{owner}.{name} must be {wanted}; got {value:g}")
+
+
+def _share(owner: str, **values: float) -> None:
+    """Refuse what is no share."""
+    for name, value in values.items():
+        if not 0.0 <= value <= 1.0:
+            raise DesignError(f"{owner}.{name} must lie in [0, 1]; got {value}")
 
 
 def _named(owner: str, name: str) -> None:
@@ -123,9 +132,14 @@ class Creases:
     """m: width of film left free between the panels' edges."""
     material: str
     """A name in `smoskin.design.materials.FILMS`."""
+    set_fraction: float = 1.0
+    """Share of the fold that the film keeps unloaded: 1 as folded, 0 where it would lie flat."""
+    strip_shift: float = 0.0
+    """Share of the strip's shift out of the plane that counts: 0 for an ideal hinge, 1 in full."""
 
     def __post_init__(self) -> None:
         _within("creases", thickness=self.thickness, gap=self.gap)
+        _share("creases", set_fraction=self.set_fraction, strip_shift=self.strip_shift)
         _choice("creases", "material", self.material, tuple(FILMS))
 
 
@@ -138,9 +152,12 @@ class Panels:
     """m: thickness of both plates together."""
     material: str
     """A name in `smoskin.design.materials.FILMS`."""
+    bonding: float = 1.0
+    """Bending stiffness over that of one solid plate: 1/4 where the adhesive lets plates slide."""
 
     def __post_init__(self) -> None:
         _within("panels", thickness=self.thickness)
+        _share("panels", bonding=self.bonding)
         _choice("panels", "material", self.material, tuple(FILMS))
 
 
@@ -164,13 +181,17 @@ class Columns:
 @_part
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
-    """The constraint frame round the sheet, which holds the rim columns in the plane."""
+    """The constraint frame round the sheet: a stop of the rim columns, outward only."""
 
-    stiffness: float
-    """N/m: stiffness in the plane at each rim column."""
+    clearance: float
+    """m: outward deflection of a rim column at the held height when it meets the frame."""
+    held_height: float
+    """m: height above the board's upper face at which the frame holds."""
+    stands_on: Literal["board", "base"] = "board"
+    """Body that carries the frame; one on the base takes its load past the shear layer."""
 
     def __post_init__(self) -> None:
-        _within("frame", stiffness=self.stiffness)
+        _within("frame", clearance=self.clearance, held_height=self.held_height)
 
 
 @_part
@@ -225,11 +246,18 @@ class Magnet:
     """A/m: magnetisation m_0 of each sector."""
     polarity: Literal[-1, 1] = 1
     """+1: magnetised towards the centre; -1: away from it."""
+    driver: Literal["notches", "column", "vertex"] = "notches"
+    """Part that moves a magnet on the sheet: the notches in which its holder hangs, a column from
+    its holder up to the sheet straight above, or the bottom vertex under which it stands in place
+    of a column."""
+    play: float = 1e-3
+    """m: play of the holder's notches on either side of a column."""
 
     def __post_init__(self) -> None:
         _named("magnet", self.name)
         owner = f"magnet {self.name!r}"
         _within(owner, radius=self.radius, height=self.height, remanence=self.remanence)
+        _within(owner, play=self.play)
 
 
 @_part
@@ -360,6 +388,11 @@ class SkinDesign:
         for part, many in (("magnets", self.magnets), ("halls", self.halls)):
             if len(many) > _MOST_CELLS:
                 raise DesignError(f"{part} must be at most {_MOST_CELLS}; got {len(many)}")
+        if not self.frame.held_height < self.columns.height:
+            raise DesignError(
+                f"frame.held_height must be below columns.height, "
+                f"{self.columns.height * 1e3:g} mm; got {self.frame.held_height * 1e3:g} mm"
+            )
         _unique("magnets", [magnet.name for magnet in self.magnets])
         _unique("hall sites", [site.name for site in self.halls])
         _unique("hall addresses", [f"{site.address:#x}" for site in self.halls])

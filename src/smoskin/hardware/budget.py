@@ -96,8 +96,8 @@ def propose_setting(
 ) -> HallSetting:
     """The setting of least noise, rounding included, that is fast enough and wide enough.
 
-    It holds the rated stroke of every chip with `smoskin.feasibility.MARGIN`, and stops at a rail
-    instead of wrapping. The rate is in Hz.
+    It holds the rated stroke of every chip as designed with `smoskin.feasibility.MARGIN`, and stops
+    at a rail instead of wrapping; made skins may need the next gains. The rate is in Hz.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def propose_setting(
     --------
     >>> from smoskin.feasibility import load_design
     >>> propose_setting(load_design("planar"), 200.0)
-    HallSetting(gain_selection=3, resolution=2, oversampling=0, digital_filter=3)
+    HallSetting(gain_selection=5, resolution=2, oversampling=0, digital_filter=3)
     """
     if not rate > 0.0:
         raise ArgumentError(f"rate must be positive; got {rate} Hz")

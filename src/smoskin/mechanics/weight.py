@@ -57,7 +57,7 @@ def slides(design: SkinDesign) -> Slides:
     --------
     >>> from smoskin.design.document import read_design
     >>> [round(1e3 * slide, 2) for slide in slides(read_design("planar"))]
-    [0.06, 0.46]
+    [0.05, 0.57]
     """
     sheet = GRAVITY * (float(panel_masses(design).sum()) + sum(magnet_masses(design)))
     board = sheet + GRAVITY * board_mass(design)

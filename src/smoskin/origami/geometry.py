@@ -2,7 +2,8 @@
 
 Decides the heights of magnets and chips. z = 0 is the plane of the bottom vertices; the board's
 upper face lies a column's height below. A magnet on the sheet hangs above its chip on the board's
-upper face; a magnet on the base lies below its chip on the lower face.
+upper face; a magnet on the base lies below its chip on the lower face. One in place of a column
+stands under the bottom vertex next to its corner.
 """
 
 from dataclasses import dataclass, fields
@@ -62,6 +63,13 @@ def geometry(design: SkinDesign) -> Geometry:
     """
     cell, sheet = size(design.cell), build_sheet(design.cell, design.cells)
     pitch = np.array([cell.length, cell.width])
+    feet = sheet.vertices[sheet.columns.ravel(), :2]
+    middles = {}
+    for magnet in design.magnets:
+        place = np.multiply(magnet.corner, pitch)
+        if magnet.mount == "sheet" and magnet.driver == "vertex":
+            place = feet[np.linalg.norm(feet - place, axis=1).round(9).argmin()]
+        middles[magnet.name] = place
     upper = -design.columns.height + design.board.sensing_height
     lower = -design.columns.height - design.board.thickness - design.board.sensing_height
     chips, rest = np.empty((len(design.halls), 3)), np.zeros((len(design.halls), 3))
@@ -70,12 +78,12 @@ def geometry(design: SkinDesign) -> Geometry:
         magnet = design.magnet(site.magnet)
         on_sheet = magnet.mount == "sheet"
         reach = site.gap + magnet.height / 2
-        chips[s] = *np.multiply(magnet.corner, pitch), upper if on_sheet else lower
+        chips[s] = *middles[magnet.name], upper if on_sheet else lower
         rest[s, 2] = -reach if on_sheet else reach
         heights[magnet.name] = chips[s, 2] - rest[s, 2]
     by_mount = {design.magnet(name).mount: height for name, height in heights.items()}
     magnets = [
-        [*np.multiply(magnet.corner, pitch), heights.get(magnet.name, by_mount[magnet.mount])]
+        [*middles[magnet.name], heights.get(magnet.name, by_mount[magnet.mount])]
         for magnet in design.magnets
     ]
     return Geometry(

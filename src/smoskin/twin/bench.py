@@ -14,7 +14,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
 from smoskin.measurement import TouchTable
-from smoskin.mechanics.reduced.stiffness import cell_layers, sheet_stiffness
+from smoskin.mechanics.reduced.stiffness import cell_layers
 from smoskin.mechanics.sheet.touches import touches_of
 from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Contact
@@ -68,17 +68,17 @@ def made_skin(design: SkinDesign, rng: np.random.Generator) -> ReducedTwin:
         replace(m, remanence=m.remanence * rng.uniform(0.97, 1.03)) for m in design.magnets
     )
     pillars = replace(
-        design.shear_layer, radius=design.shear_layer.radius * float(np.sqrt(rng.uniform(0.9, 1.1)))
+        design.shear_layer, radius=design.shear_layer.radius * float(rng.uniform(0.9, 1.1)) ** 0.25
     )
-    # The sheet's stiffness is linear in the frame's; columns give the rest.
-    columns = sheet_stiffness(replace(design, frame=replace(design.frame, stiffness=1e-9)))
-    whole = sheet_stiffness(design)
-    stretched = (whole * rng.uniform(0.9, 1.1) - columns) / (whole - columns)
-    frame = replace(design.frame, stiffness=design.frame.stiffness * float(stretched))
+    # Wider and taller columns sway more easily, while presses, with r^2 / h, stay as they were.
+    wide = float(rng.uniform(0.9, 1.1)) ** -0.5
+    sheet = replace(
+        design.columns, radius=wide * design.columns.radius, height=wide**2 * design.columns.height
+    )
     direction = rng.normal(size=(chips, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     made = replace(
-        design, coefficients=coefficients, magnets=magnets, shear_layer=pillars, frame=frame
+        design, coefficients=coefficients, magnets=magnets, shear_layer=pillars, columns=sheet
     )
     deviations = as_designed(made)
     turned = replace(

@@ -23,7 +23,7 @@ class Creep:
     A motion that is held creeps on to it:
 
     >>> from smoskin.design.document import read_design
-    >>> moved = Motion(magnets=np.ones((3, 6)), board=np.ones(3))
+    >>> moved = Motion(magnets=np.ones((3, 6)), board=np.ones(6))
     >>> creep = Creep(read_design("planar"))
     >>> [round(float(creep.step(dt, moved).board[0]), 2) for dt in (0.0, 3600.0)]
     [0.91, 1.0]
@@ -33,7 +33,7 @@ class Creep:
         columns = elastomer_prony(design.columns.material)
         layer = elastomer_prony(design.shear_layer.material)
         self._magnets = Memory(columns, np.zeros((len(design.magnets), 6)))
-        self._board = Memory(layer, np.zeros(3))
+        self._board = Memory(layer, np.zeros(6))
 
     def step(self, duration: float, motion: Motion) -> Motion:
         """The motion so many seconds after the last one.

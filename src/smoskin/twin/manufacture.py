@@ -14,8 +14,9 @@ from smoskin.arrays import Floats, freeze
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.chip import MadeChips
+from smoskin.mechanics.board import Board, board_of
 from smoskin.mechanics.sheet.contact import ContactLaw, ScaleContact
-from smoskin.mechanics.sheet.lattice import Lattice, build_lattice, springs_of
+from smoskin.mechanics.sheet.lattice import Lattice, build_lattice
 from smoskin.mechanics.viscoelasticity import modulus_factor
 from smoskin.origami.geometry import geometry
 
@@ -33,7 +34,7 @@ _RELATIVE = (
     "stiffness_variation",
     "column_stiffness",
     "crease_stiffness",
-    "frame_stiffness",
+    "frame_clearance",
     "remanence",
     "sector_strength",
     "chip_sensitivity",
@@ -58,11 +59,12 @@ class Tolerances:
     """Stiffness of each column, relative; bubbles, and the radius by 0.02 mm, counting fourfold."""
     column_height: float = 0.1e-3
     """Height of each column, m; what a mould's meniscus and a trimming blade leave. The rubber
-    dripped on its top takes the difference up, so that it changes the column's stiffness alone."""
+    dripped on its top takes the difference up, so that it changes the column's stiffness alone, to
+    the first power along the axis and to the third against sway."""
     crease_stiffness: float = 0.15
     """Stiffness of each crease, relative; the gap by a tenth of a millimetre, laser-cut."""
-    frame_stiffness: float = 0.10
-    """Stiffness of all rim springs together, relative; how tightly the frame is clamped."""
+    frame_clearance: float = 0.10
+    """Clearance of the whole frame, relative; how it is screwed down."""
     remanence: float = 0.03
     """Remanence of each magnet, relative; filling of the mould, and the coil's pulse."""
     magnet_place: float = 0.15e-3
@@ -102,13 +104,16 @@ class Deviations:
     """How one made skin differs from its design."""
 
     columns: Floats
-    """(2N + 1, M + 1): stiffness of each column over the designed one, its rubber included."""
+    """(2N + 1, M + 1): stiffness of each column along its axis over the designed one, its rubber
+    included."""
+    heights: Floats
+    """(2N + 1, M + 1): height of each column over the designed one."""
     shear_layer: float
     """Stiffness of the shear layer over the designed one."""
     creases: Floats
     """(C,): stiffness of each crease over the designed one, in the order of the sheet's."""
     frame: float
-    """Stiffness of the frame over the designed one."""
+    """Clearance of the frame over the designed one."""
     remanence: Floats
     """(G,): of each magnet over the designed one."""
     magnet_place: Floats
@@ -123,7 +128,8 @@ class Deviations:
     """Contact law of the made skin; None: the usual one."""
 
     def __post_init__(self) -> None:
-        freeze(self, columns=(None, None), creases=(None,), remanence=(None,))
+        freeze(self, columns=(None, None), heights=(None, None))
+        freeze(self, creases=(None,), remanence=(None,))
         freeze(self, magnet_place=(None, 3), magnet_turn=(None, 3))
         if self.sectors is not None:
             freeze(self, sectors=(len(self.magnet_place), 4))
@@ -168,9 +174,10 @@ def draw(
     columns = rubber * factor(limits.column_stiffness, *sheet.columns.shape) / height
     made = Deviations(
         columns=columns,
+        heights=height,
         shear_layer=rubber,
         creases=factor(limits.crease_stiffness, len(sheet.creases)),
-        frame=float(factor(limits.frame_stiffness)),
+        frame=float(factor(limits.frame_clearance)),
         remanence=factor(limits.remanence, magnets),
         magnet_place=scatter(limits.magnet_place, magnets, 3),
         magnet_turn=scatter(limits.magnet_tilt, magnets, 3),
@@ -202,20 +209,29 @@ def _drawn_contact(share: float, rng: np.random.Generator) -> ContactLaw | None:
 
 def made_mechanics(
     design: SkinDesign, deviations: Deviations, temperature: float
-) -> tuple[SkinDesign, Lattice]:
-    """The design and lattice that the made skin's mechanics are solved on, its rubber so warm.
-
-    The design has the shear layer as stiff as it was made, the lattice columns, creases and frame.
-    """
-    layer, springs = design.shear_layer, springs_of(design)
+) -> tuple[Lattice, Board]:
+    """The lattice and board that the made skin's mechanics are solved on, its rubber so warm."""
+    layer, whole = design.shear_layer, build_lattice(design)
     warmth = float(modulus_factor(design.columns.material, temperature))
     softness = deviations.shear_layer * float(modulus_factor(layer.material, temperature))
-    whole = build_lattice(design, springs)
-    bare = build_lattice(design, replace(springs, frame=0.0)).ground
-    ground = deviations.frame * (whole.ground - bare)
-    ground[whole.feet] += warmth * deviations.columns.reshape(-1, 1) * bare[whole.feet]
+    stiffer, height = (part.ravel() for part in (warmth * deviations.columns, deviations.heights))
+    supports = replace(
+        whole.supports,
+        lateral=stiffer / height**2 * whole.supports.lateral,
+        axial=stiffer * whole.supports.axial,
+    )
+    # The frame props columns as stiff as they are; how far they are from it is its own.
+    rim = np.zeros(len(whole.nodes))
+    rim[whole.feet] = supports.lateral / whole.supports.lateral
+    stops = replace(
+        whole.stops,
+        stiffness=rim[whole.stops.nodes] * whole.stops.stiffness,
+        free=deviations.frame * whole.stops.free,
+    )
     hinges = whole.hinge_stiffness.copy()
     hinges[whole.panel_hinges :] *= deviations.creases
-    # A pillar's stiffness goes with the square of its radius.
-    made = replace(layer, radius=layer.radius * math.sqrt(softness))
-    return replace(design, shear_layer=made), replace(whole, ground=ground, hinge_stiffness=hinges)
+    board = board_of(design)
+    return (
+        replace(whole, supports=supports, stops=stops, hinge_stiffness=hinges),
+        replace(board, stiffness=softness * board.stiffness),
+    )

@@ -1,7 +1,7 @@
 """From motion to what the chips read: fields of all magnets, and the chips as instruments.
 
-Decides the frames. The board carries chips and sheet; it moves and turns over the base, which
-carries the base's magnets and stands still in the skin's frame, as the Earth's field and
+Decides the frames. The board carries chips and sheet; it slides, sinks and tilts over the base,
+which carries the base's magnets and stands still in the skin's frame, as the Earth's field and
 neighbouring skins do. Hides how a made skin's magnets and chips are off their designed poses.
 """
 
@@ -21,6 +21,7 @@ from smoskin.magnetics.temperature import (
     check_temperature,
     magnet_factor,
 )
+from smoskin.mechanics.board import board_of
 from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Motion, Reading
 from smoskin.roles import VirtualSkin
@@ -29,13 +30,19 @@ from smoskin.twin.surroundings import Ambience, Surroundings
 
 
 class Readout:
-    """The magnetic half of a twin: by default as designed, with nothing around it."""
+    """The magnetic half of a twin: by default as designed, with nothing around it.
+
+    `rest`, (G, 6), is how far the magnets of the sheet rest from their designed poses, as
+    `Motion.magnets`.
+    """
 
     def __init__(
         self,
         design: SkinDesign,
         deviations: Deviations | None = None,
         surroundings: Surroundings | None = None,
+        *,
+        rest: Floats | None = None,
     ) -> None:
         made, around = deviations or as_designed(design), surroundings or Surroundings()
         self._design = design
@@ -44,12 +51,13 @@ class Readout:
             for magnet, factor in zip(design.magnets, made.remanence, strict=True)
         ]
         self._on_base = np.array([magnet.mount == "base" for magnet in design.magnets])
-        self._places = geometry(design).magnets + made.magnet_place
-        self._turns = rotation_matrix(made.magnet_turn)
+        hung = np.zeros((len(design.magnets), 6)) if rest is None else rest
+        self._places = geometry(design).magnets + made.magnet_place + hung[:, :3]
+        self._turns = rotation_matrix(hung[:, 3:]) @ rotation_matrix(made.magnet_turn)
         self._made = made.chips
         self._chips = geometry(design).chips + made.chips.place
         self._to_skin = made.chips.rotations(design.halls)
-        self._middle = np.append(geometry(design).extent / 2, 0.0)
+        self._middle = board_of(design).middle
         self._earth = around.earth
         self._uneven: tuple[Floats, Floats] | None = None
         if made.sectors is not None:
@@ -63,7 +71,7 @@ class Readout:
 
     def field(self, motion: Motion, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
         """As `VirtualSkin.field`."""
-        return self._field(motion, _yaw(motion), temperature)
+        return self._field(motion, _turn(motion), temperature)
 
     def seen(
         self,
@@ -75,7 +83,7 @@ class Readout:
 
         Where they sit and what their axes get wrong is included.
         """
-        board = _yaw(motion)
+        board = _turn(motion)
         to_skin = board[..., None, :, :] @ self._to_skin
         field = self._field(motion, board, temperature, around)
         turned = np.einsum("...sij,...si->...sj", to_skin, field)
@@ -137,8 +145,7 @@ class Readout:
     ) -> Floats:
         """Field of all magnets and the surroundings, with the board's rotation at hand."""
         moved = motion.magnets
-        shift = np.zeros((*motion.board.shape[:-1], 1, 3))
-        shift[..., 0, :2] = motion.board[..., :2]
+        shift = motion.board[..., None, :3]
         chips = self._over_base(self._chips, board, shift)
         # A magnet of the base is where it was built; one of the sheet goes with the board.
         places = np.where(
@@ -220,6 +227,6 @@ def _uneven_field(
     return np.asarray(dipole_field(turned[..., None, :, :, :], away).sum(axis=(-3, -2)))
 
 
-def _yaw(motion: Motion) -> Floats:
-    """Rotation matrices of the board about z, (..., 3, 3)."""
-    return rotation_matrix(motion.board[..., 2:] * [0.0, 0.0, 1.0])
+def _turn(motion: Motion) -> Floats:
+    """Rotation matrices of the board, (..., 3, 3)."""
+    return rotation_matrix(motion.board[..., 3:])

@@ -117,7 +117,7 @@ class ReducedTwin(MagneticSkin):
         magnets = np.zeros((len(depths), len(self._on_sheet), 6))
         magnets[..., :2] = np.einsum("gnmd,bnm->bgd", self._per_press, depths)
         magnets[:, self._on_sheet, :2] += (drag / sheet_stiffness(self.design))[:, None]
-        board = np.zeros((len(depths), 3))
+        board = np.zeros((len(depths), 6))
         board[:, :2] = drag / board_stiffness(self.design)
         return Motion(magnets=magnets, board=board)
 

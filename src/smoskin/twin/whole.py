@@ -52,7 +52,7 @@ class _State(NamedTuple):
     """One equilibrium of the sheet."""
 
     displacements: Floats
-    """(V, 3), m: how far each vertex has moved over the board."""
+    """(V, 3), m: how far each vertex has moved over the board from rest."""
     motion: Motion
     """The magnets and the board in it."""
 
@@ -120,7 +120,6 @@ class Twin(MagneticSkin):
             self.deviations = as_designed(design)
         _LOG.info("%s skin of %r, seed %s", "made" if manufactured else "ideal", design.name, seed)
         self.noise = None if seed is None else np.random.default_rng(of_noise)
-        self.readout = Readout(design, self.deviations, surroundings)
         holders = holder_matrix(design)
         self._holders = holders.reshape(-1, holders.shape[2] * 3).T.copy()
         self._sheet = geometry(design).sheet
@@ -129,7 +128,9 @@ class Twin(MagneticSkin):
         self.contact = own if contact is None else contact
         """Which vertices take a touch."""
         self._solver = functools.lru_cache(maxsize=_SOLVERS)(self._build_solver)
-        self._solver(REFERENCE_TEMPERATURE)
+        self._rest = self._solver(REFERENCE_TEMPERATURE).rest.displacements
+        hung = (self._rest.ravel() @ self._holders).reshape(-1, 6)
+        self.readout = Readout(design, self.deviations, surroundings, rest=hung)
         self._states: deque[tuple[object, _State]] = deque(maxlen=_REMEMBERED)
 
     def check(self, contacts: Sequence[Contact]) -> None:
@@ -164,7 +165,8 @@ class Twin(MagneticSkin):
         self, contacts: Sequence[Contact] = (), *, temperature: float = REFERENCE_TEMPERATURE
     ) -> Floats:
         """As `VirtualSkin.sheet_vertices`."""
-        return self._sheet.vertices + self._state(contacts, temperature).displacements
+        moved = self._state(contacts, temperature).displacements
+        return self._sheet.vertices + self._rest + moved
 
     def depths(
         self, contacts: Sequence[Contact], *, temperature: float = REFERENCE_TEMPERATURE
@@ -195,15 +197,18 @@ class Twin(MagneticSkin):
         return state
 
     def _motion_of(self, pressed: "Pressed") -> Motion:
-        """Magnets on their holders; valid at rest with every column standing on its base."""
+        """Magnets on their holders; valid at rest with every column unbent on its base."""
         moved = pressed.displacements.reshape(len(pressed.board), -1) @ self._holders
         motion = Motion(magnets=moved.reshape(len(moved), -1, 6), board=pressed.board)
-        return motion.where(pressed.converged & ~pressed.pulled)
+        stands = ~pressed.pulled & (pressed.buckling_margin >= 1.0)
+        return motion.where(pressed.converged & stands)
 
     def _build_solver(self, temperature: float) -> "BarHinge":
         """The solver with the rubber at this temperature."""
         from smoskin.mechanics.sheet.model import BarHinge
 
         degrees = float(check_temperature(temperature))
-        made, lattice = made_mechanics(self.design, self.deviations, degrees)
-        return BarHinge(made, lattice=lattice, grip=self._grip, contact=self.contact)
+        lattice, board = made_mechanics(self.design, self.deviations, degrees)
+        return BarHinge(
+            self.design, lattice=lattice, board=board, grip=self._grip, contact=self.contact
+        )

@@ -57,7 +57,9 @@ def test_differences_of_presses_meet_the_exact_slopes(planar, sheet):
     some = [0, 4, 7, 11]
     exact = exact_slopes(planar, places_to_the_rim(geometry(planar).extent, COARSE)[some])
     for k in range(5):
-        assert near[some, :, k] == pytest.approx(exact[..., k], abs=0.02 * abs(exact[..., k]).max())
+        assert near[some, :, k] == pytest.approx(
+            exact[..., k], abs=0.025 * abs(exact[..., k]).max()
+        )
 
 
 def test_the_rated_touches_press_and_drag_every_way(planar):

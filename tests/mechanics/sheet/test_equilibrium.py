@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from skins import with_magnets
 from smoskin.design.skin import MiuraCell
-from smoskin.mechanics.reduced.stiffness import board_stiffness
+from smoskin.mechanics.board import carried
 from smoskin.mechanics.sheet.lattice import build_lattice, springs_of
 from smoskin.mechanics.sheet.touches import Frictionless, Sticking, Touches
 from smoskin.origami.cell import dihedral_angles
@@ -65,10 +65,10 @@ def test_numbering_does_not_matter(small, sheet, cases):
         # Turned end for end, the wings trade places: the angle stays.
         hinges=new[lattice.hinges[hinges]][:, [1, 0, 3, 2]],
         hinge_stiffness=lattice.hinge_stiffness[hinges],
-        ground=lattice.ground[old],
-        frame=lattice.frame[old],
+        crease_set=lattice.crease_set,
+        supports=replace(lattice.supports, feet=new[lattice.feet]),
+        stops=replace(lattice.stops, nodes=new[lattice.stops.nodes]),
         loaded=new[lattice.loaded],
-        feet=rng.permutation(new[lattice.feet]),
     )
     plain = sheet.press(cases, tolerance=1e-10)
     other = BarHinge(small, lattice=shuffled).press(cases, tolerance=1e-10)
@@ -148,13 +148,16 @@ def test_the_rigid_limit_is_the_closed_form(planar, count, expected):
     design = with_magnets(replace(planar, cell=ten_mm_cell()), [(1, 1)], (count, count))
     springs = replace(
         springs_of(design),
-        column_shear=63.0,
+        column_lateral=63.0,
         column_axial=1e11,
-        frame=0.0,
+        crease=0.02604,
         panel_bending=1e4,
         panel_membrane=1e11,
     )
-    model = BarHinge(design, grip=Frictionless(), lattice=build_lattice(design, springs))
+    lattice = build_lattice(design, springs)
+    # So tall that they sway without sinking, which nothing else would let them.
+    tall = replace(lattice.supports, height=1e3 * np.ones(lattice.feet.size))
+    model = BarHinge(design, grip=Frictionless(), lattice=replace(lattice, supports=tall))
     extent = geometry(design).cell
     force = -5e-7 * expected
     for n, m in ((0, 0), (count // 2, count // 2)):
@@ -175,6 +178,10 @@ def test_one_cell_of_rigid_panels_folds_as_its_one_degree_of_freedom_says(planar
     )
     grip = Sticking() if sticks else Frictionless()
     lattice = build_lattice(design, springs)
+    # So tall that they sway without sinking, and the frame far away.
+    tall = replace(lattice.supports, height=1e3 * np.ones(lattice.feet.size))
+    far = replace(lattice.stops, free=lattice.stops.free + 1.0)
+    lattice = replace(lattice, supports=tall, stops=far)
     model = BarHinge(design, grip=grip, lattice=lattice)
     force = 0.9
     rest = lattice.nodes
@@ -197,12 +204,18 @@ def test_one_cell_of_rigid_panels_folds_as_its_one_degree_of_freedom_says(planar
         now, bent = places(state)
         turn = np.where(along_x, bent.at_b - before.at_b, bent.at_a - before.at_a)
         motion = now - rest
-        spent = 0.5 * (lattice.ground[feet] * motion[feet] ** 2).sum()
+        spent = 0.5 * tall.lateral @ (motion[feet, :2] ** 2).sum(axis=1)
+        spent += 0.5 * tall.axial @ motion[feet, 2] ** 2
         spent += 0.5 * (rigidity * turn**2).sum() + force * motion[top, 2]
         if sticks:
-            spent += 0.5 * board_stiffness(design) * (motion[top, :2] ** 2).sum()
+            gap = motion[top, :2] + tilted
+            spent += 0.5 * (gap @ np.linalg.solve(give, gap))
         return 1e3 * spent
 
+    # The board under the patch: it slides, and tilts and turns with the patch's arm.
+    arm = carried(model.board, rest[top])
+    soft = arm / model.board.stiffness
+    give, tilted = soft[:2] @ arm[:2].T, soft[:2] @ (-force * arm[2])
     least = minimize(total, np.zeros(7), method="BFGS", options={"gtol": 1e-9, "maxiter": 2000})
     expected = places(least.x)[0] - rest
     touches = Touches(position=[[rest[top, :2]]], force=[[(0.0, 0.0, -force)]])

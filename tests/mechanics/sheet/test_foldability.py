@@ -30,5 +30,5 @@ def test_a_sheet_that_is_one_rigid_plate_hardly_folds(planar):
 def test_a_press_on_a_cylinder_folds_nearly_as_much_as_on_a_plane(planar):
     springs = springs_of(planar)
     flat, bent = (shares(surface, planar, springs).mean() for surface in (Plane(), Cylinder(0.1)))
-    assert 0.06 < flat < 0.08  # 7 % was found by a model of its own
-    assert bent > 0.8 * flat
+    assert 0.28 < flat < 0.30  # 29.0 % in the whole model, for vertices that slide
+    assert 0.75 * flat < bent < flat

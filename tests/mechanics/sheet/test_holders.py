@@ -120,3 +120,30 @@ def test_other_sizes_of_skin(long_planar):
     one_cell = replace(with_magnets(long_planar, [(1, 0)], cells=(1, 1)), name="one")
     motion = magnet_motion(one_cell, rigid_motion(one_cell, 1, [1e-4, 0, 0], [0, 0.1, 0]))
     assert_allclose(motion[1], [1e-4, 0, 0, 0, 0.1, 0], atol=1e-15)
+
+
+@pytest.mark.parametrize("driver", ["column", "vertex"])
+@pytest.mark.parametrize("corner", [(4, 2), (2, 4), (0, 3)])
+def test_whatever_drives_it_a_magnet_goes_along_with_a_sheet_that_moves_as_a_body(
+    planar, driver, corner
+):
+    plain = with_magnets(planar, [corner])
+    magnets = (plain.magnets[0], replace(plain.magnets[1], driver=driver))
+    design = replace(plain, magnets=magnets)
+    shift, turn = [1e-4, -2e-4, 3e-4], [0.01, -0.02, 0.03]
+    motion = magnet_motion(design, rigid_motion(design, 1, shift, turn))
+    assert_allclose(motion[1], [*shift, *turn], atol=1e-15)
+
+
+def test_the_driver_alone_moves_a_magnet_in_the_plane(planar):
+    sheet = geometry(planar).sheet
+    for driver, above in (("column", 2), ("vertex", 1)):
+        magnets = (*planar.magnets[:1], replace(planar.magnets[1], driver=driver))
+        design = replace(planar, magnets=magnets, halls=planar.halls[:2])
+        by_plane = holder_matrix(design)[1, :2, :, :2]
+        driven = np.flatnonzero(np.abs(by_plane).max(axis=(0, 2)) > 1e-12)
+        assert len(driven) == above
+        assert_allclose(by_plane.sum(axis=1), np.eye(2), atol=1e-12)
+        if driver == "vertex":
+            assert driven[0] in sheet.columns
+            assert_allclose(geometry(design).magnets[1, :2], sheet.vertices[driven[0], :2])

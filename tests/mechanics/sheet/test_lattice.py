@@ -10,15 +10,17 @@ from barhinge_oracle import hinge_gradient
 from skins import with_magnets
 from smoskin.design.materials import FILMS
 from smoskin.errors import DesignError
-from smoskin.mechanics.reduced.stiffness import column_stiffness, sheet_stiffness
+from smoskin.mechanics.beam import beam, prop
 from smoskin.mechanics.sheet.lattice import (
     BOND_STRENGTH,
     Springs,
-    axial_stiffness,
     bending_stiffness,
     build_lattice,
+    column_beam,
     shear_stiffness,
+    shifting_factor,
     springs_of,
+    swaying_stiffness,
     twist_stiffness,
 )
 
@@ -58,25 +60,56 @@ def test_hinges_span_two_different_triangles(lattice):
         assert {frozenset(side) for side in ((p, r), (q, r), (p, s), (q, s))} <= bars
 
 
-def test_the_ground_holds_the_feet_as_the_stiffness_of_sliding_says(planar, lattice):
-    total = lattice.ground.sum(axis=0)
-    np.testing.assert_allclose(total[:2], sheet_stiffness(planar))
-    assert total[2] == pytest.approx(lattice.feet.size * axial_stiffness(planar.columns))
-    assert np.flatnonzero(lattice.ground.any(axis=1)).tolist() == lattice.feet.tolist()
-    assert lattice.frame.sum() == pytest.approx(36 * planar.frame.stiffness)
-    columns = lattice.ground[lattice.feet, 0] - lattice.frame[lattice.feet]
-    np.testing.assert_allclose(columns, column_stiffness(planar))
+def test_columns_hold_the_feet_as_the_stiffness_of_sliding_says(planar, lattice):
+    supports = lattice.supports
+    assert supports.lateral.sum() == pytest.approx(swaying_stiffness(planar))
+    own = beam(planar.columns.radius, planar.columns.height, 25e3)
+    assert column_beam(planar) == own
+    np.testing.assert_allclose(supports.axial, own.axial)
+    np.testing.assert_allclose(supports.height, planar.columns.height)
+    assert len(set(lattice.feet.tolist())) == 91
+    np.testing.assert_allclose(supports.unit * 12 / (1 + 12 * own.shear_share), own.lateral)
 
 
-def test_a_column_is_three_times_as_stiff_along_its_axis(planar):
-    """E = 3 G of a rubber; a squat cylinder between bonded faces holds more."""
-    slim = replace(planar.columns, radius=1e-4)
-    flat = replace(planar.columns, radius=20e-3, height=10e-3)
-    shear = {}
-    for columns in (slim, flat):
-        shear[columns] = column_stiffness(replace(planar, columns=columns))
-    assert axial_stiffness(slim) == pytest.approx(3 * shear[slim], rel=1e-4)
-    assert axial_stiffness(flat) == pytest.approx(3 * (1 + 2 * 1.0**2) * shear[flat])
+def test_the_frame_stops_every_rim_column_outward(planar, lattice):
+    """A corner on both sides; the sway that it leaves is the clearance over the prop's lever."""
+    stops = lattice.stops
+    assert len(stops.nodes) == 2 * (13 + 7)
+    assert len(set(stops.nodes.tolist())) == 36
+    middle = lattice.nodes[lattice.feet, :2].mean(axis=0)
+    outward = (lattice.nodes[stops.nodes, :2] - middle) * stops.normal
+    assert (outward.sum(axis=1) > 0).all()
+    own = column_beam(planar)
+    held = prop(own.lateral, own.shear_share, 0.5)
+    np.testing.assert_allclose(stops.free, planar.frame.clearance / held.lever)
+    np.testing.assert_allclose(stops.stiffness, held.stiffness)
+    np.testing.assert_allclose(stops.places[:, 2], -0.5 * planar.columns.height)
+    assert not stops.on_base
+    based = replace(planar, frame=replace(planar.frame, stands_on="base"))
+    assert build_lattice(based).stops.on_base
+
+
+def test_a_magnet_in_place_of_a_column_takes_it_away(planar):
+    magnets = (planar.magnets[0], replace(planar.magnets[1], driver="vertex"), planar.magnets[2])
+    supports = build_lattice(replace(planar, magnets=magnets)).supports
+    assert (supports.lateral == 0).sum() == (supports.axial == 0).sum() == 1
+    assert np.isinf(supports.buckling_load).sum() == 1
+
+
+def test_sliding_plates_and_shifting_strips_soften_panels(planar):
+    loose = replace(planar, panels=replace(planar.panels, bonding=0.25))
+    plain = springs_of(planar).panel_bending
+    assert springs_of(loose).panel_bending == pytest.approx(plain / 4)
+    shifting = replace(planar, creases=replace(planar.creases, strip_shift=1.0))
+    factor = shifting_factor(shifting)
+    assert springs_of(shifting).panel_bending == pytest.approx(plain * factor)
+    # In series with 12 D L / (3 g^3), D of the film: twice the film is eight times the strip.
+    thick = replace(shifting, creases=replace(shifting.creases, thickness=50e-6))
+    assert 1 / factor - 1 == pytest.approx(8 * (1 / shifting_factor(thick) - 1))
+    twist = twist_stiffness(planar.cell, planar.panels)
+    film = 2.5e9 * (25e-6) ** 3 / (12 * (1 - 0.34**2))
+    edge = (planar.cell.panel_a + planar.cell.panel_b) / 2
+    assert 1 / factor - 1 == pytest.approx(twist / (12 * film * edge / (3 * 1.2e-3**3)))
 
 
 def test_a_panel_pulled_along_its_edges_is_as_stiff_as_its_plate(planar, lattice):
@@ -126,36 +159,41 @@ def test_creases_are_as_stiff_as_they_are_long(planar, lattice):
 def test_springs_scale_their_own_elements(planar, lattice):
     """Twice a spring is twice the elements it names, and none else."""
     springs = springs_of(planar)
-    parts = ("bar_stiffness", "hinge_stiffness", "ground")
+    parts = {
+        "bar_stiffness": lambda one: one.bar_stiffness,
+        "hinge_stiffness": lambda one: one.hinge_stiffness,
+        "lateral": lambda one: one.supports.lateral,
+        "axial": lambda one: one.supports.axial,
+        "stops": lambda one: one.stops.stiffness,
+    }
     touched = {
-        "column_shear": {"ground"},
-        "column_axial": {"ground"},
-        "frame": {"ground"},
+        "column_lateral": {"lateral"},
+        "column_axial": {"axial"},
+        "stop": {"stops"},
         "crease": {"hinge_stiffness"},
         "panel_bending": {"hinge_stiffness"},
         "panel_membrane": {"bar_stiffness"},
     }
     assert {one.name for one in fields(Springs)} == set(touched)
-    change = {part: np.zeros_like(getattr(lattice, part)) for part in parts}
+    change = {name: np.zeros_like(part(lattice)) for name, part in parts.items()}
     for name, expected in touched.items():
         doubled = build_lattice(planar, replace(springs, **{name: 2 * getattr(springs, name)}))
-        differs = {p for p in parts if np.any(getattr(doubled, p) != getattr(lattice, p))}
+        differs = {p for p, part in parts.items() if np.any(part(doubled) != part(lattice))}
         assert differs == expected
-        for part in parts:
-            change[part] += getattr(doubled, part) - getattr(lattice, part)
-    for part in parts:
-        np.testing.assert_allclose(change[part], getattr(lattice, part), rtol=1e-9)
+        for p, part in parts.items():
+            change[p] += part(doubled) - part(lattice)
+    for p, part in parts.items():
+        np.testing.assert_allclose(change[p], part(lattice), rtol=1e-9)
 
 
 def test_bonds_hold_their_strength_over_the_columns_section(planar, lattice):
-    assert lattice.bond_limit == pytest.approx(BOND_STRENGTH * math.pi * 1.5e-3**2)
-    assert lattice.stroke == planar.columns.height
+    assert lattice.bond_limit == pytest.approx(BOND_STRENGTH * math.pi * planar.columns.radius**2)
 
 
 @pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
 def test_springs_that_cannot_be_are_refused(planar, value):
     springs = springs_of(planar)
-    for name in ("column_shear", "column_axial", "frame", "crease", "panel_bending"):
+    for name in ("column_lateral", "column_axial", "stop", "crease", "panel_bending"):
         assert getattr(replace(springs, **{name: 0.0}), name) == 0.0
         with pytest.raises(DesignError, match=rf"springs\.{name} must be finite and >= 0; got"):
             replace(springs, **{name: value})

@@ -7,48 +7,48 @@ import numpy as np
 import pytest
 
 from smoskin.errors import ArgumentError, MissingExtraError
-from smoskin.mechanics.reduced.stiffness import board_stiffness, yaw_stiffness
+from smoskin.mechanics.board import carried
+from smoskin.mechanics.reduced.stiffness import board_stiffness
 from smoskin.mechanics.sheet.lattice import build_lattice, springs_of
 from smoskin.mechanics.sheet.touches import Covered, Frictionless, Sliding, Sticking, Touches
 from smoskin.origami.cell import size
-from smoskin.origami.geometry import geometry
-from textbook_sheet import outer_force
+from textbook_sheet import column_loads, outer_force
 
 pytest.importorskip("jax")
 from smoskin.mechanics.sheet.model import STIFFNESSES, BarHinge
 
 
-def arms_of(sheet, loads):
-    """From the board's middle to each patch at rest, (B, K, 2), m."""
-    places = geometry(sheet.design)
-    return loads.shares @ (places.tops.reshape(-1, 2) - places.extent / 2)
+def patches(sheet, touches):
+    """Motion of each patch with each of the board's motions, (B, K, 3, 6)."""
+    shares = sheet._loads(touches).shares
+    return carried(sheet.board, shares @ sheet.lattice.nodes[sheet.lattice.loaded.ravel()])
 
 
 def test_a_sticking_touch_stands_still_over_the_ground(sheet, cases):
     """Where it does not drag: the patch's motion on the sheet undoes that of the board."""
-    pressed = sheet.press(cases)
-    case = sheet._loads(cases)
+    pressed, shares = sheet.press(cases), sheet._loads(cases).shares
     top = sheet.lattice.loaded.ravel()
+    by_board = np.einsum("bkds,bs->bkd", patches(sheet, cases), pressed.board)
     for row in range(4):
         for k in np.flatnonzero(cases.pressed[row]):
-            patch = case.shares[row, k] @ pressed.displacements[row, top, :2]
-            x, y = arms_of(sheet, case)[row, k]
-            slide, yaw = pressed.board[row, :2], pressed.board[row, 2]
-            np.testing.assert_allclose(patch + slide + yaw * np.array([-y, x]), 0, atol=2e-12)
+            patch = shares[row, k] @ pressed.displacements[row, top]
+            np.testing.assert_allclose((patch + by_board[row, k])[:2], 0, atol=2e-12)
         assert np.abs(pressed.reaction[row, 0]).max() > 1e-3
 
 
-def test_the_board_carries_what_the_touches_push_sideways(sheet, small, cases):
+def test_the_board_carries_what_the_touches_push(sheet, small, cases):
+    """Slides, sinks and tilts alike: forces and moments about its middle over its stiffness."""
     pressed = sheet.press(cases)
-    push = cases.force[..., :2] + pressed.reaction
-    np.testing.assert_allclose(pressed.board[:, :2], push.sum(axis=1) / board_stiffness(small))
-    arms = arms_of(sheet, sheet._loads(cases))
-    moment = (arms[..., 0] * push[..., 1] - arms[..., 1] * push[..., 0]).sum(axis=1)
-    np.testing.assert_allclose(pressed.board[:, 2] * yaw_stiffness(small), moment)
-    # The sheet's own springs pass on all of it.
+    push = cases.force.copy()
+    push[..., :2] += pressed.reaction
+    moments = np.einsum("bkds,bkd->bs", patches(sheet, cases), push)
+    np.testing.assert_allclose(pressed.board, moments / sheet.board.stiffness, atol=1e-15)
+    assert sheet.board.stiffness[0] == board_stiffness(small)
+    # The columns pass on all of it.
     lattice = sheet.lattice
-    carried = (lattice.ground[:, :2] * pressed.displacements[..., :2]).sum(axis=1)
-    np.testing.assert_allclose(carried, push.sum(axis=1), atol=1e-8)
+    inner = sheet._equilibrium.tangent.blocks(pressed.displacements[2], np.zeros(6)).pushes[3:]
+    np.testing.assert_allclose(inner.sum(axis=(0, 1)), push[2].sum(axis=0), atol=1e-8)
+    assert len(lattice.feet) == 28
 
 
 def test_a_drag_is_taken_up_where_the_press_has_come_to(sheet, cases, monkeypatch):
@@ -99,7 +99,7 @@ def test_cover_panels_hold_their_own_vertex_and_lead_drags_into_the_board(small,
         vertex = small_top[np.argmax(case.shares[row, k])]
         np.testing.assert_allclose(pressed.displacements[row, vertex, :2], 0, atol=2e-12)
     np.testing.assert_allclose(
-        pressed.board[:, :2], cases.force[..., :2].sum(axis=1) / board_stiffness(small)
+        pressed.board[:, :3], cases.force.sum(axis=1) / model.board.stiffness[:3]
     )
     dragless = Touches(position=cases.position, force=cases.force * [0.0, 0.0, 1.0])
     straight = model.press(dragless)
@@ -114,7 +114,7 @@ def test_a_drag_without_a_press_goes_through_the_cover_into_the_board(small):
     alone = model.press(Touches(position=[[(0.03, 0.04)]], force=[drag]))
     beside = model.press(Touches(position=[[(0.03, 0.04)]] * 2, force=[drag, press]))
     for pressed in (alone, beside):
-        assert not pressed.displacements[0].any()
+        assert np.abs(pressed.displacements[0]).max() < 1e-15
         assert not pressed.reaction[0].any()
         slide = np.array([0.2, -0.1]) / board_stiffness(small)
         np.testing.assert_allclose(pressed.board[0, :2], slide)
@@ -132,7 +132,7 @@ def test_a_mirrored_press_gives_the_mirrored_answer(small, cases, grip):
     grid = one.displacements.reshape(len(cases), 7, 7, 3)
     image = other.displacements.reshape(len(cases), 7, 7, 3)[:, ::-1] * [-1.0, 1.0, 1.0]
     np.testing.assert_allclose(grid, image, atol=1e-9 * np.abs(grid).max())
-    np.testing.assert_allclose(one.board, other.board * [-1.0, 1.0, -1.0], atol=1e-11)
+    np.testing.assert_allclose(one.board, other.board * [-1, 1, 1, 1, -1, -1], atol=1e-11)
     np.testing.assert_allclose(one.reaction, other.reaction * [-1.0, 1.0], atol=1e-8)
 
 
@@ -156,14 +156,14 @@ def test_derivatives_are_those_of_presses_solved_anew(small, grip):
     model = BarHinge(small, grip=grip)
 
     def moved(model, where, push):
-        pressed = model.press(Touches(position=where, force=push), tolerance=1e-11)
+        pressed = model.press(Touches(position=where, force=push), tolerance=3e-11)
         assert pressed.converged.all()
         return np.concatenate([pressed.displacements[0].ravel(), pressed.board[0]])
 
     def check(found, board, more, less, step):
         slope = (more - less) / (2 * step)
         exact = np.concatenate([found.ravel(), board])
-        np.testing.assert_allclose(exact, slope, atol=2e-6 * max(np.abs(slope).max(), 1e-12))
+        np.testing.assert_allclose(exact, slope, atol=4e-6 * max(np.abs(slope).max(), 1e-12))
 
     slopes = model.sensitivity(Touches(position=position, force=force))
     for k, axis in np.ndindex(2, 5):
@@ -212,26 +212,32 @@ def test_absurd_forces_are_flagged_and_never_answered(sheet):
     assert np.isnan(slopes.displacements).all()
 
 
-def test_answers_count_until_a_column_is_half_as_high(sheet):
-    """In equilibrium all of them; 5.9 N leaves the columns half their height, 6.0 N does not."""
-    touches = Touches(position=[[(0.03, 0.04)]] * 2, force=[[(0, 0, -5.9)], [(0, 0, -6.0)]])
-    pressed = sheet.press(touches)
-    assert (pressed.residual <= 1e-8).all()
-    assert pressed.converged.tolist() == [True, False]
-    deepest = pressed.displacements[0, sheet.lattice.feet, 2].min()
-    assert -0.5 < deepest / sheet.lattice.stroke < -0.49
-    for part in (pressed.displacements, pressed.board, pressed.reaction):
-        assert np.isnan(part[1]).all()
-    slopes = sheet.sensitivity(touches)
-    assert np.isfinite(slopes.displacements[0]).all()
-    assert np.isnan(slopes.displacements[1]).all()
+def test_answers_count_until_a_column_is_half_as_high(small, cases, monkeypatch):
+    lattice = build_lattice(small)
+    soft = replace(lattice.supports, axial=0.5 * lattice.supports.axial)
+    model = BarHinge(small, lattice=replace(lattice, supports=soft))
+    pressed = model.press(cases)
+    assert pressed.converged.all()
+    deepest = -pressed.displacements[:, lattice.feet, 2].min() / small.columns.height
+    for share, counts in ((1.001, True), (0.999, False)):
+        monkeypatch.setattr("smoskin.mechanics.sheet.model._DEEPEST", share * deepest)
+        assert model.press(cases).converged.all() == counts
 
 
-def test_a_corner_sinks_sooner(planar):
-    touches = Touches(
-        position=[[(0.002, 0.002)]] * 2, force=[[(0.0, 0.75, -2.5)], [(0.0, 0.9, -3.0)]]
-    )
-    assert BarHinge(planar).press(touches).converged.tolist() == [True, False]
+def test_how_far_columns_are_from_buckling_is_said(planar):
+    """A corner comes first; no load is infinitely far."""
+    force = np.zeros((4, 1, 3))
+    force[:, 0, 2] = [-0.5, -1.0, -1.0, 0.0]
+    where = [[(0.0, 0.0)], [(0.0, 0.0)], [(0.06, 0.08)], [(0.0, 0.0)]]
+    model = BarHinge(planar)
+    pressed = model.press(Touches(position=where, force=force))
+    corner, harder, middle, none = pressed.buckling_margin
+    assert corner > harder > 2.0
+    assert middle > harder
+    assert none == np.inf
+    load = column_loads(model.lattice, pressed.displacements[1])[0]
+    part = np.max(load / model.lattice.supports.buckling_load)
+    assert harder == pytest.approx(float(1 / part), rel=1e-6)
 
 
 def test_columns_pulled_off_their_base_are_said(small, cases):
@@ -239,8 +245,8 @@ def test_columns_pulled_off_their_base_are_said(small, cases):
     weak = replace(lattice, bond_limit=1e-3)
     pressed = BarHinge(small, lattice=weak).press(cases)
     assert pressed.pulled.any()
-    feet = lattice.feet
-    pull = (pressed.displacements[:, feet, 2] * lattice.ground[feet, 2]).max()
+    loads = [column_loads(lattice, motion)[0] for motion in pressed.displacements]
+    pull = -float(np.min(loads))
     for share, torn in ((0.999, True), (1.001, False)):
         strong = BarHinge(small, lattice=replace(lattice, bond_limit=share * pull))
         assert strong.press(cases).pulled.any() == torn

@@ -173,19 +173,19 @@ def test_a_crease_is_a_bent_strip_of_film(planar):
     curvature = turn / film.gap
     energy = 2.5e9 * film.thickness**3 / 24 * curvature**2 * film.gap
     assert 0.5 * crease_stiffness(film) * turn**2 == pytest.approx(energy)
-    assert crease_stiffness(film) == pytest.approx(0.026, abs=5e-4)
+    assert crease_stiffness(film) == pytest.approx(0.0027, abs=5e-5)
 
 
-def test_the_reference_creases_hold_a_third_of_what_the_columns_do(planar):
-    """Not "substantially less", as the SI has it: columns this soft make the film count."""
+def test_the_reference_creases_hold_a_hundredth_of_what_the_columns_do(planar):
+    """As the SI has it; film twice as thick on slender columns would count."""
     terms = stiffness_terms(planar, planar.coefficients.attenuation)
     ratio = terms.creases / terms.columns
-    assert 0.30 < ratio.min() < ratio.max() < 0.42
-    stiff = replace(planar, columns=replace(planar.columns, radius=3e-3))
-    assert column_stiffness(stiff) == pytest.approx(4 * column_stiffness(planar))
-    thin = replace(planar, creases=replace(planar.creases, thickness=25e-6))
-    ratio = stiffness_terms(thin, planar.coefficients.attenuation)
-    assert (ratio.creases / ratio.columns).max() < 0.06
+    assert 0.007 < ratio.min() < ratio.max() < 0.011
+    slender = replace(planar, columns=replace(planar.columns, radius=1.75e-3))
+    assert column_stiffness(planar) == pytest.approx(4 * column_stiffness(slender))
+    thick = replace(slender, creases=replace(planar.creases, thickness=50e-6))
+    ratio = stiffness_terms(thick, planar.coefficients.attenuation)
+    assert (ratio.creases / ratio.columns).min() > 0.2
 
 
 @given(v=FADES, n=st.integers(1, 5), m=st.integers(1, 5), fold_from=st.sampled_from(FOLDS))

@@ -149,7 +149,7 @@ def test_acrylic_panels_are_not_negligible(planar):
     v = planar.coefficients.attenuation
     terms = stiffness_terms(planar, v, panel_energy="bending")
     ratio = terms.panels / terms.columns
-    assert 12.5 < ratio.min() < ratio.max() < 31
+    assert 5 < ratio.min() < ratio.max() < 14
     both = stiffness_terms(planar, v, panel_energy="bending_and_stretching")
     assert (both.panels / terms.panels).min() > 50
     thin = replace(planar, panels=replace(planar.panels, thickness=0.1e-3))
@@ -177,7 +177,7 @@ def test_the_whole_sheet_with_such_panels_is_nearly_rigid(planar):
     )
     whole = press_stiffness(cell, (6, 6), springs, (2, 2), held=True)
     terms = stiffness_terms(planar, v, panel_energy="bending")
-    assert 8 * terms.columns[2, 2] < whole < terms.total[2, 2]
+    assert 7 * terms.columns[2, 2] < whole < terms.total[2, 2]
 
 
 def test_wrong_panels_are_named(planar):

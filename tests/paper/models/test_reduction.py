@@ -122,7 +122,7 @@ def test_a_rigid_sheet_on_rigid_columns_is_the_reduced_model(planar):
         column_axial=1e4 * springs.column_axial,
         panel_bending=1e4 * springs.panel_bending,
         panel_membrane=100 * springs.panel_membrane,
-        frame=0.0,
+        stop=0.0,
     )
     sheet = BarHinge(planar, grip=Covered(), lattice=build_lattice(planar, rigid))
     presses = unit_presses(sheet, force=0.5)

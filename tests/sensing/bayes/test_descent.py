@@ -28,7 +28,9 @@ def begun(solver, away, harder=1.0):
 def test_near_the_answer_a_step_of_gauss_and_newton_is_nearly_all(solver, away):
     problem, signals, start = begun(solver, away)
     best = problem.descend(signals, start)
-    np.testing.assert_allclose(best.unknowns[:2], WHERE, atol=2e-6)
+    # Steps end where they lower the cost by less than a thousandth: here 4 um, where noise leaves
+    # 170 um.
+    np.testing.assert_allclose(best.unknowns[:2], WHERE, atol=5e-6)
     for steps, left in ((1, 0.03), (2, 0.003)):
         found = problem.descend(signals, start, steps=steps)
         off = np.linalg.norm(found.unknowns[:2] - best.unknowns[:2])
@@ -81,8 +83,8 @@ class Bent:
 @pytest.mark.parametrize(
     ("start", "costs"),
     [
-        ((0.06, 0.05, -1.5), [6895.76, 5980.51, *[6419.157] * 3, 1429.741, 339.288, 6.51676]),
-        ((0.07, 0.09, -2.0), [7082.94, 6666.93, *[6487.395] * 3, 1949.464, 236.909, 0.33116]),
+        ((0.06, 0.05, -1.5), [6943.304, 6063.969, *[6508.939] * 3, 1410.611, 318.076, 5.241931]),
+        ((0.07, 0.09, -2.0), [7120.899, 6714.489, *[6533.63] * 3, 1993.644, 251.8253, 0.394117]),
     ],
 )
 def test_signals_that_bend_are_followed_in_the_same_steps_as_ever(table, skin, start, costs):

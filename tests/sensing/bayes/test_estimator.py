@@ -17,6 +17,7 @@ from smoskin.sensing.bayes.estimator import BayesEstimator, LoneTouch
 from smoskin.sensing.bayes.priors import TouchPosterior, TouchPriors
 from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.response.fit import table_curvature
+from smoskin.sensing.response.table import load_response_table
 from smoskin.sensing.signals.estimator import ON_AN_ARM
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.reduced import ReducedTwin
@@ -61,7 +62,8 @@ def test_it_finds_place_force_and_drag(skin):
         assert np.abs(error[4]) < 0.05 * -force[2]
         squared.append(error**2 / np.diag(estimate.covariance[0]))
     means = np.mean(squared, axis=0)
-    assert (means > 0.3).all()
+    # Drags are stated with what the zero may have moved, which here it has not.
+    assert (means > 0.25).all()
     assert (means < 2.0).all()
 
 
@@ -285,8 +287,11 @@ def test_only_a_touch_that_fitted_alone_stands(skin, monkeypatch):
     assert solver.standing[-1] is None
 
 
-def test_the_second_touch_joins_the_first(skin, table):
+def test_the_second_touch_joins_the_first(planar):
     """The one that was there comes first; known well, it makes the other better known."""
+    shipped = load_response_table("planar")
+    bare = {"modes": shipped.modes[:0], "grip_modes": shipped.grip_modes[:0], "warp_modes": None}
+    skin, table = planar, replace(shipped, **bare)
     turns = {}
     single = table.signals(WHERE[:1], FORCE[:1])[0]
     pair = table.together(WHERE[None], FORCE[None])[0]

@@ -125,8 +125,8 @@ def test_the_evidence_is_the_integral_of_the_likelihood(table, noise, touches, d
     """By importance sampling; both orders of two touches are one answer."""
     rng = np.random.default_rng(2)
     if touches == 2:  # which are told so poorly that their posterior is no normal
-        noise = noise / 400
-        table = replace(table, misfit=table.misfit / 400, pair_misfit=table.pair_misfit / 400)
+        noise = noise / 900
+        table = replace(table, misfit=table.misfit / 900, pair_misfit=table.pair_misfit / 900)
     solver = solver_of(table, noise, drag)
     rows = [0, 1, 2, 3, 4] if drag and touches == 1 else [0, 1, 4]
     force = FORCE[:touches].copy()

@@ -9,6 +9,7 @@ import pytest
 from smoskin.sensing.bayes.posterior import Descent
 from smoskin.sensing.bayes.priors import Standing, TouchPriors
 from smoskin.sensing.bayes.solver import TouchSolver
+from smoskin.sensing.response.table import load_response_table
 from smoskin.sensing.signals.signals import signal_noise
 from tables_of_response import reduced_table, table_with_modes
 
@@ -48,9 +49,14 @@ def test_pairs_are_found_wherever_they_are(table, solver):
         assert apart(led.values[:, :2], where) < 2e-3
 
 
-def test_a_touch_that_stood_there_tells_the_other(table, solver):
+def test_a_touch_that_stood_there_tells_the_other(planar):
+    """On the shipped table, which tells pairs better than the reduced model."""
+    shipped = load_response_table("planar")
+    bare = {"modes": shipped.modes[:0], "grip_modes": shipped.grip_modes[:0], "warp_modes": None}
+    table = replace(shipped, **bare)
+    solver = TouchSolver(table, signal_noise(planar), STRAIGHT)
     exact = table.together(WHERE[None], FORCE[None])[0]
-    free = solver.two(exact)
+    free = solver.two(exact, np.concatenate([WHERE, FORCE], axis=1))
     standing = Standing(WHERE[1], 1e-6 * np.eye(2))
     led = solver.two(exact, standing=standing)
     assert led.values[0, :2] == pytest.approx(WHERE[1], abs=1e-3)
@@ -78,7 +84,8 @@ def test_the_first_guess_does_not_decide(skin):
     free = solver.one(exact)
     for guess in ([0.08, 0.05, 0.0, 0.0, -0.5], [0.02, 0.14, 0.3, 0.3, -0.1]):
         led = solver.one(exact, np.array([guess]))
-        assert led.values[0] == pytest.approx(free.values[0], abs=2e-5)
+        # Steps end where they lower the cost by less than a thousandth.
+        assert led.values[0] == pytest.approx(free.values[0], abs=5e-5)
     assert free.values[0, :2] == pytest.approx(place, abs=1e-4)
     assert free.values[0, 2:] == pytest.approx(force, abs=2e-3)
 

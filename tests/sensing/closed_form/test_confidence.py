@@ -57,7 +57,7 @@ def test_stated_confidence_is_how_often_the_decision_stands(planar, magnets, tab
     design = replace(with_magnets(planar, magnets), hall_setting=FAST)
     places = np.random.default_rng(1).uniform((0, 0), (0.1199, 0.1599), (1000, 2))
     sheet = ideal(design) if tabled == "theory" else MeasuredSheet(design, ideal_answers(design))
-    cell, noisy = solved(design, places, 0.03, 25, 2, sheet)
+    cell, noisy = solved(design, places, 0.125, 25, 2, sheet)
     stands = (noisy.cell == cell).all(axis=1)
     assert 0.5 < stands.mean() < 0.97
     assert noisy.confidence.mean() == pytest.approx(stands.mean(), abs=0.03)
@@ -71,7 +71,7 @@ def test_stated_confidence_is_how_often_the_decision_stands(planar, magnets, tab
 
 def test_presses_on_vertices_are_right_more_often_than_stated(planar):
     design = replace(planar, hall_setting=FAST)
-    cell, noisy = solved(design, geometry(design).tops.reshape(-1, 2), 0.012, 1000, 3)
+    cell, noisy = solved(design, geometry(design).tops.reshape(-1, 2), 0.05, 1000, 3)
     np.testing.assert_array_equal(cell[::1000], np.argwhere(np.ones((6, 6))))
     right = (noisy.cell == cell).all(axis=1)
     assert right.mean() < 0.98

@@ -56,9 +56,9 @@ def test_every_cell_is_found_without_noise(request, skin, force, shear):
     ):
         assert located(estimate, contact), (contact, estimate)
         seen = estimate.contacts[0]
-        assert seen.normal_force == pytest.approx(force, rel=0.02)
+        assert seen.normal_force == pytest.approx(force, rel=0.025)
         # Pressed straight, the lower chip still feels the upper magnets move: 0.2 % of the press.
-        within = 0.02 * np.hypot(*shear) if any(shear) else 0.003 * force
+        within = 0.025 * np.hypot(*shear) if any(shear) else 0.003 * force
         np.testing.assert_allclose(seen.force[:2], shear, atol=within)
 
 
@@ -129,7 +129,8 @@ def test_a_table_parts_press_and_drag_as_theory_does(planar, shear):
     """The two ways to read motions agree where the sheet is ideal."""
     skin = plain(planar)
     contacts = touches(skin, 0.5, shear)
-    readings = [ReducedTwin(skin, seed=0).read([c], time=k) for k, c in enumerate(contacts)]
+    twin = ReducedTwin(skin, seed=0)  # one whose noise goes on: a chip that repeats itself is stuck
+    readings = [twin.read([c], time=k) for k, c in enumerate(contacts)]
     theory, table = ClosedFormEstimator(skin), by_table(skin)
     for reading, contact in zip(readings, contacts, strict=True):
         one, other = theory.step(reading), table.step(reading)

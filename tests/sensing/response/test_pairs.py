@@ -12,7 +12,7 @@ from smoskin.mechanics.sheet.model import BarHinge
 from smoskin.mechanics.sheet.touches import Touches, patch_shares
 from smoskin.sensing.response.fit import add_coupling, table_curvature
 from smoskin.sensing.response.pairs import mutual_drags
-from tables_of_response import BASIS, plain, random_table, reduced_table
+from tables_of_response import BASIS, plain, random_table, reduced_table, with_coupling
 
 WHERE = np.array([[[0.031, 0.047], [0.0601, 0.101]], [[0.098, 0.13], [0.02, 0.04]]])
 PRESS = np.array([[0.5, 0.3], [0.8, 0.6]])
@@ -144,3 +144,26 @@ def test_pairs_read_their_sum_their_drags_and_the_curvature(small):
     expected = one + other + product.reshape(6, 6)
     assert_allclose(table.together(place, force), expected, rtol=1e-9, atol=1e-15)
     assert_allclose(table.dragged(place, force), [one, other], rtol=1e-9, atol=1e-15)
+
+
+def test_columns_under_load_add_a_product_of_all_that_both_touches_load(small):
+    """The sheet takes what each touch holds it with beside its press; order does not matter."""
+    table, place, rng = small
+    coupled, force = with_coupling(table), straight(rng.uniform(0.1, 1.0, (6, 2)))
+    shares = table.basis.vertex_shares(place)
+    moved = np.einsum("bih,hdge,bjg->bidje", shares, table.grip, shares)
+    for b, (a, push) in enumerate(zip(shares, force, strict=True)):
+        c = moved[b][..., :2].reshape(4, 4)
+        sideways = np.linalg.solve(c, moved[b][..., 2].reshape(4, 2) @ push[:, 2]).reshape(2, 2)
+        one, other = np.concatenate([sideways, -push[:, 2:]], axis=1)
+        added = np.einsum("h,d,hdgec,g,e->c", a[0], one, coupled.coupling, a[1], other)
+        found = coupled.coupled(place[[b]], force[[b]])[0]
+        assert_allclose(found, added, rtol=1e-5)
+        assert np.abs(found).max() > 1e-5
+    turned = coupled.together(place[:, ::-1], force[:, ::-1])
+    said = coupled.together(place, force)
+    assert_allclose(turned, said, rtol=1e-9, atol=1e-12)
+    assert_allclose(said - table.together(place, force), coupled.coupled(place, force), atol=1e-12)
+    fewer = coupled.of_chips((1,))
+    assert_allclose(fewer.together(place, force), said[:, 3:], rtol=1e-9, atol=1e-12)
+    assert_allclose(table.coupled(place, force), 0.0)

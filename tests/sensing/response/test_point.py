@@ -11,7 +11,14 @@ from smoskin.mechanics.sheet.compliance import grip_compliance
 from smoskin.sensing.response.basis import TouchBasis
 from smoskin.sensing.response.fit import table_curvature
 from smoskin.sensing.response.point import PointLine
-from tables_of_response import BASIS, plain, random_table, random_touches, reduced_table
+from tables_of_response import (
+    BASIS,
+    plain,
+    random_table,
+    random_touches,
+    reduced_table,
+    with_coupling,
+)
 
 PLACES = np.array([-0.004, 0.0, 0.006, 0.0101, 0.0152, 0.0231, 0.028, 0.0329, 0.0451, 0.049, 0.06])
 """m: outside, at the rim, round vertices and between them."""
@@ -96,7 +103,7 @@ def test_one_pair_at_a_time_says_the_same_with_slopes(skin, row):
 
 
 def test_slopes_of_a_pair_are_derivatives_on_any_skin():
-    table, rng = random_table(chips=(0, 1)), np.random.default_rng(7)
+    table, rng = with_coupling(random_table(chips=(0, 1))), np.random.default_rng(7)
     place = rng.uniform(0, BASIS.extent, (6, 2, 2))
     point = table.point_table()
     for where, press in zip(place, rng.uniform(0.2, 1.0, (6, 2)), strict=True):

@@ -164,7 +164,7 @@ def test_readings_come_late_or_not_at_all_but_in_order():
 
 
 def test_loops_do_not_depend_on_pace_and_close(twin):
-    ranges = Motion(magnets=np.full((3, 6), 1e-4), board=np.full(3, 1e-5))
+    ranges = Motion(magnets=np.full((3, 6), 1e-4), board=np.full(6, 1e-5))
     way = np.concatenate([np.linspace(0, 1, 50), np.linspace(1, 0, 50), np.linspace(0, 1, 50)])
 
     def loop(values):
@@ -184,10 +184,10 @@ def test_loops_do_not_depend_on_pace_and_close(twin):
 
 
 def test_plays_stay_where_a_motion_is_none():
-    ranges = Motion(magnets=np.full((1, 6), 1.0), board=np.full(3, 1.0))
+    ranges = Motion(magnets=np.full((1, 6), 1.0), board=np.full(6, 1.0))
     values = np.array([0.0, 1.0, np.nan, 0.5])
     motion = Motion(
-        magnets=values[:, None, None] * np.ones((1, 6)), board=values[:, None] * np.ones(3)
+        magnets=values[:, None, None] * np.ones((1, 6)), board=values[:, None] * np.ones(6)
     )
     out = Loops(ranges, 0.1, (0.3,)).steps(np.arange(4.0), motion)
     assert np.isnan(out.magnets[2]).all()

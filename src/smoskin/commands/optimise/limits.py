@@ -26,7 +26,8 @@ from smoskin.twin.manufacture import Deviations, Tolerances
 from smoskin.twin.readout import Readout
 
 _EXTREME: Final = 8
-"""States that decide a gap: so many with the magnet lowest, and so many with it farthest off."""
+"""States that decide a gap: so many with the strongest field, and so many with the magnet farthest
+off."""
 _DEEPEST: Final = 12e-3
 """Largest gap, m: a usual base's thickness, and more than any column has room for."""
 GAP_STEP: Final = 0.05e-3
@@ -37,14 +38,19 @@ GAP_STEP: Final = 0.05e-3
 class Limits:
     """Limits to keep. The paper prints none of them; each value is assumed, with its reason."""
 
-    column_radius: tuple[float, float] = (1.0e-3, 3.0e-3)
+    column_radius: tuple[float, float] = (1.0e-3, 3.5e-3)
     """Range, m: a thinner column tears when it leaves its mould, a thicker one fills the cell."""
-    column_height: tuple[float, float] = (6.0e-3, 15.0e-3)
+    column_height: tuple[float, float] = (6.0e-3, 20.0e-3)
     """Range, m: below, no magnet fits under the sheet; above, the skin is thicker than a finger."""
     rubbers: tuple[str, ...] = tuple(ELASTOMERS)
     """Rubbers of the columns: those whose modulus is known."""
-    frame_stiffness: tuple[float, float] = (20.0, 2000.0)
-    """Range for each rim column, N/m: from a strip of soft foam to a printed rail."""
+    frame_clearance: tuple[float, float] = (0.3e-3, 2.0e-3)
+    """Range, m: below, the frame touches columns at rest; above, it stops nothing."""
+    margin: float = 2.0
+    """Least buckling load of a column over its load under the rated touch."""
+    sway: float = 0.1
+    """Share of a column's height by which a rated drag may sway the rim, which meets no frame:
+    columns that bend farther hold so much less that tables follow neither drags nor pairs."""
     magnet_radius: tuple[float, float] = (2.5e-3, 6.0e-3)
     """Range, m: below, the coil that magnetises four sectors does not fit; above, no corner is wide
     enough."""
@@ -63,9 +69,6 @@ class Limits:
     """Share of a column's height by which a rated touch may press it; at half the model ends."""
     pull: float = 0.8
     """Share of the bond's strength by which a column may be pulled."""
-    buckling: float = 1.0
-    """Share of Euler's load of a column clamped at both ends, pi^2 r^2 / h of shortening: past it
-    the model, whose columns stay straight, does not hold."""
     made_skins: int = 8
     """Sheets on which fields, columns and clearances are checked at the end."""
     made_draws: int = 8
@@ -155,7 +158,7 @@ def own_limits(design: SkinDesign, limits: Limits) -> list[Reached]:
     reached = [
         between("columns.radius, mm", columns.radius, limits.column_radius, 1e3),
         between("columns.height, mm", columns.height, limits.column_height, 1e3),
-        between("frame.stiffness, N/mm", design.frame.stiffness, limits.frame_stiffness, 1e-3),
+        between("frame.clearance, mm", design.frame.clearance, limits.frame_clearance, 1e3),
         Reached("readings a second", rate, least=limits.rate),
     ]
     for magnet, place in zip(design.magnets, geometry(design).magnets[:, :2], strict=True):
@@ -189,13 +192,14 @@ def _wall(design: SkinDesign, magnet: Magnet, place: Floats) -> float:
 def stood_limits(design: SkinDesign, sheet: PressedSheet, limits: Limits) -> list[Reached]:
     """What a design must stand under the rated touches, held against its pressed sheet."""
     height, motion = design.columns.height, sheet.rated(design)
-    euler = math.pi**2 * design.columns.radius**2 / height
     used = largest_field(design, motion) / allowed_field(design, limits)
     left = clearances(design, motion)
     return [
         Reached("column pressed, of its height", sheet.sunk / height, most=limits.crush),
         Reached("column pulled, of its bond", sheet.pull / sheet.bond, most=limits.pull),
-        Reached("column's load, of Euler's", sheet.sunk / euler, most=limits.buckling),
+        Reached("column's buckling load, of its load", sheet.margin, least=limits.margin),
+        Reached("rim's sway, of its height", sheet.sway / height, most=limits.sway),
+        Reached("rim's sway, of the way to the frame", sheet.sway / sheet.free_sway, most=1.0),
         *_chip_limits(design, used, "of what is allowed", left, limits),
     ]
 
@@ -254,7 +258,7 @@ def fit_gaps(
     sites = []
     for site in design.halls:
         alone = alone_over(design, site)
-        motion = _extremes(sheet.rated(alone), further)
+        motion = _extremes(alone, sheet.rated(alone), further)
         least = limits.clearance + site.gap - float(clearances(alone, motion)[0]) + slip
 
         def excess(gap: float, alone: SkinDesign = alone, motion: Motion = motion) -> float:
@@ -296,9 +300,10 @@ def alone_over(
     return replace(design, magnets=(moved,), halls=(site,))
 
 
-def _extremes(motion: Motion, further: float) -> Motion:
+def _extremes(alone: SkinDesign, motion: Motion, further: float) -> Motion:
     """States of one magnet in which it comes nearest to its chip's range, moved further."""
     moved, board = motion.magnets[:, 0], motion.board
     aside = np.hypot(*(moved[:, :2] - board[:, :2]).T)
-    lowest, farthest = np.argsort(moved[:, 2])[:_EXTREME], np.argsort(-aside)[:_EXTREME]
-    return motion[np.union1d(lowest, farthest)].scaled(further)
+    field = np.abs(Readout(alone).seen(motion)).max(axis=(1, 2))
+    strongest, farthest = np.argsort(-field)[:_EXTREME], np.argsort(-aside)[:_EXTREME]
+    return motion[np.union1d(strongest, farthest)].scaled(further)

@@ -71,10 +71,10 @@ class PressedSheet:
             force=np.concatenate([push, hard_push])[:, None],
         )
         self._near = len(where)
-        made, lattice = design, None
+        lattice, board = None, None
         if deviations is not None:
-            made, lattice = made_mechanics(design, deviations, REFERENCE_TEMPERATURE)
-        solver = BarHinge(made, lattice=lattice)
+            lattice, board = made_mechanics(design, deviations, REFERENCE_TEMPERATURE)
+        solver = BarHinge(design, lattice=lattice, board=board)
         pressed = solver.press(touches, tolerance=_TOLERANCE)
         self._displacements, self._board = pressed.displacements, pressed.board
         self._valid: Bools = pressed.converged & ~pressed.pulled
@@ -83,10 +83,18 @@ class PressedSheet:
         self.sunk = float(np.max(sunk))
         """Farthest that a column is pressed down by a rated touch, m; NaN where one has no
         equilibrium."""
-        self.pull = float(np.max(-sunk * solver.lattice.ground[feet, 2]))
+        self.pull = float(np.max(-sunk * solver.lattice.supports.axial))
         """Largest pull at a column's foot likewise, N."""
         self.bond = solver.lattice.bond_limit
         """Pull at which it leaves its base, N."""
+        self.margin = float(pressed.buckling_margin[self._near :].min())
+        """Least buckling load of a column over its load likewise."""
+        stops = solver.lattice.stops
+        moved = pressed.displacements[self._near :, stops.nodes, :2]
+        self.sway = float(np.max((moved * stops.normal).sum(axis=-1), initial=0.0))
+        """Farthest that a rim column sways outward over the board likewise, m."""
+        self.free_sway = float(np.min(stops.free, initial=np.inf))
+        """Sway at which it meets the frame, m."""
 
     def stands(self) -> bool:
         """Whether every touch has an equilibrium with all columns on their bases."""

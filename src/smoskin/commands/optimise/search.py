@@ -298,12 +298,13 @@ class Search:
             replace(m, radius=_nearest(m.radius, 1e-4), height=_nearest(m.height, 1e-4))
             for m in best.magnets
         )
-        digits = 1 - math.floor(math.log10(best.frame.stiffness))
-        frame = replace(best.frame, stiffness=round(best.frame.stiffness, digits))
+        clearance = _nearest(best.frame.clearance, 0.05e-3)
         sizes = product(_beside(columns.radius, 0.05e-3), _beside(columns.height, 0.1e-3))
         trials = []
         for radius, height in sizes:
             rounded = replace(columns, radius=radius, height=height)
+            held = _nearest(height / 2, 0.1e-3)
+            frame = replace(best.frame, clearance=clearance, held_height=held)
             design = replace(best, columns=rounded, frame=frame, magnets=magnets)
             trials.append(self._fitted(design, step=GAP_STEP))
         return min(trials, key=lambda trial: trial.merit)
@@ -378,12 +379,12 @@ def _nearest(value: float, step: float) -> float:
 
 
 def _ranges(limits: Limits) -> Floats:
-    """Ends of the variables, (5, 2), m and N/m: columns, frame and magnets."""
+    """Ends of the variables, (5, 2), m: columns, frame and magnets."""
     return np.array(
         [
             limits.column_radius,
             limits.column_height,
-            limits.frame_stiffness,
+            limits.frame_clearance,
             limits.magnet_radius,
             limits.magnet_height,
         ]
@@ -394,11 +395,11 @@ def _varied(design: SkinDesign, point: Floats, limits: Limits) -> SkinDesign:
     """The design at a point of the unit cube, on whose axes run the variables' logarithms."""
     least, most = _ranges(limits).T
     values = least * (most / least) ** np.clip(point, 0.0, 1.0)
-    radius, height, frame, wide, high = values.tolist()
+    radius, height, clearance, wide, high = values.tolist()
     return replace(
         design,
         columns=replace(design.columns, radius=radius, height=height),
-        frame=replace(design.frame, stiffness=frame),
+        frame=replace(design.frame, clearance=clearance, held_height=height / 2),
         magnets=tuple(replace(magnet, radius=wide, height=high) for magnet in design.magnets),
     )
 
@@ -406,6 +407,6 @@ def _varied(design: SkinDesign, point: Floats, limits: Limits) -> SkinDesign:
 def _point(design: SkinDesign, limits: Limits) -> Floats:
     """Place of a design in that cube, or next to it."""
     columns, magnet = design.columns, design.magnets[-1]
-    values = columns.radius, columns.height, design.frame.stiffness, magnet.radius, magnet.height
+    values = columns.radius, columns.height, design.frame.clearance, magnet.radius, magnet.height
     least, most = _ranges(limits).T
     return np.asarray(np.clip(np.log(values / least) / np.log(most / least), 0.0, 1.0))

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from smoskin.arrays import Floats, Ints
 from smoskin.design.materials import ELASTOMERS
 from smoskin.design.skin import Coefficients, MiuraCell, SkinDesign
+from smoskin.mechanics.board import board_of
 from smoskin.mechanics.reduced.attenuation import profiles
-from smoskin.origami.geometry import geometry
 
 
 def pillar_stiffness(radius: float, height: float, shear_modulus: float) -> float:
@@ -44,40 +44,23 @@ def board_stiffness(design: SkinDesign) -> float:
 
     Notes
     -----
-    Source: SI Eq. (S26), computed as (S21).
+    Source: SI Eq. (S26), of pillars that bend: `smoskin.mechanics.board.board_of`.
     """
-    layer = design.shear_layer
-    modulus = ELASTOMERS[layer.material].shear_modulus
-    return layer.pillars * pillar_stiffness(layer.radius, layer.height, modulus)
-
-
-def yaw_stiffness(design: SkinDesign) -> float:
-    """Moment per angle of the board on its pillars, N m/rad.
-
-    Notes
-    -----
-    Source: SI Eq. (S26), of each pillar, times its squared distance from the middle. The design
-    does not place the pillars; they are taken as spread evenly under the sensing area.
-
-    Examples
-    --------
-    >>> from smoskin.design.document import read_design
-    >>> round(yaw_stiffness(read_design("planar")), 3)
-    6.283
-    """
-    x, y = geometry(design).extent
-    return float(board_stiffness(design) * (x**2 + y**2) / 12)
+    return float(board_of(design).stiffness[0])
 
 
 def sheet_stiffness(design: SkinDesign) -> float:
     """Stiffness of the sheet against sliding as a whole over the board, N/m.
 
-    All columns act in parallel; the frame adds its stiffness at each rim column.
+    All columns shear in parallel. Those of the whole sheet bend, and are softer:
+    `smoskin.mechanics.sheet.lattice.swaying_stiffness`.
+
+    Notes
+    -----
+    Source: SI Eq. (S21).
     """
     n, m = design.cells
-    columns = (2 * n + 1) * (m + 1)
-    rim = columns - (2 * n - 1) * (m - 1)
-    return columns * column_stiffness(design) + rim * design.frame.stiffness
+    return (2 * n + 1) * (m + 1) * column_stiffness(design)
 
 
 def relative_stiffness_map(

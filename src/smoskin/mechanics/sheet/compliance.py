@@ -1,41 +1,97 @@
-"""Compliance of the sheet in the plane where touches grip it, for small loads.
+"""How the sheet yields to touches, to first and second order in their loads.
 
 A touch that sticks holds its patch over the ground, so that what another one does to that patch
-comes back as a sideways force; how large it is follows from this one matrix.
+comes back as a sideways force; how large it is follows from one matrix. What two loads move beyond
+the sum of what each moves, columns under load holding less, is the second order.
 """
+
+from typing import Final
 
 import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
-from smoskin.mechanics.reduced.stiffness import board_stiffness, yaw_stiffness
+from smoskin.mechanics.board import Board, board_of, carried
+from smoskin.mechanics.sheet.continuation import settle
 from smoskin.mechanics.sheet.lattice import Lattice, build_lattice
+from smoskin.mechanics.sheet.parts import Blocks
 from smoskin.mechanics.sheet.tangent import Tangent
-from smoskin.origami.geometry import geometry
+
+_STEP: Final = 1e-3
+"""N: step of the differences of the stiffness."""
 
 
-def grip_compliance(design: SkinDesign, lattice: Lattice | None = None) -> Floats:
+def grip_compliance(
+    design: SkinDesign, lattice: Lattice | None = None, board: Board | None = None
+) -> Floats:
     """Motion of every vertex that can be touched, by a force on every other, (H, 2, H, 3), m/N.
 
-    Motion is over the ground along x and y, by a force along x, along y and down; the lattice, with
-    springs of its own, is `build_lattice(design)` by default.
+    Motion is over the ground along x and y, by a force along x, along y and down; lattice and
+    board, with stiffnesses of their own, are by default as designed.
 
     Notes
     -----
-    With K the stiffness at rest, P the choice of the vertices' motions in the plane, and t the
-    turned arms from the board's middle: P K^-1 + 1 / K_sf + t t' / K_yaw. Valid for small loads:
+    With K the stiffness at rest, P the choice of the vertices' motions in the plane, S their motion
+    with the board and B the board's stiffness: P K^-1 + P S B^-1 S'. Valid for small loads:
     under a newton the forces that follow from it are off by some 2 %.
     """
     made = lattice or build_lattice(design)
-    tangent = Tangent(made)
+    board = board or board_of(design)
+    tangent = Tangent(made, board)
+    rest = settle(tangent)
     top = made.loaded.ravel()
-    count = len(top)
-    right = np.zeros((len(made.nodes), 3, count, 3))
-    for axis, sign in enumerate((1.0, 1.0, -1.0)):  # along x, along y, and pressing
-        right[top, axis, np.arange(count), axis] = sign
-    moved = tangent.solve(tangent.at(np.zeros_like(made.nodes)), right)[top, :2]
-    arms = geometry(design).tops.reshape(-1, 2) - geometry(design).extent / 2
-    turned = np.stack([-arms[:, 1], arms[:, 0]], axis=-1)
-    moved[..., :2] += np.eye(2)[None, :, None] / board_stiffness(design)
-    moved[..., :2] += turned[:, :, None, None] * turned / yaw_stiffness(design)
+    place = tangent.at(rest.motion, rest.board, rest.force)
+    moved = tangent.solve(place, _unit_loads(made))[top, :2]
+    arms = carried(board, made.nodes[top])
+    moved += np.einsum("hds,kes->hdke", arms[:, :2] / board.stiffness, arms * [[1], [1], [-1]])
     return np.asarray(moved)
+
+
+def load_coupling(design: SkinDesign, readings: Floats) -> Floats:
+    """What two forces on vertices make C readings beyond their sum, (H, 3, H, 3, C), 1/N^2.
+
+    Forces are along x, along y and down; `readings`, (C, V, 3), are slopes by the motion of every
+    vertex over the board, 1/m.
+
+    Notes
+    -----
+    With f(u) the forces of the parts, u_i the motion by a unit force and K l = readings:
+    ``Q_ij = -l . d2f[u_i, u_j]``. The skin is as designed; nothing is held. For small loads: under
+    a newton some tenths of it are missing.
+    """
+    made = build_lattice(design)
+    tangent = Tangent(made, board_of(design))
+    rest = settle(tangent)
+    place = tangent.at(rest.motion, rest.board, rest.force)
+    shape, count = (len(made.nodes), 3), made.loaded.size
+    unit = tangent.solve(place, _unit_loads(made)).reshape(*shape, 3 * count)
+    lever = tangent.solve(place, np.moveaxis(readings, 0, -1))
+    bent = []
+    for one in np.moveaxis(unit, -1, 0):
+        ends = [
+            tangent.blocks(rest.motion + sign * _STEP * one, rest.board, fold=1.0)
+            for sign in (1.0, -1.0)
+        ]
+        bent.append((_pushed(made, ends[0], lever) - _pushed(made, ends[1], lever)) / (2 * _STEP))
+    flat = unit.reshape(-1, 3 * count)
+    products = np.tensordot(np.stack(bent).reshape(3 * count, -1, len(readings)), flat, (1, 0))
+    return -np.moveaxis(products, 1, 2).reshape(count, 3, count, 3, len(readings))
+
+
+def _pushed(lattice: Lattice, blocks: Blocks, motion: Floats) -> Floats:
+    """Forces of bars, hinges and columns by small motions (V, 3, C), (V, 3, C)."""
+    out = np.zeros_like(motion)
+    nodes = lattice.bars, lattice.hinges, lattice.feet[:, None]
+    for stiffness, ends in zip((blocks.bars, blocks.hinges, blocks.columns), nodes, strict=True):
+        moved = motion[ends].reshape(len(ends), -1, motion.shape[-1])
+        np.add.at(out, ends, (stiffness @ moved).reshape(*ends.shape, 3, -1))
+    return out
+
+
+def _unit_loads(lattice: Lattice) -> Floats:
+    """Forces of 1 N along x, along y and down on each vertex that can be touched, (V, 3, H, 3)."""
+    top = lattice.loaded.ravel()
+    loads = np.zeros((len(lattice.nodes), 3, len(top), 3))
+    for axis, sign in enumerate((1.0, 1.0, -1.0)):
+        loads[top, axis, np.arange(len(top)), axis] = sign
+    return loads

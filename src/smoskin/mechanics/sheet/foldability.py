@@ -85,13 +85,9 @@ def _stiffness(sheet: Sheet, normals: Floats, springs: Springs) -> Any:
 
 
 def _columns(sheet: Sheet, normals: Floats, springs: Springs) -> Any:
-    """Stiffness of the columns, and of the frame across those of the rim."""
-    side = np.full(sheet.columns.shape, springs.column_shear)
-    rim = np.ones(sheet.columns.shape, dtype=bool)
-    rim[1:-1, 1:-1] = False
-    side[rim] += springs.frame
+    """Stiffness of the columns, which no frame touches."""
     along = normals[..., :, None] * normals[..., None, :]
-    blocks = side[..., None, None] * (np.eye(3) - along) + springs.column_axial * along
+    blocks = springs.column_lateral * (np.eye(3) - along) + springs.column_axial * along
     count = len(sheet.vertices)
     whole = np.zeros((count, 3, 3))
     whole[sheet.columns.ravel()] = blocks.reshape(-1, 3, 3)

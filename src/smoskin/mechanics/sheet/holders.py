@@ -5,6 +5,8 @@ notched to the two columns of the cells' middle lines on either side of it, whic
 they carry it in the plane, and turn it about z and about the line across. About the line through
 both it would be free; there the nearer of the two columns on its own line, ahead of it and behind
 it, supports it in z alone. At the rim, where a side is missing, the three nearest columns hold it.
+Where a column on the holder or the vertex above drives the magnet, notches have play: they bear it
+and turn it, and the driver moves it in the plane.
 """
 
 import numpy as np
@@ -75,6 +77,40 @@ def holder_matrix(design: SkinDesign) -> Floats:
         matrix[g, rows, gripping, 1] = plane[:, half:]
         # What the tilt moves at the columns' tops, the middle of the magnet lags behind.
         lever = float(dz.mean())
+        if magnet.driver != "notches":
+            lever = _drive(design, magnet.driver, middles[g], matrix[g])
         matrix[g, 0] -= lever * matrix[g, 4]
         matrix[g, 1] += lever * matrix[g, 3]
     return matrix
+
+
+def _drive(design: SkinDesign, driver: str, middle: Floats, rows: Floats) -> float:
+    """Let the sheet above move a magnet along x and y, and as a vertex along z, in `rows`.
+
+    It returns the height over the magnet's middle at which it is driven.
+    """
+    sheet = geometry(design).sheet
+    rows[:2] = 0.0
+    if driver == "vertex":
+        feet = sheet.columns.ravel()
+        above = np.linalg.norm(sheet.vertices[feet, :2] - middle[:2], axis=1).argmin()
+        nodes, weights = feet[[above]], np.ones(1)
+        rows[2] = 0.0
+        rows[2, nodes, 2] = 1.0
+    else:
+        nodes, weights = _straight_above(design, middle)
+    rows[0, nodes, 0] = rows[1, nodes, 1] = weights
+    return float(weights @ sheet.vertices[nodes, 2] - middle[2])
+
+
+def _straight_above(design: SkinDesign, middle: Floats) -> tuple[Ints, Floats]:
+    """Corners of the triangle of the sheet over a place, (3,), and their shares, (3,)."""
+    sheet = geometry(design).sheet
+    facets = sheet.facets
+    triangles = np.concatenate([facets[:, [0, 1, 2]], facets[:, [0, 2, 3]]])
+    corners = sheet.vertices[triangles, :2]
+    edges = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)
+    two = np.linalg.solve(edges, (middle[:2] - corners[:, 0])[..., None])[..., 0]
+    shares = np.concatenate([1 - two.sum(axis=1, keepdims=True), two], axis=1)
+    inside = int(shares.min(axis=1).argmax())
+    return triangles[inside], shares[inside]

@@ -1,9 +1,9 @@
 """The folded sheet as bars, hinges and springs: what the nonlinear model is made of.
 
 A panel is four bars on its edges, one on its shorter diagonal and a hinge about that diagonal; a
-crease is a hinge between two panels; a column is three springs from a bottom vertex to the board,
-and the frame stiffens those of the rim in the plane. This module decides how stiff each is, and
-hides how the mesh is numbered.
+crease is a hinge between two panels; a column is a beam from a bottom vertex to the board, and the
+frame stops those of the rim, a corner's on both sides. This module decides how stiff each is and
+where the frame meets it, and hides how the mesh is numbered.
 """
 
 from dataclasses import dataclass, fields
@@ -13,15 +13,18 @@ import numpy as np
 
 from smoskin.arrays import Floats, Ints
 from smoskin.design.materials import ELASTOMERS, FILMS
-from smoskin.design.skin import Columns, Creases, MiuraCell, Panels, SkinDesign
+from smoskin.design.skin import Creases, MiuraCell, Panels, SkinDesign
 from smoskin.errors import DesignError
-from smoskin.mechanics.reduced.stiffness import column_stiffness, pillar_stiffness
+from smoskin.mechanics import beam
+from smoskin.mechanics.beam import Beam, prop
 from smoskin.origami.geometry import geometry
 from smoskin.origami.sheet import Sheet
 
 BOND_STRENGTH: Final = 20e3
 """Pa: pull at which a column leaves its base. Assumed: silicone poured on to a primed face peels
 at some tens of kilopascals, far below the megapascal at which the rubber itself tears."""
+_ROUNDING = 0.05
+"""Half of the sway over which a stop's force sets in, over the free sway."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,12 +34,12 @@ class Springs:
     It raises a `DesignError` if a stiffness is negative or not finite.
     """
 
-    column_shear: float
-    """N/m: k_bc, stiffness of one column in the plane."""
+    column_lateral: float
+    """N/m: stiffness of one column against sway, without load."""
     column_axial: float
     """N/m: stiffness of one column along z."""
-    frame: float
-    """N/m: stiffness that the frame adds in the plane to each rim column."""
+    stop: float
+    """N/m: stiffness that the frame adds to a rim column's sway past its free one."""
     crease: float
     """N: moment per length and angle of a crease."""
     panel_bending: float
@@ -49,6 +52,56 @@ class Springs:
             value = getattr(self, part.name)
             if not (np.isfinite(value) and value >= 0.0):
                 raise DesignError(f"springs.{part.name} must be finite and >= 0; got {value}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Supports:
+    """Columns as beams, each with its own height and stiffness."""
+
+    feet: Ints
+    """(C,): nodes on their tops."""
+    lateral: Floats
+    """(C,), N/m: stiffness against sway without load."""
+    axial: Floats
+    """(C,), N/m: stiffness along the axis."""
+    height: Floats
+    """(C,), m: free height."""
+    shear_share: Floats
+    """(C,): EI / (G A_s h^2)."""
+
+    @property
+    def unit(self) -> Floats:
+        """EI / h^3 of each column, (C,), N/m."""
+        return np.asarray(self.lateral / beam.unloaded(self.shear_share))
+
+    @property
+    def buckling_load(self) -> Floats:
+        """Compression at which each column buckles between its clamped ends, (C,), N."""
+        loads = self.unit * self.height * beam.buckling(self.shear_share)
+        # Where a magnet stands in place of a column nothing can buckle.
+        return np.where(self.axial > 0, loads, np.inf)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Stops:
+    """Places where the frame stops columns, S of them."""
+
+    nodes: Ints
+    """(S,): nodes on the columns' tops."""
+    normal: Floats
+    """(S, 2): outward from the rim."""
+    stiffness: Floats
+    """(S,), N/m: what a stop adds to the stiffness against sway."""
+    free: Floats
+    """(S,), m: sway of the top at which the column meets the frame."""
+    rounding: Floats
+    """(S,), m: half of the sway over which its force sets in."""
+    lever: Floats
+    """(S,): deflection where it is held over the sway of the top."""
+    places: Floats
+    """(S, 3), m: points where the columns are held."""
+    on_base: bool
+    """The frame stands on the base, so that the board's motion counts too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,18 +120,21 @@ class Lattice:
     """(H,), N m/rad."""
     panel_hinges: int
     """The first so many hinges lie within panels; the others are creases."""
-    ground: Floats
-    """(V, 3), N/m: springs to the board along x, y and z; 0 where there is none."""
-    frame: Floats
-    """(V,), N/m: the frame's part of the springs along x and y."""
+    crease_set: Floats
+    """(H - P,): share of its fold that each crease keeps unloaded, 1 where it is at rest so."""
+    supports: Supports
+    """Columns from nodes to the board."""
+    stops: Stops
+    """The frame's stops of rim columns."""
     loaded: Ints
     """(N, M): node of each cell's top vertex."""
-    feet: Ints
-    """(C,): nodes that stand on columns."""
     bond_limit: float
     """N: pull at which a column leaves its base."""
-    stroke: float
-    """m: the columns' height; no foot can sink so far."""
+
+    @property
+    def feet(self) -> Ints:
+        """Nodes that stand on columns, (C,)."""
+        return self.supports.feet
 
 
 def springs_of(design: SkinDesign) -> Springs:
@@ -86,37 +142,75 @@ def springs_of(design: SkinDesign) -> Springs:
 
     Notes
     -----
-    Source: SI Eqs. (S16) and (S21) for creases and columns in shear; `axial_stiffness` and
-    `bending_stiffness` for the others.
+    Source: SI Eq. (S16) for creases, `smoskin.mechanics.beam` for columns and stops,
+    `bending_stiffness` for panels.
 
     Examples
     --------
     >>> from smoskin.design.document import read_design
     >>> springs = springs_of(read_design("planar"))
-    >>> round(springs.column_shear, 2), round(springs.column_axial, 2)
-    (17.67, 53.61)
+    >>> round(springs.column_lateral, 2), round(springs.column_axial, 2)
+    (31.2, 230.07)
     """
+    column = column_beam(design)
+    place = design.frame.held_height / design.columns.height
+    bending = bending_stiffness(design.cell, design.panels)
     return Springs(
-        column_shear=column_stiffness(design),
-        column_axial=axial_stiffness(design.columns),
-        frame=design.frame.stiffness,
+        column_lateral=column.lateral,
+        column_axial=column.axial,
+        stop=prop(column.lateral, column.shear_share, place).stiffness,
         crease=crease_stiffness(design.creases),
-        panel_bending=bending_stiffness(design.cell, design.panels),
+        panel_bending=bending * shifting_factor(design),
         panel_membrane=FILMS[design.panels.material].young_modulus * design.panels.thickness,
     )
 
 
-def axial_stiffness(columns: Columns) -> float:
-    """Stiffness of one column along its axis, N/m.
+def column_beam(design: SkinDesign) -> Beam:
+    """One column as a beam."""
+    columns = design.columns
+    modulus = ELASTOMERS[columns.material].shear_modulus
+    return beam.beam(columns.radius, columns.height, modulus)
+
+
+def swaying_stiffness(design: SkinDesign) -> float:
+    """Stiffness of the whole sheet against sliding over the board, unloaded and off the stops, N/m.
+
+    Examples
+    --------
+    >>> from smoskin.design.document import read_design
+    >>> round(swaying_stiffness(read_design("planar")))
+    2839
+    """
+    n, m = design.cells
+    return (2 * n + 1) * (m + 1) * column_beam(design).lateral
+
+
+def shifting_factor(design: SkinDesign) -> float:
+    """Stiffness of a panel's bend with the shift of the film strips round it, over that without.
+
+    A warped panel's edges need not follow their neighbours': over a gap g the free film shifts out
+    of the plane. Along an edge the shift grows evenly to the corner's, 12 D L / (3 g^3) for a film
+    of D = E t^3 / (12 (1 - nu^2)), in series with `twist_stiffness`.
 
     Notes
     -----
-    Source: a rubber cylinder bonded at both ends, E A (1 + 2 S^2) / h with E = 3 G and the shape
-    factor S = r / (2 h). Valid for strains up to some tenths, short of buckling.
+    Source: clamped strip under a shift of its edges; L the mean edge. An estimate.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from smoskin.design.document import read_design
+    >>> design = read_design("planar")
+    >>> shifts = replace(design, creases=replace(design.creases, strip_shift=1.0))
+    >>> shifting_factor(design), round(shifting_factor(shifts), 2)
+    (1.0, 0.01)
     """
-    modulus = ELASTOMERS[columns.material].shear_modulus
-    shape = columns.radius / (2 * columns.height)
-    return 3 * (1 + 2 * shape**2) * pillar_stiffness(columns.radius, columns.height, modulus)
+    creases, film = design.creases, FILMS[design.creases.material]
+    rigidity = film.young_modulus * creases.thickness**3 / (12 * (1 - film.poisson_ratio**2))
+    edge = (design.cell.panel_a + design.cell.panel_b) / 2
+    shift = 4 * rigidity * edge / creases.gap**3
+    twist = twist_stiffness(design.cell, design.panels)
+    return shift / (shift + creases.strip_shift * twist)
 
 
 def bending_stiffness(cell: MiuraCell, panels: Panels) -> float:
@@ -158,14 +252,15 @@ def twist_stiffness(cell: MiuraCell, panels: Panels) -> float:
 
     Its straight edges stay straight, as the neighbours across the creases want them:
     ``4 D (cot^2 alpha + (1 - nu)/2) / A`` with ``D = E t^3 / (12 (1 - nu^2))``, that is t^2 / 3
-    times `shear_stiffness` over A^2.
+    times `shear_stiffness` over A^2, times the panels' `bonding`.
 
     Notes
     -----
     Source: SI Eq. (S25), which only names it; Kirchhoff's plate with a uniform twist.
     Valid for deflections below the panel's thickness.
     """
-    return panels.thickness**2 / 3 * shear_stiffness(cell, panels) / _area(cell) ** 2
+    solid = panels.thickness**2 / 3 * shear_stiffness(cell, panels) / _area(cell) ** 2
+    return panels.bonding * solid
 
 
 def shear_stiffness(cell: MiuraCell, panels: Panels) -> float:
@@ -206,7 +301,20 @@ def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice
     bars, bar_stiffness = _bars(sheet, diagonals, cell, design.panels)
     creases = _crease_hinges(sheet, diagonals)
     bending = np.full(len(diagonals), springs.panel_bending)
-    ground, frame = _ground(sheet, springs)
+    columns = sheet.columns.size
+    # A magnet in place of a column hangs on the sheet alone.
+    there = np.ones(columns)
+    for magnet, place in zip(design.magnets, geometry(design).magnets, strict=True):
+        if magnet.mount == "sheet" and magnet.driver == "vertex":
+            feet = sheet.vertices[sheet.columns.ravel(), :2]
+            there[np.linalg.norm(feet - place[:2], axis=1).argmin()] = 0.0
+    supports = Supports(
+        feet=sheet.columns.ravel(),
+        lateral=there * springs.column_lateral,
+        axial=there * springs.column_axial,
+        height=np.full(columns, design.columns.height),
+        shear_share=np.full(columns, column_beam(design).shear_share),
+    )
     return Lattice(
         nodes=sheet.vertices,
         bars=bars,
@@ -214,12 +322,44 @@ def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice
         hinges=np.concatenate([diagonals, creases]),
         hinge_stiffness=np.append(bending, springs.crease * _lengths(sheet, creases[:, :2])),
         panel_hinges=len(diagonals),
-        ground=ground,
-        frame=frame,
+        crease_set=np.full(len(creases), design.creases.set_fraction),
+        supports=supports,
+        stops=build_stops(design, springs.stop),
         loaded=sheet.loaded,
-        feet=sheet.columns.ravel(),
         bond_limit=BOND_STRENGTH * np.pi * design.columns.radius**2,
-        stroke=design.columns.height,
+    )
+
+
+def build_stops(design: SkinDesign, stiffness: float) -> Stops:
+    """Stops of a design's frame, as stiff at the columns' tops as given, N/m.
+
+    Notes
+    -----
+    Source: `smoskin.mechanics.beam.prop`, a rigid frame. A column's load is left out of it.
+    """
+    frame, columns, sheet = design.frame, design.columns, geometry(design).sheet
+    rows = sheet.columns
+    sides = [
+        (rows[0], (-1.0, 0.0)),
+        (rows[-1], (1.0, 0.0)),
+        (rows[:, 0], (0.0, -1.0)),
+        (rows[:, -1], (0.0, 1.0)),
+    ]
+    nodes = np.concatenate([line for line, _ in sides])
+    normal = np.concatenate([np.tile(outward, (len(line), 1)) for line, outward in sides])
+    own = column_beam(design)
+    held = prop(own.lateral, own.shear_share, frame.held_height / columns.height)
+    free = np.full(len(nodes), frame.clearance / held.lever)
+    places = sheet.vertices[nodes] + [0.0, 0.0, frame.held_height - columns.height]
+    return Stops(
+        nodes=nodes,
+        normal=normal,
+        stiffness=np.full(len(nodes), stiffness),
+        free=free,
+        rounding=_ROUNDING * free,
+        lever=np.full(len(nodes), held.lever),
+        places=places,
+        on_base=frame.stands_on == "base",
     )
 
 
@@ -257,17 +397,6 @@ def _crease_hinges(sheet: Sheet, diagonals: Ints) -> Ints:
     return np.array(
         [[p, q, *far[min(p, q), max(p, q)]] for p, q in sheet.creases.tolist()], dtype=np.int64
     ).reshape(-1, 4)
-
-
-def _ground(sheet: Sheet, springs: Springs) -> tuple[Floats, Floats]:
-    """Springs from the columns to the board, (V, 3), and the frame's part of them, (V,)."""
-    ground, frame = np.zeros_like(sheet.vertices), np.zeros(len(sheet.vertices))
-    ground[sheet.columns] = [springs.column_shear, springs.column_shear, springs.column_axial]
-    rim = np.ones(sheet.columns.shape, dtype=bool)
-    rim[1:-1, 1:-1] = False
-    frame[sheet.columns[rim]] = springs.frame
-    ground[:, :2] += frame[:, None]
-    return ground, frame
 
 
 def _lengths(sheet: Sheet, pairs: Ints) -> Floats:

@@ -6,7 +6,7 @@ which answers count.
 """
 
 from dataclasses import dataclass, fields
-from functools import partial
+from functools import cached_property, partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ try:
 except ModuleNotFoundError as error:
     raise MissingExtraError("the nonlinear model of the whole sheet", "twin") from error
 
-from smoskin.mechanics.reduced.stiffness import board_stiffness, yaw_stiffness
+from smoskin.mechanics.board import Board, board_of, carried
 from smoskin.mechanics.sheet.contact import (
     ContactLaw,
     contact_of,
@@ -28,7 +28,7 @@ from smoskin.mechanics.sheet.contact import (
     shares_by,
     slopes_by,
 )
-from smoskin.mechanics.sheet.continuation import constrained_solve
+from smoskin.mechanics.sheet.continuation import Press, constrained_solve
 from smoskin.mechanics.sheet.lattice import Lattice, Springs, build_lattice
 from smoskin.mechanics.sheet.tangent import Place
 from smoskin.mechanics.sheet.touches import (
@@ -40,14 +40,11 @@ from smoskin.mechanics.sheet.touches import (
     Touches,
     check_on_skin,
 )
-from smoskin.origami.geometry import geometry
 
 STIFFNESSES: Final = tuple(part.name for part in fields(Springs))
 """Kinds of springs that `Sensitivity` knows, in its order."""
 _DEEPEST: Final = 0.5
-"""Share of the columns' height by which a foot may sink in an answer that counts."""
-_PAD: Final = 1e-12
-"""m/N: compliance of any touch by itself, so that two on one place share what they hold."""
+"""Share of a column's height by which its top may sink in an answer that counts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,9 +52,10 @@ class Pressed:
     """Answers of the sheet to touches, one in each row."""
 
     displacements: Floats
-    """(B, V, 3), m: motion of the vertices relative to the board; NaN where not converged."""
+    """(B, V, 3), m: motion of the vertices over the board, from rest; NaN where not converged."""
     board: Floats
-    """(B, 3): motion of the board over its base along x and y, m, and its yaw, rad."""
+    """(B, 6): motion of the board over its base along x, y and z, m, and its turns about them,
+    rad; from rest."""
     reaction: Floats
     """(B, K, 2), N: sideways force of each touch on the sheet beyond the drag asked for; under
     cover panels, that of the guide."""
@@ -69,6 +67,9 @@ class Pressed:
     """(B,): an equilibrium was found, with every column shorter by less than half its height."""
     pulled: Bools
     """(B,): some column is pulled harder than its bond to the base holds."""
+    buckling_margin: Floats
+    """(B,): least of the columns' buckling loads over their loads; below 1 some column buckles
+    between its ends, which no answer counts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -78,11 +79,11 @@ class Sensitivity:
     displacements: Floats
     """(B, K, 5, V, 3): derivatives by x and y, m/m, and by Fx, Fy and Fz, m/N, of each touch."""
     board: Floats
-    """(B, K, 5, 3): the same derivatives of the board's x, y and yaw."""
+    """(B, K, 5, 6): the same derivatives of the board's motion."""
     displacements_by_stiffness: Floats
     """(B, 6, V, 3), m: derivatives by the relative change of each kind of spring, `STIFFNESSES`."""
     board_by_stiffness: Floats
-    """(B, 6, 3): the same derivatives of the board's motion."""
+    """(B, 6, 6): the same derivatives of the board's motion."""
 
 
 class _Answer(NamedTuple):
@@ -96,17 +97,28 @@ class _Answer(NamedTuple):
     """Equilibrium with them."""
 
 
+class Rest(NamedTuple):
+    """The unloaded sheet, whose creases may have opened or closed it from its fold."""
+
+    displacements: Floats
+    """(V, 3), m: from the sheet as folded, over the board."""
+    outward: Floats
+    """(S,), m: sway of each rim column's top out of the sheet, at the frame's S stops."""
+    stop_force: Floats
+    """(S,), N: what each stop takes."""
+    compression: Floats
+    """(C,), N: load of each column."""
+
+
 class _Change(NamedTuple):
     """Derivatives of one case's touches by the P parameters of `Sensitivity`, one after another."""
 
     share: Floats
     """(K, T, P)."""
-    arm: Floats
-    """(K, 2, P)."""
-    drag: Floats
-    """(K, 2, P)."""
-    normal: Floats
-    """(K, P)."""
+    carried: Floats
+    """(K, 3, 6, P): of the patches' motions with the board."""
+    force: Floats
+    """(K, 3, P)."""
 
 
 class BarHinge:
@@ -115,19 +127,20 @@ class BarHinge:
     A touch first presses straight: where it grips, the mean motion in the plane of its patch over
     the ground is zero, and what that takes is its reaction, counting what the board gives way.
     Its drag then comes on top of that reaction, as a load that follows no motion. With friction,
-    the sum of both is cut to friction times normal force. Touches stick by default, and the lattice
-    is `build_lattice(design)` unless one with its own springs is given. The contact law says which
-    vertices take a touch: `CoverPanels` under cover panels, else `Bilinear`, unless one is given.
-    It raises a `DesignError` if the sheet can move without resistance, a `ContractError` if the law
-    breaks its role; its module a `MissingExtraError` without JAX.
+    the sum of both is cut to friction times normal force. Touches stick by default; lattice and
+    board are as designed unless others with their own stiffness are given. The contact law says
+    which vertices take a touch: `CoverPanels` under cover panels, else `Bilinear`, unless one is
+    given. It raises a `DesignError` if the sheet can move without resistance or cannot rest, a
+    `ContractError` if the law breaks its role; its module a `MissingExtraError` without JAX.
 
     Notes
     -----
-    Source: SI Figure S6 and Eqs. (S16), (S21) and (S25), their energies taken at any
-    displacement; (S26) for the board, which stays level. It solves f_inner(u) = P'(F + r) with
-    P u + G r = 0 for patches P that hold, G the board's compliance there; see
-    docs/derivations_sheet.md.
-    Valid for columns pressed by less than half their height; they neither buckle nor touch.
+    Source: SI Figure S6 and Eq. (S16), its energies taken at any displacement; columns that bend
+    (`smoskin.mechanics.beam`) and a frame that stops them, in place of (S21); (S26) for the board,
+    which tilts too. It solves f_inner(u, b) = P'(F + r) with P (u + b) = 0 for patches P that hold,
+    b the board's motion; see docs/derivations_sheet.md.
+    Valid for columns pressed by less than half their height and short of buckling between their
+    clamped ends, `Pressed.buckling_margin`; they do not touch.
     """
 
     def __init__(
@@ -136,6 +149,7 @@ class BarHinge:
         *,
         grip: Grip | None = None,
         lattice: Lattice | None = None,
+        board: Board | None = None,
         contact: ContactLaw | None = None,
     ) -> None:
         self.design = design
@@ -143,11 +157,17 @@ class BarHinge:
         self.contact = contact_of(self.grip) if contact is None else contact
         probe_law(self.contact, design)
         self.lattice = lattice or build_lattice(design)
-        self._equilibrium = Equilibrium(self.lattice)
-        places = geometry(design)
-        self._tops = places.tops.reshape(-1, 2) - places.extent / 2  # from the board's middle
-        self._board = board_stiffness(design)
-        self._yaw = yaw_stiffness(design)
+        self.board = board or board_of(design)
+        self._equilibrium = Equilibrium(self.lattice, self.board)
+        self._carried = carried(self.board, self.lattice.nodes[self.lattice.loaded.ravel()])
+
+    @property
+    def rest(self) -> Rest:
+        """The sheet that nothing touches; displacements of presses are from there."""
+        lattice, rest = self.lattice, self._equilibrium.rest
+        place = self._equilibrium.tangent.blocks(rest.motion, rest.board)
+        sway = (rest.motion[lattice.stops.nodes, :2] * lattice.stops.normal).sum(axis=1)
+        return Rest(rest.motion, sway, place.stopped, place.compression)
 
     def press(
         self, touches: Touches, *, tolerance: float = 1e-8, start: Floats | None = None
@@ -161,23 +181,20 @@ class BarHinge:
             raise ArgumentError(f"tolerance must lie in (0, 1); got {tolerance}")
         loads = self._loads(touches)
         _, sideways, final = self._solve(loads, tolerance, start)
-        drag, feet = touches.force[..., :2], self.lattice.feet
-        converged = self._counts(final, tolerance)
-        pull = final.displacements[:, feet, 2] * self.lattice.ground[feet, 2]
-        covered = isinstance(self.grip, Covered)
-        on_board = drag if covered else sideways
-        turn = (_turned(loads.shares @ self._tops) * on_board).sum(axis=(1, 2)) / self._yaw
-        slide = on_board.sum(axis=1) / self._board
-        excess = sideways - (0.0 if covered else drag)
-        board = np.concatenate([slide, turn[:, None]], axis=-1)
+        converged, rest = self._counts(final, tolerance), self._equilibrium.rest
+        drag = 0.0 if isinstance(self.grip, Covered) else touches.force[..., :2]
+        counts = converged[:, None]
+        part = (final.compression / self.lattice.supports.buckling_load).max(axis=1)
+        margin = np.divide(1.0, part, out=np.full_like(part, np.inf), where=part > 0)
         return Pressed(
-            displacements=np.where(converged[:, None, None], final.displacements, np.nan),
-            board=np.where(converged[:, None], board, np.nan),
-            reaction=np.where(converged[:, None, None], excess, np.nan),
+            displacements=np.where(counts[..., None], final.displacements - rest.motion, np.nan),
+            board=np.where(counts, final.board - rest.board, np.nan),
+            reaction=np.where(counts[..., None], sideways - drag, np.nan),
             residual=final.residual,
             iterations=final.iterations,
             converged=converged,
-            pulled=(pull > self.lattice.bond_limit).any(axis=1) & converged,
+            pulled=(-final.compression > self.lattice.bond_limit).any(axis=1) & converged,
+            buckling_margin=np.where(converged, margin, np.nan),
         )
 
     def sensitivity(self, touches: Touches, *, tolerance: float = 1e-10) -> Sensitivity:
@@ -194,14 +211,14 @@ class BarHinge:
         by_place, by_force = slopes_by(self.contact, self.design, touches)
         slopes = np.concatenate([by_place, by_force], axis=2).reshape(rows, places, 5, tops)
         count, nodes = 5 * places + len(STIFFNESSES), len(self.lattice.nodes)
-        motion, board = np.full((rows, count, nodes, 3), np.nan), np.full((rows, count, 3), np.nan)
+        motion, board = np.full((rows, count, nodes, 3), np.nan), np.full((rows, count, 6), np.nan)
         for row in map(int, np.flatnonzero(self._counts(answer.final, tolerance))):
-            moved, carried = self._derive(loads, answer, slopes[row], row)
-            motion[row], board[row] = np.moveaxis(moved, -1, 0), carried.T
+            moved, carry = self._derive(loads, answer, slopes[row], row)
+            motion[row], board[row] = np.moveaxis(moved, -1, 0), carry.T
         by_touch = 5 * places
         return Sensitivity(
             displacements=motion[:, :by_touch].reshape(rows, places, 5, nodes, 3),
-            board=board[:, :by_touch].reshape(rows, places, 5, 3),
+            board=board[:, :by_touch].reshape(rows, places, 5, 6),
             displacements_by_stiffness=motion[:, by_touch:],
             board_by_stiffness=board[:, by_touch:],
         )
@@ -209,69 +226,107 @@ class BarHinge:
     def _derive(
         self, loads: Loads, answer: _Answer, slopes: Floats, row: int
     ) -> tuple[Floats, Floats]:
-        """Derivatives of one case's motion, (V, 3, P), and of the board's, (3, P)."""
-        force, arms = loads.force[row], loads.shares[row] @ self._tops
+        """Derivatives of one case's motion, (V, 3, P), and of the board's, (6, P)."""
+        force, straight = loads.force[row], answer.straight
         own = self._own_change(slopes)
-        change = np.zeros_like(own.drag)
-        if not isinstance(self.grip, Frictionless):
-            moved, change = self._straight_change(loads, answer.straight, own, row)
-        if isinstance(self.grip, Covered):
-            sideways, change = force[:, :2], own.drag
-        else:
-            sideways, asked = answer.sideways[row], answer.straight.reaction[row] + force[:, :2]
-            change = self._cut_change(asked, force[:, 2], change + own.drag, own.normal)
-            place = self._equilibrium.tangent.at(answer.final.displacements[row])
-            right = self._unbalance(loads, row, place, own, sideways, change)
-            moved = self._equilibrium.tangent.solve(place, right)
-        slide = change.sum(axis=0) / self._board
-        turn = np.einsum("kd,kdp->p", _turned(arms), change)
-        turn += np.einsum("kdp,kd->p", _turned(own.arm, axis=-2), sideways)
-        return moved, np.concatenate([slide, turn[None] / self._yaw])
+        covered = isinstance(self.grip, Covered)
+        upright = own._replace(force=own.force * [[0.0], [0.0], [1.0]])
+        moved, carry, change = self._stage(
+            loads, row, straight, straight.reaction[row], upright, own if covered else upright
+        )
+        if not covered:
+            asked = straight.reaction[row] + force[:, :2]
+            if isinstance(self.grip, Frictionless):
+                change = np.zeros_like(change)
+            change = self._cut_change(
+                asked, force[:, 2], change + own.force[:, :2], own.force[:, 2]
+            )
+            freed = loads._replace(held=np.zeros_like(loads.held))
+            dead = own._replace(force=np.concatenate([change, own.force[:, 2:]], axis=1))
+            moved, carry, _ = self._stage(
+                freed, row, answer.final, answer.sideways[row], dead, dead
+            )
+        at_rest, board_at_rest = self._rest_change
+        moved[..., -len(STIFFNESSES) :] -= at_rest
+        carry[..., -len(STIFFNESSES) :] -= board_at_rest
+        return moved, carry
+
+    @cached_property
+    def _rest_change(self) -> tuple[Floats, Floats]:
+        """Change of the rest with each stiffness, (V, 3, 6), and the board's, (6, 6)."""
+        equilibrium, rest, count = self._equilibrium, self._equilibrium.rest, len(STIFFNESSES)
+        place = equilibrium.tangent.at(rest.motion, rest.board)
+        nothing = Press(
+            dead=np.zeros_like(rest.motion),
+            on_board=np.zeros(6),
+            pulls=np.zeros((*rest.motion.shape, 0)),
+            reach=np.zeros((0, 6)),
+            place=np.zeros(0),
+            link=np.zeros((0, 0)),
+        )
+        right, on_board = _by_stiffness(self.lattice, place, count)
+        moved, carry, _ = constrained_solve(
+            equilibrium.tangent, place, nothing, -right, -on_board, np.zeros((0, count))
+        )
+        return moved, carry
 
     def _own_change(self, slopes: Floats) -> _Change:
         """Change of the touches themselves with each parameter, from `slopes_by`, (K, 5, T)."""
         places, _, tops = slopes.shape
         count = 5 * places + len(STIFFNESSES)
-        share = np.zeros((places, tops, count))
-        drag, normal = np.zeros((places, 2, count)), np.zeros((places, count))
+        share, force = np.zeros((places, tops, count)), np.zeros((places, 3, count))
         for k in range(places):
             share[k, :, 5 * k : 5 * k + 5] = slopes[k].T
-            drag[k, :, 5 * k + 2 : 5 * k + 4] = np.eye(2)
-            normal[k, 5 * k + 4] = 1.0
-        arm = np.einsum("ktp,td->kdp", share, self._tops)
-        return _Change(share=share, arm=arm, drag=drag, normal=normal)
+            force[k, :, 5 * k + 2 : 5 * k + 5] = np.eye(3)
+        carry = np.einsum("ktp,tds->kdsp", share, self._carried)
+        return _Change(share=share, carried=carry, force=force)
 
-    def _straight_change(
-        self, loads: Loads, straight: Relaxed, own: _Change, row: int
-    ) -> tuple[Floats, Floats]:
-        """Change of a straight press's motion, (V, 3, P), and of its reactions, (K, 2, P)."""
-        first, reaction, held = straight.displacements[row], straight.reaction[row], loads.held[row]
+    def _stage(
+        self,
+        loads: Loads,
+        row: int,
+        relaxed: Relaxed,
+        sideways: Floats,
+        own: _Change,
+        on_board: _Change,
+    ) -> tuple[Floats, Floats, Floats]:
+        """Change of an equilibrium's motion, (V, 3, P), the board's, (6, P), and the reactions'.
+
+        Touches push by `sideways`, (K, 2), and their own force down; forces that follow no motion
+        change on the sheet by `own`, on the board by `on_board`.
+        """
+        first, board, held = relaxed.displacements[row], relaxed.board[row], loads.held[row]
+        rest, (at_rest, board_at_rest) = self._equilibrium.rest, self._rest_change
         press = self._equilibrium.one_press(loads, row)
-        place = self._equilibrium.tangent.at(first)
-        gap = -np.einsum("ktp,td->kdp", own.share, first[self.lattice.loaded.ravel(), :2])
-        if not isinstance(self.grip, Covered):
-            turn, turned = _turned(own.arm, axis=-2), _turned(loads.shares[row] @ self._tops)
-            gap -= np.einsum("kdp,le,le->kdp", turn, turned, reaction) / self._yaw
-            gap -= np.einsum("kd,lep,le->kdp", turned, turn, reaction) / self._yaw
-        change = np.zeros_like(gap)
-        right = self._unbalance(loads, row, place, own, reaction, change)
-        moved, reactions = constrained_solve(
-            self._equilibrium.tangent, place, press, right, gap[held].reshape(-1, gap.shape[-1])
-        )
-        change[held] = reactions.reshape(-1, *change.shape[1:])
-        return moved, change
-
-    def _unbalance(
-        self, loads: Loads, row: int, place: Place, own: _Change, sideways: Floats, change: Floats
-    ) -> Floats:
-        """Forces that unbalance the nodes when touches push by `sideways` and `change` more."""
-        right = -_by_stiffness(self.lattice, place, change.shape[-1])
-        pushed = np.concatenate([sideways, loads.force[row, :, 2:]], axis=1)
-        more = np.concatenate([change, own.normal[:, None]], axis=1)
+        place = self._equilibrium.tangent.at(first, board)
         top = self.lattice.loaded.ravel()
+        covered = isinstance(self.grip, Covered)
+        arms = np.tensordot(loads.shares[row], self._carried, axes=1)
+        pushed = np.concatenate([sideways, loads.force[row, :, 2:]], axis=1)
+        right, turn = _by_stiffness(self.lattice, place, own.force.shape[-1])
+        right, turn = -right, -turn
         right[top] += np.einsum("ktp,kd->tdp", own.share, pushed)
-        right[top] += np.einsum("kt,kdp->tdp", loads.shares[row], more)
-        return right
+        right[top] += np.einsum("kt,kdp->tdp", loads.shares[row], own.force)
+        turn += np.einsum("kdb,kdp->bp", arms, on_board.force)
+        turn += np.einsum("kdbp,kd->bp", own.carried, pushed)
+        gap = -np.einsum("ktp,td->kdp", own.share, (first - rest.motion)[top, :2])
+        if not covered:
+            gap -= np.einsum("kdbp,b->kdp", own.carried[:, :2], board - rest.board)
+        by_spring = gap[..., -len(STIFFNESSES) :]
+        by_spring += np.einsum("kt,tdp->kdp", loads.shares[row], at_rest[top, :2])
+        if not covered:
+            by_spring += np.einsum("kdb,bp->kdp", arms[:, :2], board_at_rest)
+        moved, carry, reactions = constrained_solve(
+            self._equilibrium.tangent,
+            place,
+            press,
+            right,
+            turn,
+            gap[held].reshape(-1, gap.shape[-1]),
+        )
+        change = np.zeros_like(gap)
+        change[held] = reactions.reshape(-1, *change.shape[1:])
+        return moved, carry, change
 
     def _cut_change(
         self, asked: Floats, normal: Floats, change: Floats, pressing: Floats
@@ -294,31 +349,38 @@ class BarHinge:
         check_on_skin(self.design, touches)
         covered = isinstance(self.grip, Covered)
         shares = shares_by(self.contact, self.design, touches).reshape(rows, places, -1)
-        link = np.broadcast_to(_PAD * np.eye(2 * places), (rows, 2 * places, 2 * places)).copy()
+        arms = np.tensordot(shares, self._carried, axes=1)
+        reach = np.zeros((rows, 2 * places, 6))
         if not covered:
-            turned = _turned(shares @ self._tops).reshape(rows, 2 * places)
-            link += np.kron(np.ones((places, places)), np.eye(2)) / self._board
-            link += turned[:, :, None] * turned[:, None, :] / self._yaw
+            reach = arms[:, :, :2].reshape(reach.shape)
         held = (touches.force[..., 2] < 0) & (not isinstance(self.grip, Frictionless))
-        return Loads(shares=shares, force=touches.force, held=held, link=link)
+        on_board = np.einsum("bkds,bkd->bs", arms, touches.force)
+        return Loads(shares=shares, force=touches.force, held=held, on_board=on_board, reach=reach)
 
     def _solve(self, loads: Loads, tolerance: float, start: Floats | None) -> _Answer:
         """Equilibrium of the straight press, then with the drags."""
         relax = partial(self._equilibrium.relax, tolerance=tolerance)
         drag, normal = loads.force[..., :2], loads.force[..., 2:]
+        if start is not None:
+            start = start + self._equilibrium.rest.motion
         if isinstance(self.grip, Frictionless):
             free = relax(loads, start=start)
             return _Answer(free, drag, free)
-        straight = relax(loads._replace(force=loads.force * [0.0, 0.0, 1.0]), start=start)
+        upright = loads._replace(force=loads.force * [0.0, 0.0, 1.0])
         if isinstance(self.grip, Covered):
+            straight = relax(upright, start=start)
             return _Answer(straight, straight.reaction, straight)
+        arms = np.tensordot(loads.shares, self._carried, axes=1)
+        upright = upright._replace(on_board=np.einsum("bkds,bkd->bs", arms, upright.force))
+        straight = relax(upright, start=start)
         sideways = self._cut(straight.reaction + drag, normal[..., 0])
         again = (sideways != straight.reaction).any(axis=(1, 2))
         again &= straight.residual <= tolerance
         if not again.any():
             return _Answer(straight, sideways, straight)
         dead = np.concatenate([sideways, normal], axis=-1)
-        freed = loads._replace(force=dead, held=np.zeros_like(loads.held))
+        pushed = np.einsum("bkds,bkd->bs", arms, dead)
+        freed = loads._replace(force=dead, held=np.zeros_like(loads.held), on_board=pushed)
         dragged = relax(
             Loads._make(part[again] for part in freed), start=straight.displacements[again]
         )
@@ -331,7 +393,7 @@ class BarHinge:
     def _counts(self, final: Relaxed, tolerance: float) -> Bools:
         """Whether answers are equilibria within what the columns can do, (B,)."""
         sunk = final.displacements[:, self.lattice.feet, 2]
-        unbroken = (sunk > -_DEEPEST * self.lattice.stroke).all(axis=1)
+        unbroken = (sunk > -_DEEPEST * self.lattice.supports.height).all(axis=1)
         return np.asarray((final.residual <= tolerance) & unbroken)
 
     def _cut(self, sideways: Floats, normal: Floats) -> Floats:
@@ -343,20 +405,15 @@ class BarHinge:
         return np.asarray(sideways * share[..., None])
 
 
-def _by_stiffness(lattice: Lattice, place: Place, count: int) -> Floats:
-    """Change of the inner forces with each kind of spring, relative, last of P, (V, 3, P), N."""
-    bars, panels, creases, ground = place.inner
-    frame = lattice.frame[:, None] * [1.0, 1.0, 0.0]
-    part = np.divide(frame, lattice.ground, out=np.zeros_like(frame), where=lattice.ground > 0)
-    of_frame = part * ground
-    upright = ground * [0.0, 0.0, 1.0]
-    kinds = (ground - upright - of_frame, upright, of_frame, creases, panels, bars)
-    by_kind = np.zeros((*ground.shape, count))
+def _by_stiffness(lattice: Lattice, place: Place, count: int) -> tuple[Floats, Floats]:
+    """Change of the inner forces with each kind of spring, relative, last of P, (V, 3, P), N.
+
+    The second answer is that of the forces on the board, (6, P).
+    """
+    bars, panels, creases, _, stops = place.blocks.pushes
+    kinds = (*place.blocks.by_column, stops, creases, panels, bars)
+    by_kind = np.zeros((*lattice.nodes.shape, count))
     by_kind[..., -len(kinds) :] = np.stack(kinds, axis=-1)
-    return by_kind
-
-
-def _turned(arms: Floats, axis: int = -1) -> Floats:
-    """Motion of points per angle of a turn about the middle; `axis` holds x and y."""
-    x, y = np.moveaxis(arms, axis, 0)
-    return np.stack([-y, x], axis=axis)
+    on_board = np.zeros((6, count))
+    on_board[:, -len(kinds) + STIFFNESSES.index("stop")] = place.blocks.board_push
+    return by_kind, on_board

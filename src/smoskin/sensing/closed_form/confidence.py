@@ -172,7 +172,7 @@ def ambiguities(
     >>> ambiguities(read_design("planar"))
     ()
     >>> print(ambiguities(read_design("planar"), force=1e-3)[0])
-    columns 1 and 2: the same signs and ratios 1.088 and 1.562, told apart from 0.017 N
+    columns 1 and 2: the same signs and ratios 1.088 and 1.562, told apart from 0.0712 N
     """
     if not force > 0:
         raise ArgumentError(f"force must be positive; got {force} N")

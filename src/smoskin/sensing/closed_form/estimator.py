@@ -1,8 +1,9 @@
 """The SI's own estimator: from three chips to the loaded cell and the force, without training.
 
 Decides how signals become an estimate: turned into motions of the chips against their magnets
-(S5, S6), read as a touch (`smoskin.sensing.closed_form.sheets`), and judged. The answer is a cell:
-its place is known to no better than the cell's size, which the covariance says.
+(S5, S6) from where the untouched skin's field says that they rest, read as a touch
+(`smoskin.sensing.closed_form.sheets`), and judged. The answer is a cell: its place is known to no
+better than the cell's size, which the covariance says.
 """
 
 import math
@@ -105,6 +106,8 @@ class ClosedFormEstimator(SignalEstimator):
             else IdealSheet(design, calibration)
         )
         self._least_confidence = least_confidence
+        designed = self._signals.rest_field
+        self._rest = designed, np.zeros_like(designed)
         self._tops, extent = geometry(design).tops, geometry(design).cell
         self._covariance = np.zeros((*design.cells, 5, 5))
         self._covariance[..., 0, 0] = extent.length**2 / 12
@@ -114,12 +117,25 @@ class ClosedFormEstimator(SignalEstimator):
         self._drag_alone = np.full((1, 5, 5), np.nan)
         self._drag_alone[0, 2:4, 2:4] = self._covariance[0, 0, 2:4, 2:4]
 
+    def _resting(self) -> tuple[Floats, Floats]:
+        """Field of each chip's own magnet at rest, (S, 3), T, and where that is, m."""
+        signals = self._signals
+        if not isinstance(self._sheet, IdealSheet):
+            return self._rest
+        if not np.array_equal(signals.rest, self._rest[0]):
+            # A magnet that hangs off its place stays as far off while it moves. S6's offset has it
+            # in place and adds a difference of fields, which differs where the magnet moves to.
+            places, within = self._inverse.displacements(signals.rest[None])
+            designed = signals.rest_field, np.zeros_like(signals.rest_field)
+            self._rest = (signals.rest, places[0]) if within[0] else designed
+        return self._rest
+
     def _read(self, time: float, signals: Floats, temperature: float) -> Estimate:
-        field = self._signals.rest_field + signals.reshape(-1, 3)
-        moved, within = self._inverse.displacements(field[None])
+        rest, place = self._resting()
+        moved, within = self._inverse.displacements((rest + signals.reshape(-1, 3))[None])
         if not within[0]:
             return Estimate(time=time, status=Status.OUT_OF_RANGE)
-        solution = self._sheet.solve(moved.ravel())
+        solution = self._sheet.solve((moved[0] - place).ravel())
         if solution is None:
             return Estimate(time=time, status=Status.AMBIGUOUS)
         if solution.misfit > self._sheet.most_misfit:

@@ -32,6 +32,8 @@ _PLACES: Final = (17, 23)
 """Places where a touch may be proposed, from rim to rim."""
 _LIGHT: Final = 0.4
 """Force of the lighter presses that may be proposed, over the largest."""
+_ON_BOARD: Final = 0.01
+"""Share of the largest coupling below which a chip reads none: it watches the board."""
 _NEAR: Final = 2e-3
 """Distance within which a place is not touched again while there are others, m."""
 _SAME: Final = 1e-6
@@ -136,7 +138,8 @@ def calibrate_touches(
     diagonal D >= 1 makes the mean square of what each signal misses, and of what is open of it,
     what R says. Laws of contact are off by as much of their prior deviation, a quarter, a half or
     all of it, as makes the touches likeliest. The table is ``mean + sum_k w_k modes_k``, with modes
-    ``sqrt(P) modes``; the curvature of the field moves as far as that of single touches does.
+    ``sqrt(P) modes``; the coupling grows as the squares of single touches' signals do, and the
+    curvature of the field of a chip that has none moves as far as that of single touches does.
     """
     if not len(touches) or touches.signals.shape[1] != len(table.chips):
         raise ArgumentError(
@@ -165,6 +168,13 @@ def calibrate_touches(
     )
     # How a chip's field bends shows in single touches as well.
     bent = table_curvature(moved) - table_curvature(table)
+    if table.coupling is not None:
+        # A skin that yields so much more to one touch does so to both: a product of their motions.
+        softer = moved.newton.diagonal() / table.newton.diagonal()
+        moved = replace(moved, coupling=table.coupling * softer)
+        # Of a chip over the sheet, single touches show what columns under load add likewise.
+        size = np.abs(table.coupling).max(axis=(0, 1, 2, 3)).reshape(-1, 3).max(axis=1)
+        bent[size > _ON_BOARD * size.max()] = 0.0
     return replace(moved, curvature=table.curvature + bent)
 
 

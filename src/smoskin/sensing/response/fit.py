@@ -50,10 +50,12 @@ _TABLE_BLUR: Final = 3e-3
 """Error of a table's signals, relative to each chip's root mean square."""
 _PAIR_BLUR: Final = 0.1
 """Error of the signals of pairs likewise, where their products are fitted."""
-_MADE_GRIP: Final = 0.03
+_MADE_GRIP: Final = 0.015
 """Relative scatter over made skins of what the drags of a pair do to signals."""
 _MADE_CURVATURE: Final = 0.03
 """Relative scatter over made skins of what is missing in the sum of a pair's signals."""
+_MADE_COUPLING: Final = 0.2
+"""Relative scatter over made skins, as soft as each may be, of what columns under load add."""
 
 
 def fit_response_table(
@@ -204,19 +206,30 @@ def _missed(skins: Floats, others: Floats, strength: Floats, least: float) -> Fl
 
 
 def add_coupling(
-    table: ResponseTable, grip: Floats, position: ArrayLike, force: ArrayLike, signals: ArrayLike
+    table: ResponseTable,
+    grip: Floats,
+    position: ArrayLike,
+    force: ArrayLike,
+    signals: ArrayLike,
+    *,
+    coupling: Floats | None = None,
+    curvature: Floats | None = None,
 ) -> ResponseTable:
     """The table with what two touches at once do beyond adding up on the same skin.
 
     The grip, (H, 2, H, 3), m/N, is that of `smoskin.mechanics.sheet.compliance.grip_compliance`;
-    pairs of touches have positions (B, 2, 2), m, forces (B, 2, 3), N, and signals (B, S, 3), T. It
-    raises a `ModelError` if the grip does not fit the table's vertices.
+    pairs of touches have positions (B, 2, 2), m, forces (B, 2, 3), N, and signals (B, S, 3), T. The
+    coupling is that of `ResponseTable`, beside which the fields' own curvature (S, 3, 3, 3), 1/T,
+    is corrected; by default there is none, and the curvature is what the table shows. It raises a
+    `ModelError` if grip or coupling do not fit the table's vertices.
     """
     place, push = floats("position", position, (2, 2)), floats("force", force, (2, 3))
     both = floats("signals", signals, (None, 3)).reshape(len(place), table.count)
-    table = replace(table, grip=grip, curvature=table_curvature(table))
+    curvature = table_curvature(table) if curvature is None else curvature
+    table = replace(table, grip=grip, curvature=curvature, coupling=coupling)
     one, other = table.dragged(place, push)
-    missing = both - one - other
+    softer = table.coupled(place, push)
+    missing = both - one - other - softer
     seen = np.arange(len(place)) % _HELD_OUT != 0
     curvature = _fit_curvature(one[seen], other[seen], missing[seen], table.curvature, _PAIR_BLUR)
     # A calibration of single touches does not find how a made skin holds and bends otherwise.
@@ -225,6 +238,7 @@ def add_coupling(
         missing - cross_signals(curvature, one, other),
         _MADE_GRIP * (one + other - added),
         _MADE_CURVATURE * missing,
+        _MADE_COUPLING * softer,
     ]
     strength = np.linalg.norm(push[~seen, :, 2], axis=1)[:, None]
     pair_misfit = np.sum([_scatter(part[~seen] / strength) for part in unsure], axis=0)

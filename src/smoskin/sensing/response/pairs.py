@@ -1,11 +1,12 @@
-"""What two touches at once do to each other: drags ("Pairs" in `docs/derivations.md`).
+"""What two touches at once do to each other: drags and softer columns ("Pairs" in the derivations).
 
 Each touch that sticks holds the sheet in the plane under it, so that the other one drags it. How
 much follows from how vertices give way (`ResponseTable.grip`), and a table of single touches knows
-what drags do.
+what drags do. A column that one touch loads holds less against the other, which is a product of
+both (`ResponseTable.coupling`).
 """
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -15,17 +16,29 @@ _PAD: Final = 1e-12
 """m/N: how much a touch gives way by itself, so that two on one place share what they hold."""
 
 
-def mutual_drags(grip: Floats, shares: Floats, press: Floats) -> tuple[Floats, Floats]:
-    """What two straight touches that stick pull at each other, (B, 2, 2), N, with its slopes.
+class Held(NamedTuple):
+    """Sideways forces of B pairs of straight touches that stick, on the sheet, N."""
+
+    together: Floats
+    """(B, 2, 2): t of each along x and y while the other presses too."""
+    together_slopes: Floats
+    """(B, 2, R, 2, 2): derivatives by x, y, where given, and press of each, of t of each."""
+    alone: Floats
+    """(B, 2, 2): t of each alone."""
+    alone_slopes: Floats
+    """(B, 2, R, 2, 2): derivatives likewise."""
+
+
+def held(grip: Floats, shares: Floats, press: Floats) -> Held:
+    """What two straight touches that stick hold the sheet with, together and each alone.
 
     `grip`, (H, 2, H, 3), m/N, is G of `ResponseTable`; `shares`, (B, 2, R, H), is the share a of
     each vertex in each touch, with R = 3 its slopes along x and y, 1/m, as well; `press`, (B, 2),
-    N, are normal forces p. The drags t, sideways forces on the sheet beyond those of each touch
-    alone, have derivatives (B, 2, R, 2, 2) by x and y, where these are given, and press of each.
+    N, are normal forces p.
 
     Notes
     -----
-    ``t_i = (-C^-1 S p)_i + C_ii^-1 S_ii p_i`` with ``C = a G a`` in the plane, ``S = a G a`` down.
+    ``t = -C^-1 S p`` with ``C = a G a`` in the plane, ``S = a G a`` down; alone of its own alone.
     """
     batch, _, rates, vertices = shares.shape
     rows = shares.reshape(batch, 2 * rates, vertices)
@@ -36,8 +49,58 @@ def mutual_drags(grip: Floats, shares: Floats, press: Floats) -> tuple[Floats, F
     moved = moved.reshape(batch, 2, rates, 2, 3, 2, rates)
     # Beside both together, each alone: patches that do not move each other.
     alone = moved * np.eye(2)[:, None, None, None, :, None]
-    drags, slopes = _holding_forces(np.concatenate([moved, alone]), np.tile(press, (2, 1)))
-    return drags[:batch] - drags[batch:], slopes[:batch] - slopes[batch:]
+    forces, slopes = _holding_forces(np.concatenate([moved, alone]), np.tile(press, (2, 1)))
+    return Held(forces[:batch], slopes[:batch], forces[batch:], slopes[batch:])
+
+
+def mutual_drags(grip: Floats, shares: Floats, press: Floats) -> tuple[Floats, Floats]:
+    """What two straight touches that stick pull at each other, (B, 2, 2), N, with its slopes.
+
+    Arguments are those of `held`. The drags, sideways forces on the sheet beyond those of each
+    touch alone, have derivatives (B, 2, R, 2, 2) by x and y, where these are given, and press of
+    each.
+    """
+    by = held(grip, shares, press)
+    return by.together - by.alone, by.together_slopes - by.alone_slopes
+
+
+def coupled(coupling: Floats, shares: Floats, forces: Floats) -> Floats:
+    """What two touches add to the sum of what each reads, (B, C), T.
+
+    `coupling`, (H, 3, H, 3, C), T/N^2, is Q of `ResponseTable`; `shares`, (B, 2, H), those of the
+    vertices in each touch; `forces`, (B, 2, 3), N, on the sheet along x, along y and down.
+
+    Notes
+    -----
+    ``sum over h, d, g, e of a_1h f_1d Q_hdgec f_2e a_2g``.
+    """
+    vertices, signals = coupling.shape[0], coupling.shape[-1]
+    loads = (shares[..., None] * forces[:, :, None]).reshape(len(shares), 2, 3 * vertices)
+    half = loads[:, 0] @ coupling.reshape(3 * vertices, -1)
+    half = half.reshape(len(shares), 3 * vertices, signals)
+    return np.asarray((loads[:, 1, None] @ half)[:, 0])
+
+
+def coupled_with_slopes(
+    coupling: Floats, rates: Floats, forces: Floats, slopes: Floats
+) -> tuple[Floats, Floats]:
+    """The same of one pair, (C,), and its slopes by x, y and press of each touch, (6, C).
+
+    `rates`, (2, 3, H), are shares with their slopes along x and y, `slopes`, (6, 2, 3), those of
+    the forces (2, 3).
+    """
+    near = [np.flatnonzero(part.any(axis=0)) for part in rates]
+    part = coupling[near[0]][:, :, near[1]]
+    first, second = (row[:, at] for row, at in zip(rates, near, strict=True))
+    inner = np.tensordot(first, part, 1)  # (3, 3, G, 3, C)
+    whole = np.tensordot(second, inner, (1, 2))  # slopes of the second first: (3, 3, 3, 3, C)
+    by_other = np.tensordot(forces[1], whole[0], (0, 2))  # (3, 3, C): by rates and force of one
+    by_one = np.tensordot(forces[0], whole[:, 0], (0, 1))  # (3, 3, C)
+    value = forces[0] @ by_other[0]
+    out = slopes[:, 0] @ by_other[0] + slopes[:, 1] @ by_one[0]
+    out[:2] += forces[0] @ by_other[1:]
+    out[3:5] += forces[1] @ by_one[1:]
+    return value, out
 
 
 def _holding_forces(moved: Floats, press: Floats) -> tuple[Floats, Floats]:

@@ -13,21 +13,27 @@ import numpy as np
 from smoskin.arrays import Floats, Ints
 from smoskin.magnetics.nonlinearity import cross_matrix
 from smoskin.sensing.response.basis import TouchBasis
-from smoskin.sensing.response.pairs import mutual_drags
+from smoskin.sensing.response.pairs import coupled_with_slopes, held
 
 
 class PointTable:
-    """Signals s of one touch, and ``s_1 + s_2 + kappa(s_1, s_2)`` of two straight ones.
+    """Signals s of one touch, and ``s_1 + s_2 + kappa(s_1, s_2) + f_1 Q f_2`` of two straight ones.
 
-    Coefficients (P, Q, D, C) of s, T/N^k, are at the rubber's temperature; grip and curvature are
-    as `smoskin.sensing.response.table.ResponseTable` has them.
+    Coefficients (P, Q, D, C) of s, T/N^k, are at the rubber's temperature; grip, curvature and
+    coupling are as `smoskin.sensing.response.table.ResponseTable` has them.
     """
 
     def __init__(
-        self, basis: TouchBasis, coefficients: Floats, grip: Floats, curvature: Floats
+        self,
+        basis: TouchBasis,
+        coefficients: Floats,
+        grip: Floats,
+        curvature: Floats,
+        coupling: Floats | None = None,
     ) -> None:
         self.basis = basis
         self._coefficients, self._grip, self._curvature = coefficients, grip, curvature
+        self._coupling = coupling
         self._lines = PointLine(basis.lines_x, basis.radius), PointLine(basis.lines_y, basis.radius)
         # Vertices and products of neighbours in turn: what a touch needs stands together.
         orders = [_in_turn(len(line)) for line in (basis.lines_x, basis.lines_y)]
@@ -68,8 +74,9 @@ class PointTable:
         With their slopes by x, y and the press of each, (6, C), T/m and T/N.
         """
         rates = np.array([self._shares(x, y) for x, y in place.tolist()])
-        drags, by = mutual_drags(self._grip, rates[None], press[None])
-        by_drags = by.reshape(6, 2, 2)
+        by = held(self._grip, rates[None], press[None])
+        drags = by.together - by.alone
+        by_drags = (by.together_slopes - by.alone_slopes).reshape(6, 2, 2)
         values, slopes = [], []
         for k in (0, 1):
             force = np.array([*drags[0, k], -press[k]])
@@ -82,7 +89,15 @@ class PointTable:
         by_one = cross_matrix(self._curvature, other)
         by_other = cross_matrix(self._curvature.swapaxes(1, 2), one)
         total = one + other + one @ by_one
-        return total, slopes[0] + slopes[0] @ by_one + slopes[1] + slopes[1] @ by_other
+        steep = slopes[0] + slopes[0] @ by_one + slopes[1] + slopes[1] @ by_other
+        if self._coupling is None:
+            return total, steep
+        forces = np.concatenate([by.together[0], press[:, None]], axis=1)
+        by_forces = np.zeros((6, 2, 3))
+        by_forces[..., :2] = by.together_slopes.reshape(6, 2, 2)
+        by_forces[[2, 5], [0, 1], 2] = 1.0
+        more, steeper = coupled_with_slopes(self._coupling, rates, forces, by_forces)
+        return total + more, steep + steeper
 
     def _shares(self, x: float, y: float) -> Floats:
         """Shares of the vertices and their slopes along x and y, (3, H)."""

@@ -22,20 +22,32 @@ from smoskin.origami.geometry import places_to_the_rim
 from smoskin.outputs import path_text
 from smoskin.sensing.files import RESPONSE_TABLE, TensorFile, check_filled, freeze_model
 from smoskin.sensing.response.basis import TouchBasis, touch_arrays
-from smoskin.sensing.response.pairs import mutual_drags
+from smoskin.sensing.response.pairs import coupled, held, mutual_drags
 from smoskin.sensing.response.point import PointTable
 from smoskin.sensing.response.warp import PlaceWarp
 from smoskin.sensing.signals.loops import Loops
 
 _FILE: Final = TensorFile("a response table", RESPONSE_TABLE, 4, older=(2, 3))
-_HALVES: Final = ("modes", "grip_modes")
+_OF_MODES: Final = ("modes", "grip_modes")
+_HALVES: Final = (*_OF_MODES, "coupling")
 """Arrays that files hold in half precision, each in steps of its own: they fill the file."""
-_TENSORS: Final = ("mean", "warmth", *_HALVES, "grip", "curvature", "misfit", "pair_misfit")
+_TENSORS: Final = (
+    "mean",
+    "warmth",
+    "modes",
+    "grip_modes",
+    "grip",
+    "curvature",
+    "misfit",
+    "pair_misfit",
+)
 _WARPS: Final = ("warp", "warp_modes")
+_NEWER: Final = (*_WARPS, "coupling")
 """Arrays that files of earlier versions have not."""
 _LIMITS: Final = dict.fromkeys(_TENSORS, (-1.0, 1.0)) | {
     **dict.fromkeys(_WARPS, (-10.0, 10.0)),
     "curvature": (-1e6, 1e6),
+    "coupling": (-1.0, 1.0),
     "softening": (-1.0, 1.0),
     "residue": (0.0, 1.0),
     "forces": (1e-6, 1e3),
@@ -98,6 +110,9 @@ class ResponseTable:
     default."""
     warp_modes: Floats | None = None
     """(K, W): change of the warp with each of the modes; none by default."""
+    coupling: Floats | None = None
+    """Q, (H, 3, H, 3, C), T/N^2: what forces on two vertices, along x, y and down, add to the sum
+    of their signals since columns under load hold less; none by default."""
     residue: float = 0.0
     """h: what a touch leaves in the signals once it is gone, as a share of a newton's."""
     loops: Loops | None = None
@@ -128,6 +143,7 @@ class ResponseTable:
             pair_misfit=(count, count),
             **({} if self.warp is None else {"warp": (warps,)}),
             **({} if self.warp_modes is None else {"warp_modes": (len(self.modes), warps)}),
+            **({} if self.coupling is None else {"coupling": (vertices, 3, vertices, 3, count)}),
         )
         if not self.mean.any():
             raise ModelError("response table: mean must not be zero everywhere")
@@ -208,11 +224,23 @@ class ResponseTable:
     def together(self, position: ArrayLike, force: ArrayLike) -> Floats:
         """What B pairs of touches read at once, (B, 2, 2) m and (B, 2, 3) N; shape (B, C), T.
 
-        Touches that stick drag each other, and the field is not linear in motion ("Pairs" in
-        `docs/derivations.md`): ``y = s_1 + s_2 + kappa(s_1, s_2)``.
+        Touches that stick drag each other, columns under load hold less, and the field is not
+        linear in motion ("Pairs" in `docs/derivations.md`):
+        ``y = s_1 + s_2 + kappa(s_1, s_2) + f_1 Q f_2``.
         """
         one, other = self.dragged(position, force)
-        return np.asarray(one + other + cross_signals(self.curvature, one, other))
+        both = one + other + cross_signals(self.curvature, one, other)
+        return np.asarray(both + self.coupled(position, force))
+
+    def coupled(self, position: ArrayLike, force: ArrayLike) -> Floats:
+        """The part of it that columns under load add, ``f_1 Q f_2``, shape (B, C), T."""
+        place, push = floats("position", position, (2, 2)), floats("force", force, (2, 3))
+        if self.coupling is None:
+            return np.zeros((len(place), self.count))
+        loads = self._loads(place.reshape(-1, 2))[0].reshape(place.shape)
+        shares, press = self.basis.vertex_shares(loads), -push[..., 2:]
+        sideways = held(self.grip, shares[:, :, None], press[..., 0]).together + push[..., :2]
+        return coupled(self.coupling, shares, np.concatenate([sideways, press], axis=-1))
 
     def dragged(self, position: ArrayLike, force: ArrayLike) -> Floats:
         """What each touch of B pairs reads with the drags of the other, shape (2, B, C)."""
@@ -241,6 +269,7 @@ class ResponseTable:
             warmth=self.warmth[..., at],
             modes=self.modes[..., at],
             curvature=self.curvature[places],
+            coupling=None if self.coupling is None else self.coupling[..., at],
             misfit=self.misfit[np.ix_(at, at)],
             pair_misfit=self.pair_misfit[np.ix_(at, at)],
             loops=self.loops and self.loops.of_signals(at),
@@ -273,7 +302,7 @@ class ResponseTable:
         order = self.basis.exponents.sum(axis=1)[:, None]
         both = self.mean + warmer * self.warmth
         softened = both / (1 + self.softening * warmer) ** order
-        return PointTable(self.basis, softened, self.grip, self.curvature)
+        return PointTable(self.basis, softened, self.grip, self.curvature, self.coupling)
 
     def _added(self, loads: Floats, push: Floats) -> Floats:
         """What each mode's coefficients add to signals, (B, K, C), T."""
@@ -297,8 +326,14 @@ class ResponseTable:
     def save(self, path: Path | str) -> None:
         """Write the table's file; `MissingExtraError` if `safetensors` is not installed."""
         arrays = {name: np.asarray(getattr(self, name)) for name in _TENSORS}
-        arrays |= {name: getattr(self, name) for name in _WARPS if getattr(self, name) is not None}
-        sizes = {name: float(np.abs(arrays[name]).max(initial=0.0)) for name in _HALVES}
+        arrays |= {name: getattr(self, name) for name in _NEWER if getattr(self, name) is not None}
+        if self.warp_modes is not None:
+            # Modes that only warp places, the last ones, hold nothing besides.
+            held = np.flatnonzero(self.modes.any(axis=(1, 2, 3, 4)))
+            kept = held[-1] + 1 if len(held) else 0
+            arrays |= {name: arrays[name][:kept] for name in _OF_MODES}
+        halved = [name for name in _HALVES if name in arrays]
+        sizes = {name: float(np.abs(arrays[name]).max(initial=0.0)) for name in halved}
         steps = {name: (size or 1.0) / _LARGEST_HALF for name, size in sizes.items()}
         halves = {name: (arrays[name] / step).astype(np.float16) for name, step in steps.items()}
         lines = {name: getattr(self.basis, name) for name in _LINES}
@@ -338,13 +373,13 @@ def load_response_table(name_or_path: str | os.PathLike[str]) -> ResponseTable:
     names = (*_TENSORS, *_LINES, "exponents")
     if given in shipped:
         with resources.as_file(shipped[given]) as file:
-            return _FILE.read(file, names, _table, newer=_WARPS)
+            return _FILE.read(file, names, _table, newer=_NEWER)
     if not os.path.exists(given):
         raise ModelError(
             f"table must be that of a shipped design ({', '.join(sorted(shipped))}) or the path of "
             f"a response table; got {given!r}"
         )
-    return _FILE.read(given, names, _table, newer=_WARPS)
+    return _FILE.read(given, names, _table, newer=_NEWER)
 
 
 def _table(arrays: dict[str, Any], header: dict[str, Any]) -> ResponseTable:
@@ -353,6 +388,11 @@ def _table(arrays: dict[str, Any], header: dict[str, Any]) -> ResponseTable:
     for name, step in header.get("steps", {}).items():
         arrays[name] = arrays[name].astype(np.float64) * step
     check_filled("response table", arrays, "modes", "misfit")
+    warps = arrays.get("warp_modes", np.zeros((0, 0)))
+    if 0 < (more := len(warps) - len(arrays["modes"])) <= warps.shape[1]:
+        for name in _OF_MODES:
+            none = np.zeros((more, *arrays[name].shape[1:]))
+            arrays[name] = np.concatenate([arrays[name], none])
     table = ResponseTable(
         design_hash=str(header["design"]),
         basis=TouchBasis(
@@ -366,7 +406,7 @@ def _table(arrays: dict[str, Any], header: dict[str, Any]) -> ResponseTable:
         residue=float(header.get("residue", 0.0)),
         loops=Loops.from_json(header.get("loops")),
         origin=header.get("origin", {}),
-        **{name: array for name, array in arrays.items() if name in (*_TENSORS, *_WARPS)},
+        **{name: array for name, array in arrays.items() if name in (*_TENSORS, *_NEWER)},
     )
     # Earlier versions took the law of contact as known; a skin's own table may stay so.
     is_known = header["format"] == _FILE.format or table.calibrated

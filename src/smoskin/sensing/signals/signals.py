@@ -129,10 +129,11 @@ class Signals:
         """Field of each untouched chip's own magnet, (S, 3), T."""
         self._to_field = mlx90393.rotations(design.halls)
         # What is added to the field leaves with the cross-talk.
-        self._ideal = self.rest_field + rest_cross_talk(design)
+        self._designed = self.rest_field + rest_cross_talk(design)
+        self._ideal = self._designed
         if correction is not None:
             self._to_field = correction[0] @ self._to_field
-            self._ideal = self._ideal - correction[1]
+            self._ideal = self._designed - correction[1]
         self._guard = ChipGuard(range(len(self.rest_field)), design.hall_setting)
         self._precision = np.linalg.inv(signal_noise(design))
         self._given = zeroed
@@ -159,6 +160,13 @@ class Signals:
     def followed(self) -> Zero:
         """The zero of the chips' signals as if fields were linear in motion."""
         return self._zero
+
+    @property
+    def rest(self) -> Floats:
+        """Field of each chip's own magnet untouched, turned and scaled by S6 alone, (S, 3), T."""
+        return np.asarray(
+            self.rest_field + (self._untouched - self._designed) + self._zero.offset.reshape(-1, 3)
+        )
 
     @property
     def temperature(self) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.magnetics.arrangement import rotation_matrix
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
-from smoskin.mechanics.reduced.stiffness import board_stiffness
+from smoskin.mechanics.board import carried
 from smoskin.mechanics.sheet.holders import holder_matrix
 from smoskin.mechanics.weight import GRAVITY, board_mass, magnet_masses, panel_masses
 from smoskin.origami.geometry import geometry
@@ -79,19 +79,19 @@ class _Weight:
         """As `History.steps`."""
         down = np.array([0.0, 0.0, -GRAVITY])
         pull = np.swapaxes(self._arm.turns(self._axis, times), -1, -2) @ down - down
-        board = motion.board.copy()
-        board[:, :2] += pull[:, :2] * self._board
         return Motion(
-            magnets=motion.magnets + np.einsum("gpd,td->tgp", self._magnets, pull), board=board
+            magnets=motion.magnets + np.einsum("gpd,td->tgp", self._magnets, pull),
+            board=motion.board + pull @ self._board.T,
         )
 
 
-def _motion_by_acceleration(twin: Twin) -> tuple[Floats, float]:
-    """Motions of the magnets over the board, (G, 6, 3), and of the board, by 1 m/s^2."""
+def _motion_by_acceleration(twin: Twin) -> tuple[Floats, Floats]:
+    """Motions of the magnets over the board, (G, 6, 3), and of the board, (6, 3), by 1 m/s^2."""
+    from smoskin.mechanics.sheet.continuation import settle
     from smoskin.mechanics.sheet.tangent import Tangent
 
     design = twin.design
-    made, lattice = made_mechanics(design, twin.deviations, REFERENCE_TEMPERATURE)
+    lattice, board = made_mechanics(design, twin.deviations, REFERENCE_TEMPERATURE)
     sheet = geometry(design).sheet
     panel = panel_masses(design)
     masses = np.bincount(sheet.facets.ravel(), np.repeat(panel / 4, 4), len(lattice.nodes))
@@ -99,7 +99,9 @@ def _motion_by_acceleration(twin: Twin) -> tuple[Floats, float]:
     holders = holder_matrix(design).reshape(len(design.magnets), 6, -1, 3)
     weights = magnet_masses(design)
     loads = loads + np.einsum("g,gdva->vad", weights, holders[:, :3])
-    tangent = Tangent(lattice)
-    moved = tangent.solve(tangent.at(np.zeros_like(lattice.nodes)), loads)
-    whole = masses.sum() + sum(weights) + board_mass(design)
-    return np.einsum("gpva,vad->gpd", holders, moved), whole / board_stiffness(made)
+    tangent = Tangent(lattice, board)
+    rest = settle(tangent)
+    moved = tangent.solve(tangent.at(rest.motion, rest.board, rest.force), loads)
+    taken = np.einsum("vdb,vda->ba", carried(board, lattice.nodes), loads)
+    taken[:3] += board_mass(design) * np.eye(3)
+    return np.einsum("gpva,vad->gpd", holders, moved), taken / board.stiffness[:, None]

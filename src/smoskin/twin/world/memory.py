@@ -15,6 +15,8 @@ from smoskin.twin.world.effect import Effect, History
 
 _PLACES: Final = (4, 5)
 """Places whose presses tell how far each magnet moves under a newton."""
+_BOARD: Final = 6
+"""Motions of the board."""
 
 
 @final
@@ -72,8 +74,8 @@ class Loops:
                 low, high = value - self._reach, value + self._reach
                 self._plays = np.clip(self._plays, low, high)
                 out[row] += self._weight * (self._plays - value).sum(axis=0)
-        magnets = out[:, :-3].reshape(-1, *self._shape)
-        return Motion(magnets=magnets, board=out[:, -3:])
+        magnets, board = np.split(out, [-_BOARD], axis=1)
+        return Motion(magnets=magnets.reshape(-1, *self._shape), board=board)
 
 
 def _flat(motion: Motion) -> Floats:
