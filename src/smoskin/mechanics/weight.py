@@ -1,4 +1,4 @@
-"""Weights of a skin's parts, and how far they move the skin that bears them."""
+"""Weights of a skin's parts, and how they move the skin that bears them."""
 
 import math
 from typing import Final, NamedTuple
@@ -7,7 +7,8 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
-from smoskin.mechanics.reduced.stiffness import board_stiffness, sheet_stiffness
+from smoskin.mechanics.board import board_of, carried
+from smoskin.mechanics.sheet.lattice import column_beam
 from smoskin.origami.geometry import geometry
 
 GRAVITY: Final = 9.81
@@ -38,27 +39,45 @@ def board_mass(design: SkinDesign) -> float:
     return _BOARD * design.board.thickness * float(np.prod(geometry(design).extent))
 
 
-class Slides(NamedTuple):
-    """Motions by a skin's own weight as it hangs upright, m."""
-
-    sheet: float
-    """Motion of the sheet over the board."""
-    board: float
-    """Motion of the board over the base."""
+def board_load(design: SkinDesign) -> Floats:
+    """Forces and moments of the board on its pillars, (6, 3), by 1 m/s^2 along x, y and z."""
+    board = board_of(design)
+    middle = board.middle + [0.0, 0.0, design.board.thickness / 2]
+    return board_mass(design) * carried(board, middle).T
 
 
-def slides(design: SkinDesign) -> Slides:
-    """How far their weight moves sheet and board of a skin that hangs upright.
+class Sags(NamedTuple):
+    """Motions of a skin by its own weight, each by 1 g along x, y and z."""
 
-    Columns bear panels and magnets, the shear layer the board besides; rubber's own weight is left
-    out.
+    sheet: Floats
+    """(3,): of the sheet over the board, along the pull, m."""
+    board: Floats
+    """(6, 3): of the board over the base, m, and its turns, rad."""
+
+
+def sags(design: SkinDesign) -> Sags:
+    """How far and how a skin's own weight moves its sheet and its board.
+
+    Columns bear panels and magnets, which move as a rigid plate, the pillars the board besides;
+    rubber's own weight and its softening under load are left out.
 
     Examples
     --------
     >>> from smoskin.design.document import read_design
-    >>> [round(1e3 * slide, 2) for slide in slides(read_design("planar"))]
-    [0.05, 0.57]
+    >>> sheet, board = sags(read_design("planar"))
+    >>> (1e3 * sheet).round(2).tolist(), (1e3 * board[:3].diagonal()).round(2).tolist()
+    ([0.13, 0.13, 0.02], [0.57, 0.57, 0.11])
     """
-    sheet = GRAVITY * (float(panel_masses(design).sum()) + sum(magnet_masses(design)))
-    board = sheet + GRAVITY * board_mass(design)
-    return Slides(sheet / sheet_stiffness(design), board / board_stiffness(design))
+    whole = geometry(design).sheet
+    column = column_beam(design)
+    # A magnet hangs by its holder from the columns' tops.
+    hung = geometry(design).magnets * [1.0, 1.0, 0.0]
+    places = np.vstack([whole.vertices[whole.facets].mean(axis=1), hung])
+    masses = np.concatenate([panel_masses(design), magnet_masses(design)])
+    board = board_of(design)
+    loads = np.einsum("p,pab->ba", masses, carried(board, places)) + board_load(design)
+    sheet = GRAVITY * masses.sum() / whole.columns.size
+    return Sags(
+        sheet=sheet / np.array([column.lateral, column.lateral, column.axial]),
+        board=GRAVITY * loads / board.stiffness[:, None],
+    )

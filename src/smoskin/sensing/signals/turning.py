@@ -11,7 +11,8 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.sector import field_and_gradient
-from smoskin.mechanics.weight import slides
+from smoskin.mechanics.board import board_of, carried, turned
+from smoskin.mechanics.weight import sags
 from smoskin.origami.geometry import geometry
 
 EARTH: Final = 100e-6
@@ -19,8 +20,6 @@ EARTH: Final = 100e-6
 field of 25 to 65 uT turned over changes by twice as much."""
 _UNLIKE: Final = 0.2
 """Share of the change by its weight in which a made skin's chip differs from the designed one."""
-_RISE: Final = 0.05
-"""Share of the board's slide by which it rises or sinks."""
 
 
 class Turning(NamedTuple):
@@ -45,24 +44,29 @@ def turning(
     Notes
     -----
     Chip s reads U_s q of an acceleration q ~ N(0, I), in g, that moves its magnet by d: a magnet of
-    the sheet hangs above its chip, one of the base lies below a board that slides. So its
+    the sheet hangs above its chip, one of the base lies below a board that slides and tilts. So its
     covariance is U U^T and c^2 |U_s|^2 I / 3 at each chip, with c what made skins differ by.
     """
     used = range(len(design.halls)) if chips is None else chips
     field = uniform_covariance(len(used), EARTH)
     if not weight:
         return Turning(field, field)
-    sheet, board = slides(design)
-    parts = []
-    for chip in used:
-        site = design.halls[chip]
-        magnet = design.magnet(site.magnet)
-        gradient = field_and_gradient(magnet, geometry(design).rest[chip])[1]
-        moved = np.array([board, board, _RISE * board] if magnet.mount == "base" else [-sheet] * 3)
-        parts.append(gradient * moved)
+    parts = [_change(design, chip) for chip in used]
     alike = np.concatenate(parts)
     whole = field + alike @ alike.T
     for row, part in enumerate(parts):
         own = slice(3 * row, 3 * row + 3)
         whole[own, own] += _UNLIKE**2 / 3 * float((part**2).sum()) * np.eye(3)
     return Turning(field, whole)
+
+
+def _change(design: SkinDesign, chip: int) -> Floats:
+    """Change U_s of a chip's own field, (3, 3), T, by 1 g along x, y and z."""
+    site, places = design.halls[chip], geometry(design)
+    magnet, sagged = design.magnet(site.magnet), sags(design)
+    field, gradient = field_and_gradient(magnet, places.rest[chip])
+    if magnet.mount == "sheet":
+        return np.asarray(-gradient * sagged.sheet)
+    moved = carried(board_of(design), places.chips[chip]) @ sagged.board
+    # The chip turns with the board, the magnet does not: -r x B.
+    return np.asarray(gradient @ moved - turned(field) @ sagged.board[3:])

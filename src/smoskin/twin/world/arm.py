@@ -11,7 +11,7 @@ from smoskin.magnetics.arrangement import rotation_matrix
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.mechanics.board import carried
 from smoskin.mechanics.sheet.holders import holder_matrix
-from smoskin.mechanics.weight import GRAVITY, board_mass, magnet_masses, panel_masses
+from smoskin.mechanics.weight import GRAVITY, board_load, magnet_masses, panel_masses
 from smoskin.origami.geometry import geometry
 from smoskin.records import Motion
 from smoskin.twin.manufacture import made_mechanics
@@ -103,5 +103,5 @@ def _motion_by_acceleration(twin: Twin) -> tuple[Floats, Floats]:
     rest = settle(tangent)
     moved = tangent.solve(tangent.at(rest.motion, rest.board, rest.force), loads)
     taken = np.einsum("vdb,vda->ba", carried(board, lattice.nodes), loads)
-    taken[:3] += board_mass(design) * np.eye(3)
+    taken += board_load(design)
     return np.einsum("gpva,vad->gpd", holders, moved), taken / board.stiffness[:, None]
