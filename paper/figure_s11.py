@@ -192,7 +192,8 @@ def draw(result: ShearLearning, jointly: tuple[Jointly, Jointly]) -> Plate:
         f"chip does not see; {100 * whole.left / whole.induced:.0f} % of what shear adds is left, "
         f"and {100 * whole.fitted_left / whole.induced:.0f} % after the best multiple of the lower "
         "chip's signals. That chip also reads the pull of a "
-        f"finger that sticks, {whole.unasked:.2f} N in the mean without any drag, so that "
+        "finger that sticks and the tilt of its board, together "
+        f"{whole.unasked:.2f} N in the mean without any drag, so that "
         "preprocessing spoils even presses without shear.",
         figure=figure,
         rows=tuple(shear_learning_rows(result, jointly)),

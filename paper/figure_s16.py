@@ -154,7 +154,7 @@ def cover_rows(result: Covers) -> list[Row]:
             f"({100 * bare.found.mean():.0f} % without covers), "
             f"{1e3 * covered.place_error.mean():.1f} mm from the cell's middle in the mean "
             f"({1e3 * bare.place_error.mean():.1f} mm)",
-            bool(covered.found.min() == 1.0 > bare.found.mean()),
+            bool(covered.found.min() == 1.0 >= bare.found.mean()),
             "the nearest direction of both magnets' motion among 36 presses on the vertices, "
             "without noise; by theory's table instead of a measured one it fails (U5)",
         ),

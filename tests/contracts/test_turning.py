@@ -79,7 +79,7 @@ def errors(estimates):
 
 @pytest.mark.parametrize("rate", [10.0, 50.0])
 def test_a_turning_board_makes_no_touch(planar, rate):
-    """A quarter turn to and fro in 20 s: 60 uT and a board that slides by 0.4 mm."""
+    """A quarter turn to and fro in 20 s: 60 uT and a board that slides by half a millimetre."""
     times = np.arange(-2.0, 40.0, 1 / rate)
     readings = stream(planar, times, 0.0 * times)
     assert {one.status for one in told(planar, readings)} == {Status.NO_CONTACT}
@@ -98,13 +98,11 @@ def test_a_touch_on_a_turning_board_is_found_and_leaves_none(planar):
     assert np.abs(force - 0.5).mean() < 0.01
 
 
-def test_the_earths_field_moves_a_touch_by_two_thirds_of_a_millimetre(planar):
-    """Where it were read for still, 20 uT would move this touch by three.
-
-    A turn that explains no more than the last third of a second before a touch is taken back.
-    """
-    times = np.arange(-2.0, 12.0, 0.02)
-    held = ((times > 0.95) & (times % 1.0 < 0.3)).astype(float)
+@pytest.mark.parametrize("rate", [10.0, 50.0])
+def test_the_earths_field_moves_a_touch_by_less_than_a_third_of_a_millimetre(planar, rate):
+    """Where it were read for still, 20 uT would move this touch by three."""
+    times = np.arange(-2.0, 12.0, 1 / rate)
+    held = ((times > 0.95) & (times % 1.0 < 0.301)).astype(float)
     where = []
     for world in (World(name="plain"), World(name="earth", effects=(Earth(),))):
         estimates = told(planar, stream(planar, times, held, world=world), tracking=FOLLOWING)
@@ -112,8 +110,8 @@ def test_the_earths_field_moves_a_touch_by_two_thirds_of_a_millimetre(planar):
         places = np.array([one.contacts[0].position for one in found])
         where.append(places.reshape(11, -1, 2).mean(axis=1))
     moved = 1e3 * np.hypot(*(where[1] - where[0]).T)
-    assert moved.mean() < 0.7
-    assert moved.max() < 1.2
+    assert moved.mean() < 0.3
+    assert moved.max() < 0.6
 
 
 def test_a_board_that_begins_to_turn_under_a_touch_is_followed(planar):

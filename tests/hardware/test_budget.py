@@ -59,8 +59,8 @@ def test_no_setting_that_is_as_fast_and_wide_has_less_noise(planar: SkinDesign) 
 
 
 def test_the_shipped_design_has_the_setting_for_its_rate(planar: SkinDesign) -> None:
-    # Magnets of made skins come nearer than designed ones, by two fifths of their field: the shipped
-    # range is two steps wider.
+    # Magnets of made skins come nearer than designed ones, by two fifths of their field: the
+    # shipped range is two steps wider.
     proposed = propose_setting(planar, 145.0)
     assert proposed.gain_selection == 5
     assert replace(proposed, gain_selection=3) == planar.hall_setting

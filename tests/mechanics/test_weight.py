@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from smoskin.mechanics.reduced.stiffness import board_stiffness, sheet_stiffness
-from smoskin.mechanics.weight import board_mass, magnet_masses, panel_masses, slides
+from smoskin.mechanics.board import board_of
+from smoskin.mechanics.sheet.lattice import column_beam
+from smoskin.mechanics.weight import board_mass, magnet_masses, panel_masses, sags
 from smoskin.origami.geometry import geometry
 
 
@@ -36,9 +37,26 @@ def test_a_board_weighs_as_glass_fibre_does(planar):
     assert board_mass(thick) == pytest.approx(2 * board_mass(planar))
 
 
-def test_a_skin_that_hangs_slides_by_its_weight_over_its_springs(planar):
+def test_a_skin_that_hangs_sags_by_its_weight_over_its_springs(planar):
     sheet = panel_masses(planar).sum() + sum(magnet_masses(planar))
-    moved = slides(planar)
-    assert moved.sheet * sheet_stiffness(planar) == pytest.approx(9.81 * sheet)
-    whole = sheet + board_mass(planar)
-    assert moved.board * board_stiffness(planar) == pytest.approx(9.81 * whole)
+    sagged, columns = sags(planar), geometry(planar).sheet.columns.size
+    beam = column_beam(planar)
+    for axis, stiffness in enumerate((beam.lateral, beam.lateral, beam.axial)):
+        assert sagged.sheet[axis] * columns * stiffness == pytest.approx(9.81 * sheet)
+    whole = 9.81 * (sheet + board_mass(planar))
+    board = board_of(planar)
+    for axis in range(3):
+        assert sagged.board[axis, axis] * board.stiffness[axis] == pytest.approx(whole)
+
+
+def test_a_board_tilts_by_the_height_of_what_it_bears(planar):
+    """About y as the skin is pulled along x: the sheet's mass on high columns, its own near by."""
+    sagged, board = sags(planar), board_of(planar)
+    magnets = sum(magnet_masses(planar))
+    up = planar.columns.height + planar.board.thickness
+    sheet = geometry(planar).sheet
+    middle = sheet.vertices[sheet.facets].mean(axis=(0, 1))[2]
+    moment = panel_masses(planar).sum() * (up + middle) + magnets * up
+    moment += board_mass(planar) * planar.board.thickness / 2
+    assert sagged.board[4, 0] * board.stiffness[4] == pytest.approx(9.81 * moment, rel=1e-9)
+    assert sagged.board[3, 1] * board.stiffness[3] == pytest.approx(-9.81 * moment, rel=1e-9)

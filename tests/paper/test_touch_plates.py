@@ -44,7 +44,7 @@ def test_bench_signals_are_those_of_the_readout_in_noise(planar):
     rng = np.random.default_rng(0)
     magnets = np.zeros((400, 3, 6))
     magnets[:, 1:, 0] = 1e-4
-    motion = Motion(magnets=magnets, board=np.zeros((400, 3)))
+    motion = Motion(magnets=magnets, board=np.zeros((400, 6)))
     found = bench_signals(planar, Readout(planar), motion, rng)
     still = Motion.rest(3, (1,))
     expected = Readout(planar).field(motion)[0] - Readout(planar).field(still)[0]
@@ -108,22 +108,24 @@ def test_preprocessing_helps_the_whole_sheet_and_leaves_large_errors(shear):
         raw, after = (way.distance.mean(axis=1) for way in (one.raw, one.preprocessed))
         assert (np.diff(raw) > 0).all()
         assert one.nearer > 0.5
-        assert 5e-3 < after[SHOWN] < 0.6 * raw[SHOWN]
+        assert 5e-3 < after[SHOWN] < 0.9 * raw[SHOWN]
         assert after[0] > 5 * raw[0]  # a finger that sticks looks like a drag
     assert whole.unasked > 0.02
     assert whole.fitted_left < whole.left < whole.induced
     assert np.ptp(whole.answers, axis=0).min() > 0.5 * np.abs(whole.slide).min()
 
 
-def test_the_drag_found_in_straight_presses_is_the_pull_of_a_finger_that_sticks(planar):
+def test_the_drag_found_in_straight_presses_is_the_pull_of_a_finger_that_sticks(planar, shear):
     from smoskin.mechanics.sheet.touches import Frictionless
     from smoskin.twin.whole import Twin
 
     twin = Twin(planar, seed=1, manufactured=True, grip=Frictionless())
     sliding = shear_learning(twin).whole
-    assert sliding.unasked < 2e-3
-    for one in (sliding.x, sliding.y):
-        assert one.preprocessed.distance[0].mean() < 1e-3
+    # The board's tilt under the press is what is left.
+    assert sliding.unasked < 0.25 * shear.whole.unasked
+    for one, sticks in ((sliding.x, shear.whole.x), (sliding.y, shear.whole.y)):
+        spoilt, more = (item.preprocessed.distance[0].mean() for item in (one, sticks))
+        assert spoilt < 0.6 * more
         assert one.preprocessed.distance[SHOWN].mean() > 5e-3
 
 

@@ -42,7 +42,7 @@ def board_mass(design: SkinDesign) -> float:
 def board_load(design: SkinDesign) -> Floats:
     """Forces and moments of the board on its pillars, (6, 3), by 1 m/s^2 along x, y and z."""
     board = board_of(design)
-    middle = board.middle + [0.0, 0.0, design.board.thickness / 2]
+    middle = board.middle + np.array([0.0, 0.0, design.board.thickness / 2])
     return board_mass(design) * carried(board, middle).T
 
 

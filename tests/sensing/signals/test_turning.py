@@ -4,10 +4,15 @@ import numpy as np
 import pytest
 
 from skins import with_magnets
+from smoskin.magnetics import mlx90393
 from smoskin.magnetics.sector import field_and_gradient
-from smoskin.mechanics.weight import slides
+from smoskin.mechanics.board import board_of, carried
+from smoskin.mechanics.weight import sags
 from smoskin.origami.geometry import geometry
+from smoskin.records import Motion
 from smoskin.sensing.signals.turning import turning, uniform_covariance
+from smoskin.twin.whole import Twin
+from smoskin.twin.world.arm import _motion_by_acceleration
 
 
 def moved(design, chip, motion):
@@ -20,17 +25,21 @@ def moved(design, chip, motion):
 
 @pytest.mark.parametrize("chips", [None, (0, 2), (1,)])
 def test_a_turn_changes_what_the_earth_and_weight_say(planar, chips):
-    sheet, board = slides(planar)
+    sheet, board = sags(planar)
     used = range(len(planar.halls)) if chips is None else chips
     earth = uniform_covariance(len(used), 100e-6)
     expected = np.array(earth)
-    for axis in np.eye(3):
+    for way, axis in enumerate(np.eye(3)):
         parts = []
         for chip in used:
-            on_base = planar.magnet(planar.halls[chip].magnet).mount == "base"
-            # A magnet hangs above its chip; a chip slides with its board over a magnet below.
-            way = board * axis * [1, 1, 0.05] if on_base else -sheet * axis
-            parts.append(moved(planar, chip, way))
+            magnet = planar.magnet(planar.halls[chip].magnet)
+            if magnet.mount == "sheet":  # it hangs above its chip
+                parts.append(moved(planar, chip, -sheet * axis))
+                continue
+            # The chip goes with its board over a magnet below, and turns with it.
+            rest, site = geometry(planar).rest[chip], geometry(planar).chips[chip]
+            part = moved(planar, chip, (carried(board_of(planar), site) @ board)[:, way])
+            parts.append(part - np.cross(board[3:, way], field_and_gradient(magnet, rest)[0]))
         whole = np.concatenate(parts)
         expected += np.outer(whole, whole)
         for row, part in enumerate(parts):
@@ -48,3 +57,23 @@ def test_a_field_that_is_the_same_at_all_chips_moves_them_together(planar):
     np.testing.assert_allclose(np.cov(drawn.T), covariance, atol=0.02 * 4e-12)
     more = with_magnets(planar, [(2, 1), (3, 3)], (6, 6))
     assert turning(more).field.shape == (9, 9)
+
+
+def test_weight_moves_chips_as_the_whole_sheet_says(planar):
+    """Against the nonlinear sheet on its board, and exact fields of all its magnets."""
+    twin = Twin(planar)
+    magnets, board = _motion_by_acceleration(twin)
+    turns = mlx90393.rotations(planar.halls)
+    rest = twin.readout.seen(Motion.rest(3))
+    patterns = []
+    for way in range(3):
+        tenth = Motion(magnets=0.981 * magnets[..., way], board=0.981 * board[:, way])
+        seen = np.einsum("sij,sj->si", turns, twin.readout.seen(tenth) - rest)
+        patterns.append(10 * seen.ravel())
+    whole, field = turning(planar).whole, turning(planar).field
+    exact = np.sqrt((np.array(patterns) ** 2).sum(axis=0))
+    like = np.sqrt(np.diag(whole - field))
+    # 0.2 of each chip's change is what made skins differ by, alike along its axes.
+    large = exact > 0.2 * exact.max()
+    assert large.sum() >= 5
+    np.testing.assert_allclose(like[large], exact[large], rtol=0.12)

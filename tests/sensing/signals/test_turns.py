@@ -1,22 +1,26 @@
 """A zero that turns: for how long a turn goes on, what tells that it does, and how far it may go.
 
-Each against the filter of zero and speed in one state, which is told what turns.
+Each against the filter of zero, speed and acceleration in one state, which is told what turns.
 """
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from smoskin.magnetics import mlx90393
 from smoskin.records import Reading, Status
+from smoskin.sensing.signals.course import scatter, turned
 from smoskin.sensing.signals.estimator import FOLLOWING, ON_AN_ARM
 from smoskin.sensing.signals.signals import Signals, rest_field, signal_noise
 from smoskin.sensing.signals.turning import turning
 from smoskin.sensing.signals.zero import IdleNoise, Zero, ZeroTracking
 
-FORGETS, LASTS = 2.0, 3.0
-"""s: time constants of what is known, and of a speed."""
+FORGETS, LASTS, STEADY = 2.0, 3.0, 2.0
+"""s: time constants of what is known, of a speed and of an acceleration."""
+SWERVES = 0.08
+"""rad/s^2: spread of the accelerations of a turn."""
 
 
 @pytest.fixture(scope="module")
@@ -37,19 +41,28 @@ def zero_of(planar, noise, **tracking):
 
 
 class Filter:
-    """Zero and speed of nine signals in one state."""
+    """Zero, speed and acceleration of nine signals in one state, by matrix exponentials."""
 
     def __init__(self, noise):
         self.noise = noise
-        self.state, self.covariance = np.zeros(18), np.kron(np.eye(2), noise / 20)
+        self.state = np.zeros(27)
+        self.covariance = np.kron(np.diag([1.0, 1.0, 0.0]), noise / 20)
+
+    def stirred(self, turns):
+        """A turn with this covariance for a radian begins."""
+        self.covariance[18:, 18:] += SWERVES**2 * turns
 
     def go_on(self, step, turns):
-        """So many seconds, in which accelerations with this covariance a second may act."""
-        kept = np.exp(-step / LASTS)
-        moves = np.kron([[1.0, LASTS * (1 - kept)], [0.0, kept]], np.eye(9))
-        self.state, self.covariance = moves @ self.state, moves @ self.covariance @ moves.T
-        white = np.array([[step**3 / 3, step**2 / 2], [step**2 / 2, step]])
-        self.covariance += np.kron(white, turns)
+        """So many seconds, in which jerks act along this covariance, that of a radian."""
+        rates = np.array([[0.0, 1.0, 0.0], [0.0, -1 / LASTS, 1.0], [0.0, 0.0, -1 / STEADY]])
+        jerks = np.diag([0.0, 0.0, 2 * SWERVES**2 / STEADY])
+        # C. F. Van Loan, "Computing integrals involving the matrix exponential", 1978.
+        both = expm(step * np.block([[-rates, jerks], [np.zeros((3, 3)), rates.T]]))
+        moves = both[3:, 3:].T
+        self.state = np.kron(moves, np.eye(9)) @ self.state
+        self.covariance = np.kron(moves, np.eye(9)) @ self.covariance @ np.kron(
+            moves, np.eye(9)
+        ).T + np.kron(moves @ both[:3, 3:], turns)
 
     def see(self, step, read):
         self.covariance = self.covariance * np.exp(step / FORGETS)
@@ -60,8 +73,26 @@ class Filter:
     @property
     def moves(self):
         """Squared speed, of its variance and a hundredth of the noise a second squared."""
-        speed, variance = self.state[9:], self.covariance[9:, 9:]
+        speed, variance = self.state[9:18], self.covariance[9:18, 9:18]
         return speed @ np.linalg.solve(variance + 0.01 * self.noise, speed)
+
+
+def turned_for(seconds):
+    """Variance of the angle of a turn that began so long ago, rad^2."""
+    angle = Filter(np.eye(9))
+    angle.covariance[:] = 0.0
+    angle.stirred(np.eye(9))
+    angle.go_on(seconds, np.eye(9))
+    return angle.covariance[0, 0]
+
+
+@pytest.mark.parametrize("seconds", [1e-3, 0.1, 1.0, 5.0])
+def test_jerks_scatter_a_course_as_their_integral_says(seconds):
+    course = Filter(np.eye(9))
+    course.covariance[:] = 0.0
+    course.go_on(seconds, np.eye(9))
+    np.testing.assert_allclose(scatter(seconds), course.covariance[::9, ::9], rtol=1e-4)
+    assert turned(seconds)[0, 0] == pytest.approx(turned_for(seconds), rel=1e-5)
 
 
 @pytest.mark.parametrize("speed", [0.0, 15e-6, 45e-6, 60e-6])
@@ -73,6 +104,7 @@ def test_a_turn_goes_on_for_two_seconds_after_the_skin_was_seen_to_move(
     assert zero.step(0.0, np.zeros(9))
     known.see(0.0, np.zeros(9))
     zero.stir()  # nothing can have turned unseen since the reading just now
+    known.stirred(whole)
     zero._steady = None  # and it is believed at once
     seen, gone, turning_for = 0.0, 0.0, 0
     step = 0.13  # never two seconds sharp
@@ -82,7 +114,7 @@ def test_a_turn_goes_on_for_two_seconds_after_the_skin_was_seen_to_move(
         read = gone * np.tile([1.0, -0.5, 0.0], 3)
         turns = time - seen <= 2.0
         turning_for += turns
-        known.go_on(step, 0.08**2 * whole if turns else 0 * whole)
+        known.go_on(step, whole if turns else 0 * whole)
         known.see(step, read)
         assert zero.step(time, read)
         if turns and known.moves > 3 * 9:
@@ -111,14 +143,14 @@ def test_a_skin_touched_from_its_first_reading_may_have_turned_for_a_second(plan
     touch = np.full(9, 1e-3) * (-1.0) ** np.arange(9)
     zero = zero_of(planar, noise)
     np.testing.assert_array_equal(zero.stirred, zero.covariance)  # no reading, no time to turn in
-    begun = 0.08**2 / 3 * whole
     for _ in range(2):  # and so again where its clock starts anew
         assert not zero.step(5.0, touch)
-        np.testing.assert_allclose(zero.stirred - zero.covariance, begun, atol=1e-18)
+        begun = zero.stirred - zero.covariance
+        np.testing.assert_allclose(begun, turned_for(1.0) * whole, rtol=1e-6, atol=1e-18)
         assert zero.step(5.1, np.zeros(9))
         assert not zero.step(5.2, touch)
-        more = zero.stirred - zero.covariance
-        np.testing.assert_allclose(more, 0.1**3 * begun, atol=1e-16)
+        begun = zero.stirred - zero.covariance
+        np.testing.assert_allclose(begun, turned_for(0.1) * whole, rtol=1e-3, atol=1e-16)
         zero.rest()
 
 

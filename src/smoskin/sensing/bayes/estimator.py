@@ -160,19 +160,19 @@ class BayesEstimator(SignalEstimator):
             self._leads[way] = lead._replace(values=found.values)
             return found
 
-        zero = self._signals.followed
-        solver.add_noise(zero.covariance)
+        zero, amiss = self._signals.followed, self._signals.bent_amiss(signals)
+        solver.add_noise(zero.covariance + amiss)
         one = best = follow("one", solver.one)
         turned = False
         if one.misfit > _STIRRED * count:
-            solver.add_noise(zero.stirred)
+            solver.add_noise(zero.stirred + amiss)
             other = follow("turned", solver.one)
             if other.evidence + _TURNS > one.evidence:
                 best, turned = other, True
         if one.misfit < _DOUBT * count:
             self._alone = LoneTouch(time, best)
         elif self._priors.chances[2] > 0:
-            solver.add_noise(zero.covariance)
+            solver.add_noise(zero.covariance + amiss)
             standing = self._alone and self._alone.standing(time, self._priors.slide)
             two = follow("two", solver.two, standing)
             if two.evidence > best.evidence + (_TURNS if turned else 0.0):

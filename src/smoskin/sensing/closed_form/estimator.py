@@ -6,7 +6,7 @@ Decides how signals become an estimate: turned into motions of the chips against
 better than the cell's size, which the covariance says.
 """
 
-import math
+from typing import Final
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from smoskin.sensing.closed_form.sheets import IdealSheet, Sheet
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.estimator import SignalEstimator
 from smoskin.sensing.signals.zero import IdleBand, ZeroTracking
+
+_HARDEST: Final = 20.0
+"""Force, N, up to which theory is taken at its word; columns are crushed long before."""
 
 
 class ClosedFormEstimator(SignalEstimator):
@@ -95,7 +98,7 @@ class ClosedFormEstimator(SignalEstimator):
             tracking=tracking or ZeroTracking(),
             idle=IdleBand(idle_field),
             correction=calibration.field_correction,
-            most=known.forces[1] if isinstance(known, ResponseTable) else math.inf,
+            most=known.forces[1] if isinstance(known, ResponseTable) else _HARDEST,
             # The SI's skin reads as designed, unless a table says that this one does not.
             zeroed=not isinstance(known, ResponseTable),
         )

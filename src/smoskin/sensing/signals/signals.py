@@ -36,6 +36,8 @@ _UNLIKELY: Final = 1e-9
 _OFF: Final = 0.5
 """Share of its magnet's rest field by which a chip of a made skin may be off the design's: a wrong
 chip or axis is off by more, a touch by less than skins differ."""
+_BENT_AMISS: Final = 0.25
+"""Share of what motions add to each other's signals in which made skins differ from the design."""
 LET_GO: Final = "readings must be of a skin that nothing touches: let go first"
 """Beginning of what is said to a zero under a touch."""
 
@@ -172,6 +174,21 @@ class Signals:
     def temperature(self) -> float:
         """Temperature of the rubber, degC."""
         return self._thermometer.rubber
+
+    def bent_amiss(self, signals: Floats) -> Floats:
+        """Covariance (C, C), T^2, of what signals (C,) hold that the design's curvature does not.
+
+        A skin's weight moves magnets over chips as far as touches do, and made skins' fields bend
+        otherwise than the designed ones.
+        """
+        size = len(signals)
+        if not self._tracking.arm:
+            return np.zeros((size, size))
+        moved = self._of_all(self._zero.drift)
+        felt = self._bend.straightened(self._of_all(signals))
+        both = self._bend.bent(moved + felt) - self._bend.bent(moved) - self._bend.bent(felt)
+        variance = _BENT_AMISS**2 / 3 * (both[self._chips] ** 2).sum(axis=1)
+        return np.diag(np.repeat(variance, 3))
 
     def reset(self) -> None:
         """Return to the zero of the start and forget earlier readings."""

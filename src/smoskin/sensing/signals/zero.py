@@ -8,20 +8,19 @@ what its weight and the Earth's field change. Hides the filter.
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.errors import ArgumentError
+from smoskin.sensing.signals.course import Course, burst, scatter, turned
 from smoskin.sensing.signals.turning import Turning
 
 _CALM: Final = 0.8
 """Share of an idle reading's limit past which a turn is looked for."""
-_UNDER_WAY: Final = 0.08**2
-"""Power of accelerations of a skin that turns evenly, rad^2/s^3."""
 _JERK: Final = 0.8**2
-"""Power of those with which a turn starts or stops, rad^2/s^3."""
+"""Power of accelerations with which a turn starts or stops, rad^2/s^3."""
 _JERKS: Final = (0.1, 0.3)
 """Shortest and longest time for which they may have lasted unnoticed, s."""
 _GOES_ON: Final = 2.0
@@ -32,8 +31,6 @@ _SLOW: Final = 0.01
 """Variance of speeds that do not count, of the noise's, 1/s^2."""
 _UNNOTICED: Final = 1.0
 """Longest time for which a turn may have gone on under a touch before it was seen, s."""
-_LASTS: Final = 3.0
-"""Time constant with which a speed is lost, s."""
 _FARTHEST: Final = 6.0
 """Turn, rad, up to which a zero is believed."""
 _BELIEVED: Final = (0.3, 3)
@@ -147,43 +144,11 @@ def _never(change: Floats, unsure: Floats) -> float:
     return math.inf
 
 
-class _Spread(NamedTuple):
-    """Covariances of a zero z and its speed v: of z with itself, of z with v, and of v."""
-
-    zero: Floats
-    mixed: Floats
-    speed: Floats
-
-    def later(self, kept: float, gone: float) -> "_Spread":
-        """The same after z += gone v and v *= kept."""
-        met = self.mixed + gone * self.speed
-        zero = self.zero + gone * (self.mixed + met.T)
-        return _Spread(zero, kept * met, kept**2 * self.speed)
-
-    def turned(self, turns: Floats, power: float, duration: float) -> "_Spread":
-        """The same after accelerations of this power, rad^2/s^3, white over the duration, s."""
-        new = power * duration * turns
-        return _Spread(
-            self.zero + duration**2 / 3 * new, self.mixed + duration / 2 * new, self.speed + new
-        )
-
-
-def _gone_on(
-    offset: Floats, speed: Floats, spread: _Spread, elapsed: float
-) -> tuple[Floats, Floats, _Spread]:
-    """A zero and its speed after so many seconds, s, in which nothing was seen."""
-    kept = math.exp(-elapsed / _LASTS)
-    gone = _LASTS * (1 - kept)
-    return offset + gone * speed, kept * speed, spread.later(kept, gone)
-
-
 @dataclass(slots=True)
 class _Steady:
     """What the zero is if a turn that has just begun is none: a touch begins or ends slowly too."""
 
-    offset: Floats
-    speed: Floats
-    spread: _Spread
+    course: Course
     turn: Floats | None
     turn_seen: float
     idle_until: float
@@ -211,8 +176,9 @@ class Zero:
 
     Notes
     -----
-    The state is the zero z and its speed v, ``dz/dt = v`` and ``dv/dt = -v / T + w``, with w white
-    along what turns change where the skin turns; "The zero" in `docs/derivations.md`.
+    The state is the zero z, its speed v and acceleration a, ``dz/dt = v``, ``dv/dt = a - v / T``
+    and ``da/dt = -a / tau + w``, with w white along what turns change where the skin turns; "The
+    zero" in `docs/derivations.md`.
 
     Examples
     --------
@@ -235,8 +201,6 @@ class Zero:
         left: Floats | None = None,
     ) -> None:
         self.tracking = tracking
-        self.offset = offset
-        """The present zero, T."""
         self.believed = True
         """Whether it has stayed within its bound."""
         self._idle: IdleTest = idle or _never
@@ -250,7 +214,12 @@ class Zero:
         self._start = offset
         self._touched = False
         self._unseen = 0.0
-        self.rest()
+        self._come_to_rest(offset)
+
+    @property
+    def offset(self) -> Floats:
+        """The present zero, (C,), T."""
+        return np.asarray(self._course.mean[0])
 
     @property
     def drift(self) -> Floats:
@@ -265,17 +234,19 @@ class Zero:
     @property
     def covariance(self) -> Floats:
         """Covariance P of the zero, and of what a touch has left, (C, C), T^2."""
-        zero = self._spread.zero
+        zero = self._course.zero
         return zero + self.left if self._touched else zero
 
     def rest(self) -> None:
         """Forget when readings came, as their clock starts again; the zero stays."""
+        self._come_to_rest(self.offset)
+
+    def _come_to_rest(self, offset: Floats) -> None:
         self._last_time: float | None = None
         self._idle_since: float | None = None
         self._idle_until = -math.inf
-        self._speed = np.zeros_like(self.offset)
-        taken, none = self._noise / _TAKEN, np.zeros_like(self._noise)
-        self._spread = _Spread(taken, none, none if self._turning is None else taken)
+        taken = self._noise / _TAKEN
+        self._course = Course.still(offset, taken, taken if self._turning else 0 * taken)
         self._turn: Floats | None = None
         self._turn_seen = -math.inf
         self._steady: _Steady | None = None
@@ -283,21 +254,21 @@ class Zero:
     @property
     def stirred(self) -> Floats:
         """The same of a skin that has just begun to turn under what touches it."""
-        return self.covariance + self._begun().zero - self._spread.zero
+        return self.covariance + self._begun().zero - self._course.zero
 
     def stir(self) -> None:
         """Take the skin to have just begun to turn."""
         if self._turning is not None and self._last_time is not None:
             self._keep(math.inf)
-            self._spread, self._turn = self._begun(), self._turning.whole
+            self._course, self._turn = self._begun(), self._turning.whole
             self._turn_seen = self._last_time
 
-    def _begun(self) -> _Spread:
+    def _begun(self) -> Course:
         """What is known of the zero of a skin that has just begun to turn."""
         if self._turning is None or self._last_time is None:
-            return self._spread
+            return self._course
         unnoticed = min(self._last_time - self._idle_until, _UNNOTICED)
-        return self._spread.turned(self._turning.whole, _UNDER_WAY, unnoticed)
+        return self._course.wider(turned(unnoticed), self._turning.whole)
 
     def step(self, time: float, read: Floats) -> bool:
         """Whether a reading (C,), T, is idle; the zero follows it once idleness has held."""
@@ -334,21 +305,17 @@ class Zero:
 
     def _go_on(self, elapsed: float) -> None:
         """Let the zero move as it did."""
-        known = self.offset, self._speed, self._spread
-        self.offset, self._speed, self._spread = _gone_on(*known, elapsed)
+        self._course = self._course.later(elapsed)
         if (steady := self._steady) is not None:
-            known = steady.offset, steady.speed, steady.spread
-            steady.offset, steady.speed, steady.spread = _gone_on(*known, elapsed)
+            steady.course = steady.course.later(elapsed)
             if steady.turn is not None:
-                steady.spread = steady.spread.turned(steady.turn, _UNDER_WAY, elapsed)
+                steady.course = steady.course.wider(scatter(elapsed), steady.turn)
 
-    def _keep(self, began: float, spread: _Spread | None = None) -> None:
+    def _keep(self, began: float, course: Course | None = None) -> None:
         """Remember the zero from before a turn, until that is believed."""
         if self._steady is None:
             self._steady = _Steady(
-                self.offset,
-                self._speed,
-                spread or self._spread,
+                course or self._course,
                 self._turn,
                 self._turn_seen,
                 self._idle_until,
@@ -357,13 +324,14 @@ class Zero:
 
     def _explains(self, steady: _Steady, read: Floats) -> bool:
         """Whether a reading needs no turn."""
-        spread = steady.spread.zero + self.left if self._touched else steady.spread.zero
-        return self._idle(read - steady.offset, spread) < _CALM
+        course = steady.course
+        spread = course.zero + self.left if self._touched else course.zero
+        return self._idle(read - course.mean[0], spread) < _CALM
 
     def _return(self) -> None:
         """Take a turn back that was none."""
         if (steady := self._steady) is not None:
-            self.offset, self._speed, self._spread = steady.offset, steady.speed, steady.spread
+            self._course = steady.course
             self._turn, self._turn_seen = steady.turn, steady.turn_seen
             self._idle_until = steady.idle_until
             self._steady = None
@@ -377,42 +345,41 @@ class Zero:
 
     def _explained(self, time: float, elapsed: float, change: Floats) -> bool:
         """Whether a change is idle; a turn that explains it makes the zero less sure."""
-        still, share = self._spread, self._idle(change, self.covariance)
+        still, share = self._course, self._idle(change, self.covariance)
         if time - self._turn_seen > _GOES_ON:
             self._turn = None
         if self._turn is not None:
-            self._spread = still.turned(self._turn, _UNDER_WAY, elapsed)
+            self._course = still.wider(scatter(elapsed), self._turn)
         if share < _CALM or self._turning is None:
             return share < 1.0
         share = self._idle(change, self.covariance)
-        spread, turn = self._spread, self._turn
+        course, turn = self._course, self._turn
         for tried, of in self._jerks(self._turning, still, elapsed):
             if share < _CALM:
                 break
             now = self._idle(change, tried.zero)
             if now < share:
-                spread, turn, share = tried, of, now
+                course, turn, share = tried, of, now
         if share < 1.0 and turn is not None:
             if self._turn is None:
                 self._keep(time, still)
-            self._spread, self._turn_seen = spread, time
+            self._course, self._turn_seen = course, time
             if self._turn is not self._turning.whole:
                 self._turn = turn
         return share < 1.0
 
     def _jerks(
-        self, turning: Turning, still: _Spread, elapsed: float
-    ) -> Iterator[tuple[_Spread, Floats]]:
+        self, turning: Turning, still: Course, elapsed: float
+    ) -> Iterator[tuple[Course, Floats]]:
         """What else may explain a change, the likeliest first, and what turns.
 
         A turn starts or stops, in the Earth's field alone or with the skin's weight; or the skin is
         handed over, which may leave it in any pose.
         """
-        jerk = min(max(elapsed, _JERKS[0]), _JERKS[1])
+        jerk = burst(_JERK, min(max(elapsed, _JERKS[0]), _JERKS[1]))
         for turn in turning:
-            yield self._spread.turned(turn, _JERK, jerk), turn
-        handed = still._replace(zero=still.zero + turning.field)
-        yield handed.turned(turning.field, _JERK, jerk), turning.field
+            yield self._course.wider(jerk, turn), turn
+        yield still.unsure(turning.field).wider(jerk, turning.field), turning.field
 
     def _leave(self, elapsed: float) -> None:
         """Be less sure of a zero that nothing idle showed."""
@@ -421,28 +388,18 @@ class Zero:
             wider = self._unseen + self.tracking.widening_rate * elapsed
             wider, before = min(wider, self.tracking.widening_limit), self._unseen
             added = (wider**2 - before**2) * np.eye(len(self._noise))
-            self._spread = self._spread._replace(zero=self._spread.zero + added)
+            self._course = self._course.unsure(added)
             self._unseen = wider
 
     def _follow(self, time: float, elapsed: float, change: Floats) -> None:
-        """Take in an idle change d: z += P (P + N)^-1 d and v += X^T (P + N)^-1 d, X of both.
-
-        What was known before fades by the time constant.
-        """
+        """Take in an idle change; what was known before fades by the time constant."""
         fading = math.exp(min(elapsed / self.tracking.time_constant, _LONG))
-        zero, mixed, speed = (fading * part for part in self._spread)
-        if self._touched:
-            zero = zero + self.left
-        both = np.concatenate([zero, mixed], axis=1)
-        gains = np.linalg.solve(zero + self._noise, both).T
-        of_zero, of_speed = gains[: len(zero)], gains[len(zero) :]
-        self.offset = self.offset + of_zero @ change
-        self._speed = self._speed + of_speed @ change
-        zero, speed = zero - of_zero @ zero, speed - of_speed @ mixed
-        self._spread = _Spread((zero + zero.T) / 2, mixed - of_zero @ mixed, (speed + speed.T) / 2)
+        course = self._course.unsure(self.left) if self._touched else self._course
+        self._course = course = course.corrected(change, self._noise, fading)
         self._touched, self._unseen = False, 0.0
         if self._turn is not None:
-            moves = self._speed @ np.linalg.solve(speed + _SLOW * self._noise, self._speed)
+            speed, spread = course.mean[1], course.spread[1, 1]
+            moves = speed @ np.linalg.solve(spread + _SLOW * self._noise, speed)
             if moves > _MOVES * len(speed):
                 self._turn_seen = time
         drift = self.drift
