@@ -168,7 +168,8 @@ def own_limits(design: SkinDesign, limits: Limits) -> list[Reached]:
             between(f"{name}.height, mm", magnet.height, limits.magnet_height, 1e3),
         ]
         if magnet.mount == "sheet":
-            wall = _wall(design, magnet, place) * 1e3
+            # Cells' lengths follow from sides and angles that are written to five digits.
+            wall = round(_wall(design, magnet, place) * 1e3, 4)
             reached.append(Reached(f"{name}'s holder wall, mm", wall, least=limits.wall * 1e3))
     try:
         check_design(design)
