@@ -1,0 +1,1 @@
+"""Files from which a workshop and a board house build a skin."""
