@@ -57,6 +57,7 @@ def _app() -> "typer.Typer":
         raise MissingExtraError("the command line", "cli") from error
     from smoskin.cli import (  # noqa: F401
         calibration,
+        fabricate,
         files,
         live,
         optimise,

@@ -28,6 +28,7 @@ _GROUPS: Final = {
     "Calibrate a skin": ("calibrate", "touches", "fit-paper", "virtual-bench"),
     "Simulate": ("simulate", "sweep", "table"),
     "Train, judge, design": ("train", "learn", "score", "optimise", "new-design", "tessellate"),
+    "Build": ("fabricate",),
 }
 """Commands by what they are for, in the order of the help."""
 

@@ -4,9 +4,21 @@ from dataclasses import dataclass
 from typing import Literal
 
 Kind = Literal[
-    "dxf", "svg", "fold", "pdf", "stl", "3mf", "kicad_pcb", "kicad_sch", "csv", "html", "json",
-    "gerber", "drill", "text",
-]  # fmt: skip
+    "dxf",
+    "svg",
+    "fold",
+    "pdf",
+    "stl",
+    "3mf",
+    "kicad_pcb",
+    "kicad_sch",
+    "csv",
+    "html",
+    "json",
+    "gerber",
+    "drill",
+    "text",
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,0 +1,41 @@
+"""The command that writes the files from which a skin is built."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer import Option
+
+from smoskin.cli.frame import Design, File, Force, Json, app, examples, progress_bar, tell
+from smoskin.feasibility import load_design
+
+
+@app.command(
+    epilog=examples(
+        "fabricate planar --out skin", "fabricate own.toml --workshop shop.toml --out skin"
+    )
+)
+def fabricate(
+    design: Design,
+    out: Annotated[Path, Option(help="Folder of the files.", file_okay=False)],
+    workshop: Annotated[
+        File,
+        Option(help="Workshop (TOML): what differs from the usual, such as kerf_mm = 0.2."),
+    ] = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Write every file from which a workshop builds a skin, with a manifest.
+
+    Patterns for the laser and a bill of materials, all in millimetres at 1:1. A design that cannot
+    be made so is refused with the measure and the limit.
+    """
+    from smoskin.commands.fabricate import fabricate as make
+    from smoskin.fabrication.workshop import read_workshop
+
+    shop = None if workshop is None else read_workshop(workshop)
+    skin = load_design(design)
+    with progress_bar() as bar:
+        report = make(skin, out, workshop=shop, force=force, progress=bar)
+    tell(report, as_json)
+    typer.echo(f"Now: cut {out}/pattern/coupon.dxf and measure it.", err=True)

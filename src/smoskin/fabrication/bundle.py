@@ -1,0 +1,104 @@
+"""The whole bundle of a design: every file, and the manifest that names them.
+
+Decides what a bundle holds and that the same design gives the same bytes.
+"""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from smoskin import __version__
+from smoskin.arguments import typed
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import require
+from smoskin.fabrication.artifact import Artifact
+from smoskin.fabrication.materials import Item, bill, bill_csv
+from smoskin.fabrication.pattern.files import pattern_files
+from smoskin.fabrication.workshop import Workshop, check_process
+from smoskin.outputs import check_output, write_output
+from smoskin.roles import Progress
+
+MANIFEST: Final = "manifest.json"
+"""Name of the file that lists the others."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bundle:
+    """Files of a skin."""
+
+    design: SkinDesign
+    files: tuple[Artifact, ...]
+    """Every file but the manifest."""
+    items: tuple[Item, ...]
+    """Bill of materials."""
+
+    @property
+    def manifest(self) -> bytes:
+        """The list of files with their checksums, JSON."""
+        listed = [
+            {
+                "path": file.path,
+                "kind": file.kind,
+                "sha256": hashlib.sha256(file.content).hexdigest(),
+                "units": file.units,
+            }
+            for file in self.files
+        ]
+        document = {
+            "design_hash": self.design.content_hash,
+            "version": __version__,
+            "files": listed,
+        }
+        return (json.dumps(document, indent=1) + "\n").encode()
+
+
+@typed
+def make_bundle(
+    design: SkinDesign, workshop: Workshop | None = None, *, progress: Progress | None = None
+) -> Bundle:
+    """Every file from which a workshop and a board house build a design.
+
+    Raises
+    ------
+    DesignError
+        If the design cannot be made in this workshop; the message has the measure and the limit.
+    MissingExtraError
+        If the extra ``fabrication`` is not installed.
+    """
+    require("making a skin's files", "fabrication", "ezdxf", "shapely")
+    shop = workshop or Workshop()
+    check_process(design, shop)
+    tell = progress or (lambda what, share: None)
+    tell("patterns", 0.1)
+    files = pattern_files(design, shop)
+    tell("bill of materials", 0.9)
+    items = bill(design, shop)
+    files.append(
+        Artifact(path="bill_of_materials.csv", kind="csv", units="g", content=bill_csv(items))
+    )
+    return Bundle(
+        design=design,
+        files=tuple(sorted(files, key=lambda file: file.path)),
+        items=tuple(items),
+    )
+
+
+def write_bundle(bundle: Bundle, out: Path, *, force: bool = False) -> tuple[Path, ...]:
+    """Write a bundle into a folder, the manifest last.
+
+    Raises
+    ------
+    FileError
+        If files exist already and `force` is not given, or cannot be written.
+    """
+    check_output(out, folder=True)
+    contents = {file.path: file.content for file in bundle.files}
+    contents[MANIFEST] = bundle.manifest
+    for path in contents:
+        check_output(out / path, force=force) if (out / path).parent.is_dir() else None
+    for path, content in contents.items():
+        check_output((out / path).parent, folder=True)
+        write_output(out / path, content)
+    return tuple(out / path for path in contents)

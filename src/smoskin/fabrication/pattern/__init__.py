@@ -1,0 +1,1 @@
+"""Flat patterns of the sheet: panels, film, carrier, coupon, and their drawings."""

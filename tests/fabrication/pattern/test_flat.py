@@ -1,0 +1,96 @@
+"""Gaps and flat panels against plates that are folded by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from smoskin.errors import DesignError
+from smoskin.fabrication.pattern.flat import (
+    bend_allowance,
+    crease_gaps,
+    flat_sheet,
+    needed_gap,
+    outlines,
+)
+from smoskin.fabrication.workshop import Workshop
+from smoskin.origami.cell import dihedral_angles, size
+
+
+def corner_of_plate(gap, free, thickness, fold):
+    """Distance of a plate's upper corner from the plane of symmetry, the film bent evenly."""
+    radius = free / fold
+    end = np.array([-radius * np.sin(fold / 2), radius * (1 - np.cos(fold / 2))])
+    along = np.array([-np.cos(fold / 2), np.sin(fold / 2)])
+    up = np.array([np.sin(fold / 2), np.cos(fold / 2)])
+    return -(end + along * (gap - free) / 2 + up * thickness)[0]
+
+
+@pytest.mark.parametrize("fold", [0.4, 0.96, 1.41])
+@pytest.mark.parametrize("free", [1e-9, 0.8e-3])
+def test_plates_in_the_needed_gap_do_not_touch(fold, free):
+    shop = Workshop(kerf=0.0, crease_clearance=0.0)
+    gap = needed_gap(0.65e-3, fold, shop)
+    room = corner_of_plate(gap, free, 0.65e-3, fold)
+    if free < 1e-6:
+        assert room == pytest.approx(0.0, abs=1e-9)
+    else:
+        spare = bend_allowance(free, fold) * np.cos(fold / 2) / 2
+        assert room == pytest.approx(spare, rel=1e-9)
+    assert corner_of_plate(gap - 2 * bend_allowance(free, fold), free, 0.65e-3, fold) < 0
+
+
+def test_the_convex_gap_is_the_free_film_of_the_mechanics(planar):
+    at_a, at_b = crease_gaps(planar, Workshop())
+    assert at_a.convex == at_b.convex == planar.creases.gap
+    assert min(*at_a, *at_b) == planar.creases.gap
+    assert at_b.concave > planar.creases.gap
+
+
+@pytest.mark.parametrize("bend", ["even", "sharp"])
+def test_the_folded_pattern_has_the_design_s_pitch(planar, bend):
+    sheet = flat_sheet(planar, Workshop(bend=bend))
+    columns, rows = (2 * n for n in planar.cells)
+    grid = sheet.vertices.reshape(columns + 1, rows + 1, 2)
+    folds = [float(np.pi - angle) for angle in dihedral_angles(planar.cell)]
+    grow_a, grow_b = (
+        bend_allowance(planar.creases.gap, fold) if bend == "even" else 0.0 for fold in folds
+    )
+    sine = np.sin(planar.cell.sector_angle)
+    # What each inner crease adds when it is folded gives the panels of the design back.
+    wide = np.diff(grid[:, 0, 0]).sum() + (columns - 1) * grow_a
+    long = np.diff(grid[0, :, 1]).sum() + (rows - 1) * grow_b / sine
+    assert wide == pytest.approx(columns * planar.cell.panel_b * sine, rel=1e-12)
+    assert long == pytest.approx(rows * planar.cell.panel_a, rel=1e-12)
+
+
+def test_panels_lie_half_a_gap_from_their_creases(planar):
+    sheet = flat_sheet(planar, Workshop())
+    upper, lower = (outlines(sheet, inset) for inset in (sheet.upper, sheet.lower))
+    sides = np.concatenate([sheet.facets[:, [k, (k + 1) % 4]] for k in range(4)])
+    of_facet = np.tile(np.arange(len(sheet.facets)), 4)
+    beside = {}
+    for facet, pair in zip(of_facet, np.sort(sides, axis=1).tolist(), strict=True):
+        beside.setdefault(tuple(pair), []).append(facet)
+    angles = size(planar.cell)
+    assert angles.height > 0
+    for pair, ridge in list(zip(sheet.creases.tolist(), sheet.mountain, strict=True))[::7]:
+        start, end = sheet.vertices[pair]
+        along = (end - start) / np.linalg.norm(end - start)
+        across = np.array([-along[1], along[0]])
+        kinds = sheet.at_a if abs(along[0]) < 1e-9 else sheet.at_b
+        for corners, is_upper in ((upper, True), (lower, False)):
+            near = [
+                np.abs((corners[f] - start) @ across).min() for f in beside[tuple(sorted(pair))]
+            ]
+            gap = kinds.convex if bool(ridge) == is_upper else kinds.concave
+            assert sum(near) == pytest.approx(gap, rel=1e-9)
+
+
+def test_gaps_wider_than_panels_are_refused(planar):
+    thick = replace(planar, panels=replace(planar.panels, thickness=14e-3))
+    with pytest.raises(DesignError, match=r"b-creases must leave panels at least 2 mm wide; got"):
+        flat_sheet(thick, Workshop())
+    wide = replace(planar, creases=replace(planar.creases, gap=10e-3))
+    with pytest.raises(DesignError, match=r"a gap of 10.00 mm in panels 11.27 mm wide"):
+        flat_sheet(wide, Workshop())
