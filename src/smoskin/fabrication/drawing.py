@@ -115,7 +115,7 @@ def dxf(drawing: Drawing) -> bytes:
         If the DXF writer is not installed.
     """
     require("writing DXF files", "fabrication", "ezdxf")
-    from ezdxf._options import options
+    from ezdxf import options  # type: ignore[attr-defined]
     from ezdxf.filemanagement import new
 
     fixed = options.write_fixed_meta_data_for_testing

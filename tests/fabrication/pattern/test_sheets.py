@@ -52,7 +52,8 @@ def counted_area(sheet, facet, shop, is_upper):
     }
     corners = sheet.vertices[sheet.facets[facet]]
     (left, low), (right, high) = corners.min(axis=0), corners.max(axis=0)
-    x, y = np.meshgrid(np.linspace(left, right, 2001), np.linspace(low, high, 2001))
+    middles = (np.arange(2000) + 0.5) / 2000
+    x, y = np.meshgrid(left + middles * (right - left), low + middles * (high - low))
     inside = np.ones(x.shape, dtype=bool)
     for k in range(4):
         pair = sheet.facets[facet][[k, (k + 1) % 4]].tolist()

@@ -80,7 +80,7 @@ def _panel_sheet(
         releases += _lines("RELEASE", path.intersection(zones))
     rim = _rim(sheet, workshop)
     opening = rim.buffer(workshop.slot - workshop.kerf / 2, **_MITRE).exterior
-    all_zones = shapely.union_all([zone for zone in bridges.values()])
+    all_zones = shapely.union_all(list(bridges.values()))
     cuts += _lines("CUT", opening.difference(all_zones))
     name, face = ("upper", "above") if upper else ("lower", "below, mirrored")
     finished = [Line("PANEL", np.asarray(shape.exterior.coords)[:-1]) for shape in made.shapes]

@@ -1,0 +1,75 @@
+"""The bundle: every file named with its checksum, the same bytes each time, in bounded time."""
+
+import csv
+import hashlib
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from smoskin import __version__
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import DesignError, FileError
+from smoskin.fabrication.bundle import MANIFEST, make_bundle, write_bundle
+from smoskin.fabrication.workshop import Workshop
+
+
+@pytest.fixture(scope="module")
+def small(planar: SkinDesign) -> SkinDesign:
+    """A skin of few cells."""
+    corners = {"M1": (2, 2), "M2": (3, 2), "M3": (1, 2)}
+    magnets = tuple(replace(m, corner=corners[m.name]) for m in planar.magnets)
+    return replace(planar, name="small", cells=(4, 4), magnets=magnets)
+
+
+@pytest.fixture(scope="module")
+def bundle(small):
+    return make_bundle(small)
+
+
+def test_the_manifest_names_every_file_with_its_checksum(small, bundle, tmp_path):
+    written = write_bundle(bundle, tmp_path)
+    manifest = json.loads((tmp_path / MANIFEST).read_text())
+    assert set(manifest) == {"design_hash", "version", "files"}
+    assert manifest["design_hash"] == small.content_hash
+    assert manifest["version"] == __version__
+    on_disk = {str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file()}
+    assert {file["path"] for file in manifest["files"]} == on_disk - {MANIFEST}
+    assert set(written) == {tmp_path / path for path in on_disk}
+    for file in manifest["files"]:
+        assert set(file) == {"path", "kind", "sha256", "units"}
+        content = (tmp_path / file["path"]).read_bytes()
+        assert hashlib.sha256(content).hexdigest() == file["sha256"]
+        assert file["path"].endswith(file["kind"])
+    kinds = {file["kind"] for file in manifest["files"]}
+    assert kinds >= {"dxf", "svg", "fold", "pdf", "csv"}
+    with pytest.raises(FileError, match="exists"):
+        write_bundle(bundle, tmp_path)
+    write_bundle(bundle, tmp_path, force=True)
+
+
+def test_identical_input_gives_identical_bytes(small, bundle):
+    assert make_bundle(replace(small)).manifest == bundle.manifest
+    assert make_bundle(small, Workshop(kerf=0.2e-3)).manifest != bundle.manifest
+
+
+def test_the_bill_weighs_what_the_design_has(small, bundle):
+    [file] = [file for file in bundle.files if file.path == "bill_of_materials.csv"]
+    rows = {row["part"]: row for row in csv.DictReader(io.StringIO(file.content.decode()))}
+    columns = small.columns
+    n = 9 * 5
+    assert float(rows["support column"]["quantity"]) == n
+    volume = n * np.pi * columns.radius**2 * columns.height
+    assert float(rows["support column"]["mass_g"]) == pytest.approx(1070e3 * volume, abs=1e-3)
+    [sectors] = [row for part, row in rows.items() if part.startswith("magnet sector")]
+    assert float(sectors["quantity"]) == 12
+    masses = [float(row["mass_g"]) for part, row in rows.items() if part != "total"]
+    assert float(rows["total"]["mass_g"]) == pytest.approx(sum(masses), abs=0.01)
+
+
+def test_what_cannot_be_made_is_refused_before_any_file(planar):
+    thick = replace(planar, panels=replace(planar.panels, thickness=14e-3))
+    with pytest.raises(DesignError, match="panels at least 2 mm wide"):
+        make_bundle(thick)
