@@ -15,6 +15,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import require
 from smoskin.fabrication.artifact import Artifact
 from smoskin.fabrication.materials import Item, bill, bill_csv
+from smoskin.fabrication.moulds.files import solid_files
 from smoskin.fabrication.pattern.files import pattern_files
 from smoskin.fabrication.workshop import Workshop, check_process
 from smoskin.outputs import check_output, write_output
@@ -67,14 +68,17 @@ def make_bundle(
     MissingExtraError
         If the extra ``fabrication`` is not installed.
     """
-    require("making a skin's files", "fabrication", "ezdxf", "shapely")
+    require("making a skin's files", "fabrication", "ezdxf", "shapely", "manifold3d")
     shop = workshop or Workshop()
     check_process(design, shop)
     tell = progress or (lambda what, share: None)
     tell("patterns", 0.1)
     files = pattern_files(design, shop)
+    tell("moulds and parts", 0.4)
+    solids = solid_files(design, shop)
+    files += solids.files
     tell("bill of materials", 0.9)
-    items = bill(design, shop)
+    items = bill(design, shop, solids.parts)
     files.append(
         Artifact(path="bill_of_materials.csv", kind="csv", units="g", content=bill_csv(items))
     )

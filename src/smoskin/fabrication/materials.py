@@ -3,11 +3,14 @@
 import csv
 import io
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Final
 
 from smoskin.design.skin import SkinDesign
 from smoskin.fabrication.layout import board_box, column_places
+from smoskin.fabrication.moulds.assembly import scale
+from smoskin.fabrication.moulds.solids import Part
 from smoskin.fabrication.pattern.flat import flat_sheet
 from smoskin.fabrication.pattern.sheets import carrier_size, panels
 from smoskin.fabrication.workshop import Workshop
@@ -39,8 +42,8 @@ class Item:
     note: str = ""
 
 
-def bill(design: SkinDesign, workshop: Workshop) -> list[Item]:
-    """What the skin takes, its electronics' small parts aside."""
+def bill(design: SkinDesign, workshop: Workshop, printed: Sequence[Part] = ()) -> list[Item]:
+    """What the skin takes with its printed parts, its electronics' small parts aside."""
     sheet = flat_sheet(design, workshop)
     width, height = (1e3 * side for side in carrier_size(sheet, workshop))
     blank = f"{width:.0f} x {height:.0f} mm each"
@@ -77,7 +80,13 @@ def bill(design: SkinDesign, workshop: Workshop) -> list[Item]:
                 note=blank,
             )
         )
-    return [*sheets, *_rubber(design, workshop), *_magnets(design), *_electronics(design)]
+    return [
+        *sheets,
+        *_rubber(design, workshop),
+        *_magnets(design),
+        *_electronics(design),
+        *_printed(printed),
+    ]
 
 
 def bill_csv(items: list[Item]) -> bytes:
@@ -107,6 +116,9 @@ def _rubber(design: SkinDesign, workshop: Workshop) -> list[Item]:
         * layer.radius**2
         * layer.height,
     }
+    count = design.cells[0] * design.cells[1]
+    scales = count * float(scale(design, workshop).volume())
+    volumes["top scale", count, columns.material] = scales
     items = [
         Item(
             part=part,
@@ -127,6 +139,21 @@ def _rubber(design: SkinDesign, workshop: Workshop) -> list[Item]:
         }
     )
     return items
+
+
+def _printed(parts: Sequence[Part]) -> list[Item]:
+    """Printed parts that stay in the skin."""
+    return [
+        Item(
+            part=part.name,
+            quantity=part.quantity,
+            unit="pieces",
+            material=f"{' or '.join(part.made_of[:3])}, printed solid",
+            mass_g=_grams(part.quantity * float(part.solid.volume()), "print"),
+            note=part.title,
+        )
+        for part in parts
+    ]
 
 
 def _magnets(design: SkinDesign) -> list[Item]:

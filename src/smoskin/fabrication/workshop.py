@@ -80,7 +80,7 @@ class Workshop:
     """m: clearance on every side between parts that go into each other."""
     bed: tuple[float, float, float] = (0.25, 0.21, 0.20)
     """m: largest part that the printer makes."""
-    drip: float = 0.5e-3
+    drip: float = 0.8e-3
     """m: rubber dripped between a column and its vertex."""
     scale_pad: float = 1.0e-3
     """m: thickness of a top scale."""

@@ -1,0 +1,1 @@
+"""Solid parts of a skin, and the moulds and jigs that it is made with."""

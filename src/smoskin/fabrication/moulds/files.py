@@ -1,0 +1,78 @@
+"""Files of the solid parts: an STL each, split for the printer's bed, and 3MF files of all."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from smoskin.design.skin import SkinDesign
+from smoskin.fabrication.artifact import Artifact
+from smoskin.fabrication.layout import column_places
+from smoskin.fabrication.moulds import assembly
+from smoskin.fabrication.moulds.solids import Part, stl, three_mf
+from smoskin.fabrication.moulds.split import split
+from smoskin.fabrication.moulds.tools import tools
+from smoskin.fabrication.pattern.flat import flat_sheet
+from smoskin.fabrication.workshop import Workshop
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Solids:
+    """What is printed or machined for a skin."""
+
+    parts: tuple[Part, ...]
+    """Parts that stay in the skin, as they are printed."""
+    tools: tuple[Part, ...]
+    """Moulds and jigs, before they are split."""
+    files: tuple[Artifact, ...]
+
+
+def solid_files(design: SkinDesign, workshop: Workshop) -> Solids:
+    """Every printed part and tool of a design, and its files.
+
+    Raises
+    ------
+    DesignError
+        If a part would be thinner than the printer makes, or larger.
+    MissingExtraError
+        If the solid modeller is not installed.
+    """
+    sheet = flat_sheet(design, workshop)
+    parts = printed_parts(design, workshop)
+    made = tools(design, workshop, sheet)
+    columns, files = column_places(design), []
+    for folder, solids in (("parts", parts), ("moulds", made)):
+        pieces = []
+        for part in solids:
+            keep = columns if part.name.startswith(("column", "foot")) else None
+            pieces += split(part, workshop.bed, keep)
+        files += _written(folder, pieces)
+        title = f"{design.name} {design.content_hash[:12]}: {folder}"
+        content = three_mf(pieces, title)
+        path = f"{folder}/{folder}.3mf"
+        files.append(Artifact(path=path, kind="3mf", units="mm", content=content))
+    return Solids(parts=tuple(parts), tools=tuple(made), files=tuple(files))
+
+
+def printed_parts(design: SkinDesign, workshop: Workshop) -> list[Part]:
+    """Parts that stay in the skin, each on z = 0."""
+    parts = [
+        assembly.frame(design),
+        *assembly.holders(design, workshop),
+        *assembly.base(design, workshop),
+    ]
+    return [_laid(part) for part in parts]
+
+
+def _laid(part: Part) -> Part:
+    """A part on z = 0."""
+    low = float(np.array(part.solid.bounding_box())[2])
+    return replace(part, solid=part.solid.translate((0.0, 0.0, -low)))
+
+
+def _written(folder: str, pieces: Sequence[Part]) -> list[Artifact]:
+    """An STL file a piece."""
+    return [
+        Artifact(path=f"{folder}/{part.name}.stl", kind="stl", units="mm", content=stl(part))
+        for part in pieces
+    ]

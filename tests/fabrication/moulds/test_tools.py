@@ -1,0 +1,128 @@
+"""Moulds and jigs by measures taken from their files."""
+
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from smoskin.errors import DesignError
+from smoskin.fabrication.moulds.solids import stl
+from smoskin.fabrication.moulds.tools import (
+    FOLD_STAGES,
+    column_mould,
+    creasing_moulds,
+    magnet_moulds,
+    scale_mould,
+    stage_cell,
+    tools,
+)
+from smoskin.fabrication.pattern.flat import bend_allowance, flat_sheet
+from smoskin.fabrication.workshop import Workshop
+from smoskin.origami.cell import dihedral_angles, size
+from smoskin.origami.geometry import geometry
+
+
+def read(part):
+    return trimesh.load(io.BytesIO(stl(part)), file_type="stl")
+
+
+@pytest.fixture(scope="module")
+def made(planar):
+    shop = Workshop()
+    return {part.name: part for part in tools(planar, shop, flat_sheet(planar, shop))}
+
+
+def test_every_tool_is_one_watertight_solid_in_millimetres(made):
+    for part in made.values():
+        mesh = read(part)
+        assert mesh.is_watertight, part.name
+        assert mesh.is_volume, part.name
+        assert mesh.volume == pytest.approx(1e9 * part.solid.volume(), rel=1e-3)
+        assert len(part.solid.decompose()) == 1, part.name
+        assert mesh.bounds[0, 2] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_holes_of_the_column_plate_stand_under_the_bottom_vertices(planar, made):
+    mesh = read(made["column_plate"])
+    feet = 1e3 * geometry(planar).sheet.vertices[geometry(planar).sheet.columns.ravel(), :2]
+    for place in feet:
+        away = mesh.vertices[:, :2] - place
+        ring = away[np.linalg.norm(away, axis=1) < 1e3 * planar.columns.radius + 0.5]
+        assert len(ring) >= 100
+        assert np.abs(ring.mean(axis=0)).max() < 0.01
+        assert np.linalg.norm(ring, axis=1) == pytest.approx(1e3 * planar.columns.radius, abs=0.01)
+
+
+def test_what_the_column_mould_casts_is_the_columns_volume(planar, made):
+    plate = read(made["column_plate"])
+    size_x, size_y, height = plate.extents
+    assert height == pytest.approx(12.2)
+    cast = size_x * size_y * height - plate.volume
+    one = np.pi * (1e3 * planar.columns.radius) ** 2 * height
+    assert cast == pytest.approx(91 * one, rel=5e-3)
+
+
+def test_a_die_follows_the_sheet(planar):
+    shop = Workshop(bend="sharp")
+    parts = creasing_moulds(planar, shop)
+    assert len(parts) == 2 * len(FOLD_STAGES)
+    length, width, height = (float(v) for v in size(planar.cell))
+    area = planar.cells[0] * planar.cells[1] * length * width
+    # The sheet's middle height is half of its own: every panel climbs evenly from edge to edge.
+    die = next(part for part in parts if part.name == "crease_die_3")
+    assert read(die).volume == pytest.approx(1e9 * area * (3e-3 + height / 2), rel=5e-3)
+
+
+def test_stages_follow_the_film_that_bends_evenly(planar):
+    """At every stage the panels between the creases' arcs are the same."""
+    shop, gap = Workshop(), planar.creases.gap
+    for share in FOLD_STAGES:
+        cell = stage_cell(planar, shop, share)
+        fold_a, fold_b = (float(np.pi - angle) for angle in dihedral_angles(cell))
+        final_a, final_b = (float(np.pi - angle) for angle in dihedral_angles(planar.cell))
+        sine = np.sin(cell.sector_angle)
+        for edge, own, now, final in (
+            (cell.panel_a, planar.cell.panel_a, fold_b, final_b),
+            (cell.panel_b, planar.cell.panel_b, fold_a, final_a),
+        ):
+            assert edge * sine - bend_allowance(gap, now) == pytest.approx(
+                own * sine - bend_allowance(gap, final)
+            )
+    assert float(size(cell).height) == pytest.approx(float(size(planar.cell).height), rel=0.02)
+
+
+def test_sectors_are_quarters_of_the_magnets(planar):
+    mould, jig = magnet_moulds(planar, Workshop())
+    mesh = read(mould)
+    cast = np.prod(mesh.extents) - mesh.volume
+    magnet = planar.magnets[0]
+    one = np.pi * magnet.radius**2 * magnet.height / 4 * 1e9
+    assert cast == pytest.approx(12 * one, rel=5e-3)
+    assert mould.made_of == ("PTFE", "PEEK", "aluminium")
+    assert "aluminium" not in jig.made_of
+
+
+def test_no_mould_of_silicone_is_printed_in_resin(made):
+    for name in ("column_plate", "column_floor", "scale_mould", "foot_jig"):
+        assert "SLA resin" not in made[name].made_of
+        with pytest.raises(DesignError, match=rf"{name} must be made of .*; got SLA resin"):
+            made[name].check_material("SLA resin")
+    with pytest.raises(DesignError, match=r"magnet_mould_1 must be .*PTFE.*; got PLA"):
+        made["magnet_mould_1"].check_material("PLA")
+
+
+def test_scales_are_cast_whole(planar):
+    mould = scale_mould(planar, Workshop())
+    shape = np.prod(mould.size) - mould.solid.volume()
+    from smoskin.fabrication.moulds.assembly import scale
+
+    one = scale(planar, Workshop()).volume()
+    assert shape == pytest.approx(12 * one, rel=1e-6)
+
+
+def test_walls_thinner_than_the_printer_makes_are_refused(planar):
+    wide = replace(planar, columns=replace(planar.columns, radius=6.9e-3))
+    with pytest.raises(DesignError, match=r"walls must be at least 0.80 mm.*; got 0.4\d mm"):
+        column_mould(wide, Workshop())
