@@ -1,8 +1,8 @@
 """Solids and their files, read by others."""
 
 import io
+import xml.etree.ElementTree as ET
 import zipfile
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def test_3mf_files_hold_all_parts_side_by_side_in_millimetres():
     archive = zipfile.ZipFile(io.BytesIO(content))
     assert archive.testzip() is None
     assert {info.date_time[0] for info in archive.infolist()} == {1980}
-    root = ElementTree.fromstring(archive.read("3D/3dmodel.model"))
+    root = ET.fromstring(archive.read("3D/3dmodel.model"))
     space = "{http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
     assert root.get("unit") == "millimeter"
     for one in root.iter(f"{space}object"):

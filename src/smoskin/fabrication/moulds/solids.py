@@ -95,9 +95,10 @@ def prism(outline: Any, low: float, high: float) -> Any:
 
     rings = []
     for part in getattr(outline, "geoms", [outline]):
-        rings += [np.asarray(ring.coords)[:-1] for ring in (part.exterior, *part.interiors)]
-    section = CrossSection(rings, FillRule.EvenOdd)
-    return Manifold.extrude(section, high - low).translate((0.0, 0.0, low))
+        rings += [1e3 * np.asarray(ring.coords)[:-1] for ring in (part.exterior, *part.interiors)]
+    section = CrossSection(rings, FillRule.EvenOdd)  # it rounds; in mm finely enough
+    solid = Manifold.extrude(section, 1e3 * (high - low)).scale((1e-3, 1e-3, 1e-3))
+    return solid.translate((0.0, 0.0, low))
 
 
 def box(corners: Floats, low: float, high: float) -> Any:
@@ -145,8 +146,11 @@ def under_surface(vertices: Floats, facets: Ints, floor: float) -> Any:
 
 
 def triangles_of(solid: Any) -> tuple[Floats, Ints]:
-    """Vertices, m, and triangles of a solid, without those that have no area in a file."""
-    mesh = solid.to_mesh64()
+    """Vertices, m, and triangles of a solid, edges shorter than a micrometre drawn together.
+
+    A file's single precision would merge their ends and leave holes.
+    """
+    mesh = solid.simplify(1e-6).to_mesh64()
     return np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, dtype=np.int64)
 
 
