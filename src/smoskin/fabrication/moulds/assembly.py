@@ -367,13 +367,13 @@ def _clear(design: SkinDesign, workshop: Workshop) -> float:
     return max(float(over), 0.0) + workshop.fit
 
 
-def scale(design: SkinDesign, workshop: Workshop) -> Any:
-    """One scale, its patch downward, the patch's face at z = 0 over the vertex."""
+def scale(design: SkinDesign, workshop: Workshop, open_by: float = 0.0) -> Any:
+    """One scale, its patch downward, the patch's face at z = 0; its pad thicker by `open_by`, m."""
     cell = geometry(design).cell
     wide = np.array([float(cell.length), float(cell.width)]) / 2 - _SCALE_GAP / 2
     pad = shapely.box(-wide[0], -wide[1], wide[0], wide[1])
-    boss = prism(disc((0.0, 0.0), _SCALE_BOSS), 0.0, _SCALE_RISE)
-    return joined([boss, prism(pad, _SCALE_RISE, _SCALE_RISE + workshop.scale_pad)])
+    boss = prism(disc((0.0, 0.0), _SCALE_BOSS), 0.0, _SCALE_RISE + workshop.scale_pad / 2)
+    return joined([boss, prism(pad, _SCALE_RISE, _SCALE_RISE + workshop.scale_pad + open_by)])
 
 
 def assembled(design: SkinDesign, workshop: Workshop) -> list[Part]:

@@ -135,7 +135,8 @@ def fold_jig(design: SkinDesign, workshop: Workshop, sheet: FlatSheet) -> Part:
     top, bottom = float(vertices[:, 2].max()), _OVER_DRIP
     rest = design.frame.held_height - design.columns.height
     ring = prism(outer.difference(room), bottom, top)
-    solid = ring + prism(skirt, rest, bottom) + prism(lip, rest - 2e-3, rest)
+    # Solids that are joined overlap: faces that only meet would stay two.
+    solid = ring + prism(skirt, rest, top) + prism(lip, rest - 2e-3, top)
     turned = solid.transform(np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, top]]))
     return Part(
         name="fold_jig", title="jig that holds the folded sheet over its columns", solid=turned
@@ -205,7 +206,7 @@ def laminating_plate(workshop: Workshop, sheet: FlatSheet) -> Part:
 
 def scale_mould(design: SkinDesign, workshop: Workshop) -> Part:
     """An open mould of scales, as many as fit the printer's bed or half a dozen pairs."""
-    shape = scale(design, workshop)
+    shape, cavity = scale(design, workshop), scale(design, workshop, open_by=1e-3)
     low, high = np.array(shape.bounding_box()).reshape(2, 3)
     pitch = high - low + workshop.wall + 1e-3
     total = design.cells[0] * design.cells[1]
@@ -220,7 +221,7 @@ def scale_mould(design: SkinDesign, workshop: Workshop) -> Part:
     for k in range(across):
         for row in range(along):
             middle = np.array([k + 0.5, row + 0.5]) * pitch[:2] + _RIM / 2
-            solid = solid - shape.translate((float(middle[0]), float(middle[1]), 2e-3))
+            solid = solid - cavity.translate((float(middle[0]), float(middle[1]), 2e-3))
     return Part(
         name="scale_mould",
         title=f"open mould of {across * along} scales; {total} are needed",
