@@ -6,10 +6,10 @@ Decides what a bundle holds and that the same design gives the same bytes.
 import hashlib
 import json
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
-from smoskin import __version__
 from smoskin.arguments import typed
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import require
@@ -17,6 +17,7 @@ from smoskin.fabrication.artifact import Artifact
 from smoskin.fabrication.materials import Item, bill, bill_csv
 from smoskin.fabrication.moulds.files import solid_files
 from smoskin.fabrication.pattern.files import pattern_files
+from smoskin.fabrication.process.files import process_files
 from smoskin.fabrication.workshop import Workshop, check_process
 from smoskin.outputs import check_output, write_output
 from smoskin.roles import Progress
@@ -49,7 +50,7 @@ class Bundle:
         ]
         document = {
             "design_hash": self.design.content_hash,
-            "version": __version__,
+            "version": version("smoskin"),
             "files": listed,
         }
         return (json.dumps(document, indent=1) + "\n").encode()
@@ -82,6 +83,8 @@ def make_bundle(
     files.append(
         Artifact(path="bill_of_materials.csv", kind="csv", units="g", content=bill_csv(items))
     )
+    tell("process sheet", 0.95)
+    files += process_files(design, shop, solids, items)
     return Bundle(
         design=design,
         files=tuple(sorted(files, key=lambda file: file.path)),

@@ -230,7 +230,7 @@ def scale_mould(design: SkinDesign, workshop: Workshop) -> Part:
     )
 
 
-def sector(radius: float, workshop: Workshop, grow: float = 0.0) -> Any:
+def sector(radius: float, grow: float = 0.0) -> Any:
     """Outline of a quarter of a disc between +45 and -45 degrees, larger by `grow`, m."""
     quarter = disc((0.0, 0.0), radius).intersection(
         Polygon([(0.0, 0.0), (2 * radius, -2 * radius), (2 * radius, 2 * radius)])
@@ -252,7 +252,7 @@ def magnet_moulds(design: SkinDesign, workshop: Workshop) -> list[Part]:
         for row in range(count):
             for k in range(4):
                 place = (_RIM + k * (radius + 3e-3), _RIM / 2 + (row + 0.5) * pitch)
-                quarter = shapely.affinity.translate(sector(radius, workshop), *place)
+                quarter = shapely.affinity.translate(sector(radius), *place)
                 outline = outline.difference(quarter)
         parts.append(
             Part(
@@ -270,7 +270,7 @@ def _coil_jig(workshop: Workshop, number: int, radius: float, height: float) -> 
     """A block whose pocket holds a sector with its bisector along the block, an arrow's notch."""
     outline = shapely.box(-6e-3, -radius - 4e-3, radius + 6e-3, radius + 4e-3)
     arrow = Polygon([(-6e-3, -2e-3), (-6e-3, 2e-3), (-3e-3, 0.0)])
-    pocket = sector(radius, workshop, workshop.fit)
+    pocket = sector(radius, workshop.fit)
     solid = prism(outline.difference(arrow), 0.0, height + _FLOOR) - prism(
         pocket, _FLOOR, 2 * height + _FLOOR
     )

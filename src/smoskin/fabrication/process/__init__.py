@@ -1,0 +1,1 @@
+"""The process sheet: steps with pictures, tolerances, checks and the first readings."""
