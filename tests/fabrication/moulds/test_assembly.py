@@ -1,7 +1,6 @@
 """The assembled skin: nothing runs into anything, and parts are as large as the design says."""
 
 from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 import pytest
@@ -15,21 +14,7 @@ from smoskin.fabrication.pattern.flat import flat_sheet
 from smoskin.fabrication.pattern.sheets import panels
 from smoskin.fabrication.workshop import Workshop
 from smoskin.origami.geometry import geometry
-
-TOUCH = 1e-13
-"""m3 that rounding may make two parts share."""
-
-
-def overlaps(parts):
-    """Pairs of parts that share more than rounding, by names, with the volume, m3."""
-    boxes = np.array([part.solid.bounding_box() for part in parts])
-    found = {}
-    for i, j in combinations(range(len(parts)), 2):
-        if (boxes[i, :3] < boxes[j, 3:]).all() and (boxes[j, :3] < boxes[i, 3:]).all():
-            shared = (parts[i].solid ^ parts[j].solid).volume()
-            if shared > TOUCH:
-                found[parts[i].name, parts[j].name] = shared
-    return found
+from solid_overlaps import overlaps
 
 
 def sheet_parts(design, shop, **more):

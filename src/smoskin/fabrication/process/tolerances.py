@@ -127,9 +127,7 @@ def _magnetic(design: SkinDesign) -> list[Tolerance]:
     tilt, turn = "a share of Bz in Bx and By", math.radians(3.0)
     return [
         _row("place of a magnet", GAP, "m", place, rest, "magnet_place"),
-        _row(
-            "tilt of a magnet", math.radians(3.0), "rad", tilt, "Bx and By at rest", "magnet_tilt"
-        ),
+        _row("tilt of a magnet", turn, "rad", tilt, "Bx and By at rest", "magnet_tilt"),
         _row("remanence of a magnet among those chosen", 0.09, "1", batch, over, "remanence"),
         _row("place of a chip", LASER, "m", "as the magnet's", "placer's camera", "chip_place"),
     ]

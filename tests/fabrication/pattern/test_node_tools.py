@@ -1,0 +1,66 @@
+"""The FOLD file in origami libraries that others wrote: npm's `fold` and `rabbit-ear`."""
+
+import json
+import os
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from smoskin.fabrication.pattern.files import fold_files
+from smoskin.fabrication.workshop import Workshop
+from smoskin.origami.geometry import geometry
+
+SCRIPT = """
+const ear = require("rabbit-ear"), fold = require("fold");
+const given = JSON.parse(require("fs").readFileSync(0));
+const flat = structuredClone(given);
+flat.vertices_coords = flat.vertices_coords.map(v => v.slice(0, 2));
+const alone = {vertices_coords: flat.vertices_coords, edges_vertices: given.edges_vertices};
+fold.convert.edges_vertices_to_vertices_vertices_sorted(alone);
+fold.convert.vertices_vertices_to_faces_vertices(alone);
+const whole = Object.assign(flat, ear.graph.populate(flat));
+process.stdout.write(JSON.stringify({
+  kawasaki: ear.singleVertex.validateKawasaki(whole),
+  maekawa: ear.singleVertex.validateMaekawa(whole),
+  valid: ear.graph.validate(whole).summary,
+  faces: alone.faces_vertices.length,
+  edges: ["mountainEdges", "valleyEdges", "boundaryEdges"].map(k => fold.filter[k](given).length),
+  folded: ear.graph.makeVerticesCoordsFolded(whole),
+}));
+"""
+
+
+def ask_node(text):
+    """What the libraries say of a FOLD document; skips where they are not installed."""
+    if not shutil.which("node"):
+        pytest.skip("no node")
+    told = {**os.environ, "NODE_PATH": os.environ.get("SMOSKIN_NODE_MODULES", "node_modules")}
+    there = subprocess.run(
+        ["node", "-e", "require('fold'); require('rabbit-ear')"], env=told, capture_output=True
+    )
+    if there.returncode:
+        pytest.skip("npm install fold rabbit-ear, and name their folder in SMOSKIN_NODE_MODULES")
+    done = subprocess.run(
+        ["node", "-e", SCRIPT], input=text, env=told, capture_output=True, timeout=60, check=True
+    )
+    return json.loads(done.stdout)
+
+
+def test_they_read_it_find_it_legal_and_fold_it_to_the_designed_sheet(planar):
+    files = {file.path: file.content for file in fold_files(planar, Workshop())}
+    told = ask_node(files["pattern/pattern.fold"])
+    assert told["valid"] == "valid"
+    assert told["kawasaki"] == told["maekawa"] == []
+    assert told["faces"] == 144
+    sheet = geometry(planar).sheet
+    ridges = int(sheet.mountain.sum())
+    assert told["edges"] == [ridges, len(sheet.creases) - ridges, 48]
+    folded, aim = np.array(told["folded"]) * 1e-3, sheet.vertices
+    apart = [np.linalg.norm(v[:, None] - v[None], axis=2) for v in (folded, aim)]
+    assert np.abs(apart[0] - apart[1]).max() < 1e-6
+    # Distances are blind to a mirror: ridges must be up.
+    rise = [np.linalg.det(v[[1, 2, 27]] - v[0]) for v in (folded, aim)]
+    assert np.sign(rise[0]) == np.sign(rise[1])
+    assert abs(rise[0]) > 1e-10
