@@ -50,6 +50,16 @@ def test_the_manifest_names_every_file_with_its_checksum(small, bundle, tmp_path
     write_bundle(bundle, tmp_path, force=True)
 
 
+def test_an_earlier_bundle_is_replaced_whole_but_nothing_of_others(bundle, tmp_path):
+    write_bundle(bundle, tmp_path)
+    (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "process.html").write_text("mine too")
+    fewer = replace(bundle, files=tuple(f for f in bundle.files if f.kind in ("csv", "json")))
+    write_bundle(fewer, tmp_path, force=True)
+    left = {str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file()}
+    assert left == {f.path for f in fewer.files} | {MANIFEST, "notes.txt", "process.html"}
+
+
 def test_identical_input_gives_identical_bytes(small, bundle):
     assert make_bundle(replace(small)).manifest == bundle.manifest
 

@@ -19,7 +19,7 @@ from smoskin.fabrication.moulds.files import solid_files
 from smoskin.fabrication.pattern.files import pattern_files
 from smoskin.fabrication.process.files import process_files
 from smoskin.fabrication.workshop import Workshop, check_process
-from smoskin.outputs import check_output, write_output
+from smoskin.outputs import check_output, read_text, write_output
 from smoskin.roles import Progress
 
 MANIFEST: Final = "manifest.json"
@@ -95,6 +95,8 @@ def make_bundle(
 def write_bundle(bundle: Bundle, out: Path, *, force: bool = False) -> tuple[Path, ...]:
     """Write a bundle into a folder, the manifest last.
 
+    With `force` it replaces an earlier bundle whole: files that only the earlier manifest names go.
+
     Raises
     ------
     FileError
@@ -104,8 +106,28 @@ def write_bundle(bundle: Bundle, out: Path, *, force: bool = False) -> tuple[Pat
     contents = {file.path: file.content for file in bundle.files}
     contents[MANIFEST] = bundle.manifest
     for path in contents:
-        check_output(out / path, force=force) if (out / path).parent.is_dir() else None
+        if (out / path).parent.is_dir():
+            check_output(out / path, force=force)
+    for stale in _earlier(out) - set(contents):
+        (out / stale).unlink(missing_ok=True)
     for path, content in contents.items():
         check_output((out / path).parent, folder=True)
         write_output(out / path, content)
     return tuple(out / path for path in contents)
+
+
+def _earlier(out: Path) -> set[str]:
+    """Files in a folder that an earlier manifest names, and that are as it left them."""
+    try:
+        listed = json.loads(read_text(out / MANIFEST))["files"]
+        sums = {str(file["path"]): file["sha256"] for file in listed}
+        home = out.resolve()
+        return {
+            path
+            for path, digest in sums.items()
+            if (out / path).resolve().is_relative_to(home)
+            and (out / path).is_file()
+            and hashlib.sha256((out / path).read_bytes()).hexdigest() == digest
+        }
+    except (OSError, ValueError, KeyError, TypeError):
+        return set()

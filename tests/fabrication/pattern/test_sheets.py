@@ -1,6 +1,9 @@
 """Drawings read back by ezdxf: areas, holes, layers and units are the design's."""
 
 import io
+import re
+import xml.etree.ElementTree as ET
+import zlib
 from dataclasses import replace
 
 import ezdxf
@@ -211,3 +214,34 @@ def test_bytes_are_the_same_each_time(drawings):
     drawing = drawings["upper"]
     for write in (dxf, svg, lambda d: pdf([d], "one")):
         assert write(drawing) == write(drawing)
+
+
+def test_svg_files_are_as_large_as_their_drawing_and_hold_the_same_lines(drawings):
+    drawing = drawings["upper"]
+    root = ET.fromstring(svg(drawing))
+    width, height = (1e3 * side for side in drawing.size)
+    assert root.get("width") == f"{width:.3f}mm"
+    assert [float(v) for v in root.get("viewBox").split()] == pytest.approx(
+        [0, 0, width, height], abs=1e-3
+    )
+    space = "{http://www.w3.org/2000/svg}"
+    groups = {g.get("id"): g for g in root.iter(f"{space}g")}
+    outlines = [p.get("points").split() for p in groups["PANEL"]]
+    mine = [line for line in drawing.lines if line.layer == "PANEL"]
+    assert len(outlines) == len(mine)
+    x, y = (float(v) for v in outlines[0][0].split(","))
+    assert (x, height - y) == pytest.approx(tuple(1e3 * mine[0].points[0]), abs=1e-3)
+
+
+def test_the_pdf_is_drawn_at_1_to_1(drawings):
+    drawing = drawings["coupon" if "coupon" in drawings else "upper"]
+    content = pdf([drawing], "one")
+    [box] = re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", content)
+    points = 72 / 25.4
+    assert float(box[0]) == pytest.approx((max(1e3 * drawing.size[0], 110) + 20) * points, abs=0.01)
+    stream = content.split(b"stream\n")[1].split(b"\nendstream")[0]
+    ink = zlib.decompress(stream).decode("cp1252")
+    scale = float(ink.split()[0])
+    bar = next(line for line in ink.splitlines() if line.endswith(" S") and line.count(" l") == 4)
+    ends = [float(word) for word in bar.split() if word not in ("m", "l", "S")][::2]
+    assert (max(ends) - min(ends)) * scale == pytest.approx(100 * points, rel=1e-6)

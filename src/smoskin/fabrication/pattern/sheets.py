@@ -14,6 +14,7 @@ from shapely.ops import linemerge
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
+from smoskin.errors import DesignError
 from smoskin.fabrication.drawing import Circle, Drawing, Label, Line
 from smoskin.fabrication.pattern.flat import FlatSheet, flat_sheet, outlines
 from smoskin.fabrication.workshop import Workshop
@@ -35,7 +36,13 @@ class Panels(NamedTuple):
 
 
 def panels(sheet: FlatSheet, workshop: Workshop, *, upper: bool) -> Panels:
-    """Finished panels of one face, seen from above, holes of their vertices taken out."""
+    """Finished panels of one face, seen from above, holes of their vertices taken out.
+
+    Raises
+    ------
+    DesignError
+        If the holes cut a panel apart or take half of it.
+    """
     shift = workshop.border + workshop.slot
     corners = outlines(sheet, sheet.upper if upper else sheet.lower) + shift
     inner = set(sheet.inner.tolist())
@@ -46,6 +53,11 @@ def panels(sheet: FlatSheet, workshop: Workshop, *, upper: bool) -> Panels:
         for vertex in facet:
             if vertex in inner:
                 shape = shape.difference(discs[vertex])
+        if shape.geom_type != "Polygon" or shape.area < Polygon(four).area / 2:
+            raise DesignError(
+                f"vertex holes must leave panels whole; got holes of {2e3 * sheet.hole:.2f} mm in "
+                f"panels of {1e6 * Polygon(four).area:.0f} mm2: take narrower gaps or larger cells"
+            )
         shapes.append(shape)
     return Panels(shapes, float(sum(shape.area for shape in shapes)))
 
