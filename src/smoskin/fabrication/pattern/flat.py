@@ -121,7 +121,7 @@ def flat_sheet(design: SkinDesign, workshop: Workshop) -> FlatSheet:
     >>> from smoskin.design.document import read_design
     >>> sheet = flat_sheet(read_design("planar"), Workshop())
     >>> (1e3 * sheet.extent).round(1), [round(1e3 * gap, 2) for gap in sheet.at_b]
-    (array([134.3, 191.6]), [1.38, 1.2])
+    (array([134.2, 191.6]), [1.38, 1.2])
     """
     at_a, at_b = crease_gaps(design, workshop)
     _check_panels(design, at_a, at_b)
