@@ -42,9 +42,10 @@ def test_the_manifest_names_every_file_with_its_checksum(small, bundle, tmp_path
         assert set(file) == {"path", "kind", "sha256", "units"}
         content = (tmp_path / file["path"]).read_bytes()
         assert hashlib.sha256(content).hexdigest() == file["sha256"]
-        assert file["path"].endswith(file["kind"])
+        endings = {"gerber": "gbr", "drill": "drl", "text": ("_dru", "_sym", "-table")}
+        assert file["path"].endswith(endings.get(file["kind"], file["kind"]))
     kinds = {file["kind"] for file in manifest["files"]}
-    assert kinds >= {"dxf", "svg", "fold", "pdf", "csv", "stl", "3mf", "html", "json"}
+    assert kinds >= {"dxf", "svg", "fold", "pdf", "csv", "stl", "3mf", "html", "json", "kicad_pcb"}
     with pytest.raises(FileError, match="exists"):
         write_bundle(bundle, tmp_path)
     write_bundle(bundle, tmp_path, force=True)

@@ -12,6 +12,7 @@ Kind = Literal[
     "3mf",
     "kicad_pcb",
     "kicad_sch",
+    "kicad_pro",
     "csv",
     "html",
     "json",

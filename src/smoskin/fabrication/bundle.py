@@ -14,6 +14,7 @@ from smoskin.arguments import typed
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import require
 from smoskin.fabrication.artifact import Artifact
+from smoskin.fabrication.boards import board_files
 from smoskin.fabrication.materials import Item, bill, bill_csv
 from smoskin.fabrication.moulds.files import solid_files
 from smoskin.fabrication.pattern.files import pattern_files
@@ -78,6 +79,8 @@ def make_bundle(
     tell("moulds and parts", 0.4)
     solids = solid_files(design, shop)
     files += solids.files
+    tell("boards", 0.8)
+    files += board_files(design)
     tell("bill of materials", 0.9)
     items = bill(design, shop, solids.parts)
     files.append(
