@@ -48,6 +48,11 @@ from smoskin import load_response_table
 load_response_table("planar").save("a.table")
 load_response_table("a.table")
 """,
+    "fabrication": """
+from smoskin import load_design
+from smoskin.fabrication.bundle import make_bundle
+assert len(make_bundle(load_design("planar")).files) > 40
+""",
     "plots": """
 from smoskin import load_design, plots
 plots.draw_skin(load_design("planar"))
