@@ -55,7 +55,7 @@ def test_the_hot_press_is_told_with_its_warning_where_panels_stand_it(planar):
     shop = Workshop(bond="hot press", adhesive=0.0)
     solids = solid_files(design, shop)
     items = bill(design, shop, solids.parts)
-    [page] = [f for f in process_files(design, shop, solids, items) if f.kind == "html"]
+    [page] = [f for f in process_files(design, shop, solids, items) if f.path == "process.html"]
     assert "320 degC. Never with acrylic" in page.content.decode()
     assert not [item for item in items if "adhesive" in item.part]
 

@@ -6,6 +6,7 @@ Hides the solid modeller, and the formats STL and 3MF; lengths are metres here, 
 import io
 import struct
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 from xml.sax.saxutils import escape
@@ -152,6 +153,17 @@ def triangles_of(solid: Any) -> tuple[Floats, Ints]:
     """
     mesh = solid.simplify(1e-6).to_mesh64()
     return np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, dtype=np.int64)
+
+
+def joined_mesh(parts: Sequence[Part]) -> tuple[Floats, Ints]:
+    """Vertices, m, and triangles of several parts, one after another."""
+    places, faces, count = [], [], 0
+    for part in parts:
+        vertices, triangles = triangles_of(part.solid)
+        places.append(vertices)
+        faces.append(triangles + count)
+        count += len(vertices)
+    return np.concatenate(places), np.concatenate(faces)
 
 
 def stl(part: Part) -> bytes:

@@ -18,11 +18,14 @@ from smoskin.origami.geometry import geometry
 
 COLOURS: Final = {
     "panel": "#9ecae1",
+    "upper": "#9ecae1",
+    "lower": "#7fb3d5",
     "film": "#e6843b",
     "column": "#f4cccc",
     "pillar": "#f4cccc",
     "scale": "#d9c2e9",
     "magnet": "#555555",
+    "sunk": "#555555",
     "holder": "#b6d7a8",
     "frame": "#cccccc",
     "board": "#4d7f4d",
@@ -184,7 +187,11 @@ def sectors(design: SkinDesign) -> Picture:
 def whole_skin(design: SkinDesign, sheet: FlatSheet, workshop: Workshop) -> list[Part]:
     """Every part of the assembled skin with its panels, for pictures."""
     solids = assembly.folded_panels(design, sheet, workshop)
-    folded = [Part(name=f"panel_{k}", title="panel", solid=s) for k, s in enumerate(solids)]
+    half = len(solids) // 2
+    folded = [
+        Part(name=f"{'upper' if k < half else 'lower'}_{k % half}", title="panel", solid=solid)
+        for k, solid in enumerate(solids)
+    ]
     return [*assembly.assembled(design, workshop), *folded]
 
 

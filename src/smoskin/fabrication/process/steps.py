@@ -37,9 +37,9 @@ def steps_of(
     sheet: FlatSheet,
     drawings: list[Drawing],
     solids: Solids,
+    parts: list[Part],
 ) -> tuple[Step, ...]:
     """Every step in the order of work."""
-    parts = pictures.whole_skin(design, sheet, workshop)
     return (
         _cut(design, workshop, sheet, drawings[0]),
         _bond(design, workshop, sheet),
