@@ -98,8 +98,8 @@ MLX90393_PINS: Final[Mapping[str, tuple[str, Role]]] = MappingProxyType(
         "17": ("EP", "ground"),
     }
 )
-"""Pins of the QFN-16. Sources: Melexis MLX90393 data sheet, pin definitions, and three foreign
-boards and libraries that agree with it (tests/fabrication/boards). MISO and INT are driven by the
+"""Pins of the QFN-16, named as in the Melexis data sheet. Source: two libraries and a board in use,
+all by others, which agree (tests/fabrication/boards). MISO and INT are driven by the
 chip and not used over I2C. With pin 1 at the upper left and the numbers running counter-clockwise
 the chip senses x to the right and y up."""
 
