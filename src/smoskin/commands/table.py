@@ -100,7 +100,8 @@ def make_table(
     Parameters
     ----------
     tolerances : Tolerances, optional
-        What made skins are drawn from.
+        What made skins are drawn from; by default the usual ones, each under a cover of its own:
+        what loads the sheet between vertices is then among the modes.
     folder : path, optional
         Folder that keeps the presses; by default they are thrown away.
     engine : Engine, optional
@@ -120,7 +121,7 @@ def make_table(
     work = effort or Effort()
     if work.presses < (least := least_presses(design)):
         raise ArgumentError(f"presses must be at least {least} of this design; got {work.presses}")
-    sweeps = _plan(design, work, tolerances)
+    sweeps = _plan(design, work, tolerances or Tolerances(contact=1.0))
     total, before = sum(sweep.rows for sweep in sweeps.values()), 0
     pressed: dict[str, Dataset] = {}
     with TemporaryDirectory() as passing:
@@ -140,7 +141,7 @@ def _tell(
     progress(f"{name}: {rows}", begin + share * done)
 
 
-def _plan(design: SkinDesign, work: Effort, tolerances: Tolerances | None) -> dict[str, Sweep]:
+def _plan(design: SkinDesign, work: Effort, tolerances: Tolerances) -> dict[str, Sweep]:
     """What is pressed, by the names of the data sets."""
     press, seed, cell = partial(Repeated, forces=work.force), 3 * work.seed, geometry(design).cell
     compared = press(count=work.presses_a_skin, drag=work.drag, seed=seed + 2)

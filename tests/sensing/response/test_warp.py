@@ -225,7 +225,7 @@ def test_the_estimator_answers_places_not_loads(table, drawn, planar):
         found = [one._read(0.0, signals, 25.0).contacts[0] for one in (estimator, plain)]
         errors.append([np.linalg.norm(contact.position - place) for contact in found])
     with_law, without = np.mean(errors, axis=0)
-    assert with_law < 0.5e-3
+    assert with_law < 0.7e-3  # skins are drawn with covers of their own
     assert with_law < without / 2
 
 
