@@ -10,6 +10,7 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
+from smoskin.errors import DesignError
 from smoskin.origami.geometry import geometry
 
 FRAME_WALL: Final = 3e-3
@@ -74,6 +75,11 @@ def pillar_places(design: SkinDesign) -> Floats:
 
     Pillars stand in rows as near to square as their number allows; one that would meet a base
     magnet's pocket or a chip on the board's lower face moves straight away from it.
+
+    Raises
+    ------
+    DesignError
+        If pillars run into each other, or stand beside the board.
     """
     count, extent = design.shear_layer.pillars, geometry(design).extent
     rows = max(1, round(float(np.sqrt(count * extent[1] / extent[0]))))
@@ -94,4 +100,23 @@ def pillar_places(design: SkinDesign) -> Floats:
         away = np.where(apart[near, None] > 1e-9, off[near], [1.0, 0.0])
         away = away / np.linalg.norm(away, axis=1, keepdims=True)
         moved[near] = at[:2] + room * away
+    _check_pillars(design, moved)
     return moved
+
+
+def _check_pillars(design: SkinDesign, places: Floats) -> None:
+    """Refuse pillars that run into each other or stand beside the board."""
+    wide = 2 * design.shear_layer.radius
+    apart = np.linalg.norm(places[:, None] - places[None], axis=2)
+    apart[np.diag_indices(len(places))] = np.inf
+    if apart.min() < wide:
+        raise DesignError(
+            f"the shear layer's pillars must stand {1e3 * wide:.2f} mm apart, their diameter; got "
+            f"{1e3 * float(apart.min()):.2f} mm: take fewer or thinner ones"
+        )
+    low, _, high, _ = board_box(design).wider(-wide / 2).corners
+    if not ((places >= low) & (places <= high)).all():
+        raise DesignError(
+            f"the shear layer's pillars must stand under the board, {1e3 * wide / 2:.2f} mm within "
+            "its edge; got one outside: take thinner pillars or another place for the base's magnet"
+        )

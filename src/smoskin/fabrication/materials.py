@@ -171,6 +171,15 @@ def _magnets(design: SkinDesign) -> list[Item]:
             note=f"four each of {', '.join(names)}; magnetised along the bisector",
         )
         for (radius, height), names in sizes.items()
+    ] + [
+        Item(
+            part="shim disc, 0.1 and 0.2 mm",
+            quantity=3 * len(design.magnets),
+            unit="pieces",
+            material="polyimide or brass",
+            mass_g=0.0,
+            note="under a magnet or its holder, as the first readings ask for",
+        )
     ]
 
 

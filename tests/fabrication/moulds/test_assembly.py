@@ -105,6 +105,18 @@ def test_magnets_clear_their_chips_by_the_gap(planar):
         assert min(part.solid.min_gap(chip.solid, 0.02) for chip in chips.values()) > 1e-3
 
 
+def test_a_column_on_the_holder_reaches_up_to_the_sheet_and_clears_it(planar):
+    magnets = tuple(replace(magnet, driver="column") for magnet in planar.magnets)
+    design, shop = replace(planar, magnets=magnets), Workshop()
+    parts = assembly.holders(design, shop)
+    assert len(parts) == 6
+    assert overlaps([*parts, *sheet_parts(design, shop)]) == {}
+    drivers = [part for part in parts if part.name.startswith("holder_driver")]
+    solids = assembly.folded_panels(design, flat_sheet(design, shop), shop)
+    for part in drivers:
+        assert min(part.solid.min_gap(solid, 5e-3) for solid in solids) < 2e-3
+
+
 def test_holders_leave_columns_their_play(planar):
     shop = Workshop()
     columns = assembly.columns(planar, shop)
@@ -157,3 +169,6 @@ def test_parts_that_cannot_be_made_are_refused_with_their_measure(planar):
         DesignError, match=r"'M1' must lie below the base's face.*2.40 mm; got 0.90"
     ):
         assembly.base(replace(planar, halls=sites), shop)
+    low = replace(planar, shear_layer=replace(planar.shear_layer, height=0.8e-3))
+    with pytest.raises(DesignError, match=r"shear_layer.height must be at least 1.15.*got 0.80 mm"):
+        assembly.base(low, shop)

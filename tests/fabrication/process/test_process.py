@@ -40,6 +40,9 @@ def test_the_page_tells_every_step_of_figure_s4(files):
     assert page.count("<figure>") >= 9
     assert not re.search(r'(src|href)="', page)  # nothing comes from outside
     assert "320 degC" not in page  # no hot press in a sheet with acrylic
+    row = re.search(r"<td>magnet_mould_1</td>(.*?)</tr>", page).group(1)
+    assert "PTFE, PEEK, aluminium" in row
+    assert "PLA" not in row
     order = [page.index(text) for text in ("foot_jig", "Thread the holders", "fold_jig", "Drip")]
     assert order == sorted(order)
 
@@ -50,7 +53,7 @@ def test_the_hot_press_is_told_with_its_warning_where_panels_stand_it(planar):
         planar,
         cells=(2, 2),
         panels=replace(planar.panels, material="polyimide"),
-        magnets=tuple(replace(m, corner=corners[m.name]) for m in planar.magnets),
+        magnets=tuple(replace(m, corner=corners[m.name], driver="column") for m in planar.magnets),
     )
     shop = Workshop(bond="hot press", adhesive=0.0)
     solids = solid_files(design, shop)
@@ -58,6 +61,8 @@ def test_the_hot_press_is_told_with_its_warning_where_panels_stand_it(planar):
     [page] = [f for f in process_files(design, shop, solids, items) if f.path == "process.html"]
     assert "320 degC. Never with acrylic" in page.content.decode()
     assert not [item for item in items if "adhesive" in item.part]
+    assert "Glue a rubber column of 4.0 mm" in page.content.decode()
+    assert not [part for part in solids.parts if "driver" in part.name]
 
 
 def test_the_pdf_has_pages(files):

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 import shapely
-from shapely import Polygon
+from shapely import Point, Polygon
 
 from smoskin.arrays import Bools, Floats
 from smoskin.design.skin import Magnet, SkinDesign
@@ -29,6 +29,8 @@ _HOLDER_WALL: Final = 1.2e-3
 """m: wall of a holder round its magnet and its notches."""
 BASE_FLOOR: Final = 2.0e-3
 """m: base under the pocket of its magnet."""
+_DRIVER: Final = 2e-3
+"""m: radius of the column by which the sheet drives a magnet."""
 _SCREW: Final = 1.6e-3
 """m: radius of the base's holes, for screws of nylon or brass."""
 _SCREW_EDGE: Final = 4e-3
@@ -257,11 +259,43 @@ def _holder(design: SkinDesign, workshop: Workshop, magnet: Magnet, place: Float
     walls = walls.intersection(outline)
     body = prism(outline, bottom, bottom + HOLDER_FLOOR) + prism(walls, bottom, top)
     lid = prism(outline, top, top + LID)
+    driver = []
+    if magnet.driver == "column":
+        driver.append(_driver(design, workshop, magnet, (*place[:2].tolist(), top + LID)))
     title = f"of {magnet.name}; its notches hang on the columns beside it"
     return [
         Part(name=f"holder_{magnet.name}", title=f"holder {title}", solid=body, silicone=True),
         Part(name=f"holder_lid_{magnet.name}", title=f"lid of {magnet.name}, glued on", solid=lid),
+        *driver,
     ]
+
+
+def _driver(
+    design: SkinDesign, workshop: Workshop, magnet: Magnet, foot: tuple[float, float, float]
+) -> Part:
+    """The rubber column from a holder's lid to the sheet straight above, which moves the magnet."""
+    vertices = geometry(design).sheet.vertices
+    above = foot[2]
+    for corners in vertices[geometry(design).sheet.facets]:
+        if Polygon(corners[:, :2]).buffer(1e-9).covers(Point(foot[:2])):
+            sides = np.stack([corners[1] - corners[0], corners[3] - corners[0]], axis=1)
+            share = np.linalg.solve(sides[:2], np.array(foot[:2]) - corners[0, :2])
+            above = max(above, float(corners[0, 2] + sides[2] @ share))
+    top = above - _clear_of_sheet(design, workshop)
+    if top - foot[2] < workshop.wall:
+        raise DesignError(
+            f"magnet {magnet.name!r}'s column to the sheet must be at least "
+            f"{1e3 * workshop.wall:.2f} mm high; got {1e3 * (top - foot[2]):.2f} mm"
+        )
+    solid = prism(disc(foot, _DRIVER), foot[2], top)
+    title = f"rubber column from the lid of {magnet.name} to the sheet, dripped to it"
+    return Part(name=f"holder_driver_{magnet.name}", title=title, solid=solid, silicone=True)
+
+
+def _clear_of_sheet(design: SkinDesign, workshop: Workshop) -> float:
+    """Depth below the sheet at which a column of `_DRIVER`'s radius clears the lower panels, m."""
+    fold = float(np.pi - dihedral_angles(design.cell).at_b)
+    return workshop.plate(design) / float(np.cos(fold / 2)) + _DRIVER * float(np.tan(fold / 2))
 
 
 def holder_outline(
@@ -310,6 +344,12 @@ def base(design: SkinDesign, workshop: Workshop) -> list[Part]:
         If a magnet on the base would stand in the shear layer.
     """
     top = -design.columns.height - design.board.thickness - design.shear_layer.height
+    package = 1e-3 + workshop.fit
+    if any(m.mount == "base" for m in design.magnets) and design.shear_layer.height < package:
+        raise DesignError(
+            f"shear_layer.height must be at least {1e3 * package:.2f} mm, so that the chip under "
+            f"the board clears the base; got {1e3 * design.shear_layer.height:.2f} mm"
+        )
     edge, parts, pockets = board_box(design).wider(2 * _SCREW_EDGE), [], []
     floor = top - 4e-3
     for magnet, place in zip(design.magnets, geometry(design).magnets, strict=True):

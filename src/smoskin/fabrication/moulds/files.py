@@ -61,7 +61,8 @@ def printed_parts(design: SkinDesign, workshop: Workshop) -> list[Part]:
         *assembly.holders(design, workshop),
         *assembly.base(design, workshop),
     ]
-    return [_laid(part) for part in parts]
+    # Rubber columns on holders are cast, or cut from a rod.
+    return [_laid(part) for part in parts if not part.name.startswith("holder_driver")]
 
 
 def _laid(part: Part) -> Part:

@@ -27,6 +27,7 @@ def process_files(
         design=design,
         steps=steps_of(design, workshop, flat, sheet_drawings(design, workshop), solids, parts),
         items=tuple(items),
+        tools=solids.tools,
         tolerances=tolerance_table(design),
         readings=first_readings(design),
     )

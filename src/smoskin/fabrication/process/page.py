@@ -11,6 +11,7 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.fabrication.drawing import pdf_of, pdf_path, pdf_text
 from smoskin.fabrication.materials import Item
+from smoskin.fabrication.moulds.solids import Part
 from smoskin.fabrication.process.pictures import Picture
 from smoskin.fabrication.process.readings import FirstReading
 from smoskin.fabrication.process.steps import Step
@@ -36,6 +37,8 @@ class Sheet:
     design: SkinDesign
     steps: tuple[Step, ...]
     items: tuple[Item, ...]
+    tools: tuple[Part, ...]
+    """Moulds and jigs, before they are split."""
     tolerances: tuple[Tolerance, ...]
     readings: tuple[FirstReading, ...]
 
@@ -51,6 +54,16 @@ class Sheet:
         bill += [
             [i.part, f"{i.quantity:g}", i.material, f"{i.mass_g:.2f}", i.note] for i in self.items
         ]
+        tools = [["mould or jig", "what it is", "size, mm", "may be made of"]]
+        tools += [
+            [
+                part.name,
+                part.title,
+                " x ".join(f"{1e3 * side:.0f}" for side in part.size),
+                ", ".join(part.made_of),
+            ]
+            for part in self.tools
+        ]
         limits = [["what", "limit", "effect", "check"]]
         limits += [[t.what, t.text, t.effect, t.check] for t in self.tolerances]
         first = [["chip", "address", "x, mT", "y, mT", "z, mT"]]
@@ -60,6 +73,7 @@ class Sheet:
         ]
         return [
             ("Bill of materials", bill),
+            ("Moulds and jigs, and what each may be made of", tools),
             ("Tolerances: the twin's made skins are drawn from the same table", limits),
             ("First power-up: readings of a good skin, untouched, in the chips' own axes", first),
         ]

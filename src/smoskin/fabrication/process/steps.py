@@ -257,16 +257,23 @@ def _stand(design: SkinDesign, parts: list[Part]) -> Step:
     """Columns, frame and holders."""
     sheet_magnets = [m.name for m in design.magnets if m.mount == "sheet"]
     level, stand = _level(design), _of(parts, "column", "holder", "magnet", "frame")
+    drivers = [
+        f"Glue a rubber column of {1e3 * part.size[0]:.1f} mm, {1e3 * part.size[2]:.1f} mm high, "
+        f"on {part.name.replace('driver', 'lid')}; it is dripped to the sheet with the other columns."
+        for part in _of(parts, "holder")
+        if "driver" in part.name
+    ]
     return Step(
         figure="(4)",
         title="Columns, frame and holders",
         actions=(
-            "Screw or glue the frame on to the board; lay foot_jig into it; prime the board's "
+            "Glue the frame on to the board; lay foot_jig into it; prime the board's "
             "mask; set a column into each hole on a drop of rubber; lift the jig off when it "
             "has cured.",
             f"Thread the holders {', '.join(sheet_magnets)} from above between their columns; "
             "put a feeler of the gap between holder and chip, and fill the notches' play with "
             "a bead of rubber each, which carries the holder and lets it turn.",
+            *drivers,
         ),
         checks=(
             "holders hang free of board and frame",
