@@ -259,7 +259,7 @@ def _stand(design: SkinDesign, parts: list[Part]) -> Step:
     level, stand = _level(design), _of(parts, "column", "holder", "magnet", "frame")
     drivers = [
         f"Glue a rubber column of {1e3 * part.size[0]:.1f} mm, {1e3 * part.size[2]:.1f} mm high, "
-        f"on {part.name.replace('driver', 'lid')}; it is dripped to the sheet with the other columns."
+        f"on {part.name.replace('driver', 'lid')}; drip it to the sheet with the others."
         for part in _of(parts, "holder")
         if "driver" in part.name
     ]
