@@ -14,6 +14,8 @@ from smoskin.fabrication.pattern.flat import flat_sheet
 from smoskin.fabrication.process.files import process_files
 from smoskin.fabrication.process.page import _wrapped
 from smoskin.fabrication.process.pictures import (
+    COLOURS,
+    plan,
     through_a_magnet,
     whole_skin,
 )
@@ -112,3 +114,17 @@ def test_the_section_shows_the_magnet_over_its_chip(planar):
     site = planar.halls[1]
     assert gap == pytest.approx(site.gap - (1e-3 - planar.board.sensing_height), abs=1e-6)
     assert dark[0].centroid.x == pytest.approx(geometry(planar).magnets[1, 0], abs=1e-5)
+
+
+def test_a_plan_hides_no_part_behind_another_s_opening(planar):
+    shop = Workshop()
+    parts = whole_skin(planar, flat_sheet(planar, shop), shop)
+    stand = [p for p in parts if p.name.split("_")[0] in ("column", "frame", "holder", "magnet")]
+    shown = plan(stand, -6.7e-3, "").shapes
+    for kind, count in (("magnet", 2), ("column", 91)):
+        mine = [k for k, s in enumerate(shown) if s.fill == COLOURS[kind]]
+        assert len(mine) == count
+        for k in mine:
+            middle = shapely.Polygon(shown[k].points).centroid
+            over = [s for s in shown[k + 1 :] if shapely.Polygon(s.points).contains(middle)]
+            assert over == []

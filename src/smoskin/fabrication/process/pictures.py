@@ -109,9 +109,9 @@ def _cut(solid: Any, at: float, fill: str, *, across_y: bool) -> list[Shape]:
 
 
 def plan(parts: Sequence[Part], height: float, caption: str) -> Picture:
-    """Parts cut at a height, seen from above."""
+    """Parts cut at a height, seen from above, the widest first: openings hide what is below."""
     shapes = []
-    for part in parts:
+    for part in sorted(parts, key=lambda part: -float(part.size[:2].prod())):
         low, high = np.array(part.solid.bounding_box())[[2, 5]]
         if low < height < high:
             fill = COLOURS.get(part.name.split("_")[0], COLOURS["tool"])
