@@ -14,8 +14,8 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.fabrication.pattern.flat import crease_gaps
-from smoskin.fabrication.process.tolerances import CUT, LASER, made_tolerances
-from smoskin.fabrication.workshop import Workshop
+from smoskin.fabrication.process.tolerances import CUT, made_tolerances
+from smoskin.fabrication.workshop import LASER, Workshop
 from smoskin.feasibility import RATED_PRESS, RATED_SHEAR, load_design
 from smoskin.magnetics import mlx90393
 from smoskin.mechanics.sheet.touches import touches_of

@@ -10,6 +10,7 @@ from smoskin.fabrication.workshop import Workshop, check_process, read_workshop
 
 def test_acrylic_never_goes_into_the_hot_press(planar):
     shop = Workshop(bond="hot press")
+    assert shop.adhesive == 0.0
     with pytest.raises(DesignError, match=r"320 degC.*got acrylic.*220 degC.*flammable"):
         check_process(planar, shop)
     check_process(replace(planar, panels=replace(planar.panels, material="polyimide")), shop)

@@ -15,6 +15,7 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.errors import require
+from smoskin.fabrication.workshop import LASER
 
 LAYERS: Final = {
     "CUT": (1, "#ff0000"),
@@ -209,7 +210,8 @@ def _page(drawing: Drawing) -> tuple[tuple[float, float], str]:
     bar = np.add([[0, 0], [0, 5], [0, 0], [100, 0], [100, 5]], [margin, 16])
     ink += ["0 0 0 RG", pdf_path(bar, closed=False)]
     ink.append(pdf_text(margin + 34, 17.5, "100 mm: measure before cutting", 2.5))
-    ink.append(pdf_text(margin, 8, drawing.title, 3.5))
+    limit = f"mm; limits ± {1e3 * LASER:g} mm; tool paths are offset by half of the kerf"
+    ink += [pdf_text(margin, 8, drawing.title, 3.5), pdf_text(margin, 3.5, limit, 2.5)]
     return size, "\n".join(ink)
 
 

@@ -9,11 +9,14 @@ from dataclasses import dataclass, fields
 from typing import Final, Literal
 
 from smoskin.arguments import typed
+from smoskin.arrays import assign
 from smoskin.design.skin import SkinDesign
 from smoskin.documents import Form
 from smoskin.errors import DesignError
 from smoskin.outputs import read_text
 
+LASER: Final = 0.1e-3
+"""m: limit of what laser-cut and moulded lengths may miss."""
 PRESS_TEMPERATURE: Final = 320.0
 """degC: hot press of the SI's heat-proof sheets."""
 MAGNET_TEMPERATURE: Final = 110.0
@@ -51,7 +54,7 @@ class Workshop:
     kerf: float = 0.15e-3
     """m: width of the laser's cut; measure it on the coupon."""
     adhesive: float = 0.05e-3
-    """m: thickness of one layer of double-sided adhesive."""
+    """m: thickness of one layer of double-sided adhesive; none in the hot press."""
     crease_clearance: float = 0.1e-3
     """m: what the concave gap is wider than panels that just touch."""
     bond: Literal["adhesive", "hot press"] = "adhesive"
@@ -86,6 +89,8 @@ class Workshop:
     """m: thickness of a top scale."""
 
     def __post_init__(self) -> None:
+        if self.bond == "hot press":
+            assign(self, adhesive=0.0)
         for name, (least, most) in _LIMITS.items():
             if not least <= getattr(self, name) <= most:
                 raise DesignError(

@@ -57,7 +57,7 @@ def test_the_hot_press_is_told_with_its_warning_where_panels_stand_it(planar):
         panels=replace(planar.panels, material="polyimide"),
         magnets=tuple(replace(m, corner=corners[m.name], driver="column") for m in planar.magnets),
     )
-    shop = Workshop(bond="hot press", adhesive=0.0)
+    shop = Workshop(bond="hot press")
     solids = solid_files(design, shop)
     items = bill(design, shop, solids.parts)
     [page] = [f for f in process_files(design, shop, solids, items) if f.path == "process.html"]

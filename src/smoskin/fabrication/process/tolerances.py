@@ -10,14 +10,13 @@ from typing import Final
 
 from smoskin.design.materials import ELASTOMERS
 from smoskin.design.skin import SkinDesign
+from smoskin.fabrication.workshop import LASER
 from smoskin.magnetics import sector
 from smoskin.mechanics.beam import beam
 from smoskin.twin.manufacture import Tolerances
 
 CUT: Final = 3.0
 """Limit over standard deviation."""
-LASER: Final = 0.1e-3
-"""m: limit of laser-cut and moulded lengths."""
 GAP: Final = 0.3e-3
 """m: limit of a magnet's place as assembled by hand, its gap among it."""
 REMANENCE: Final = (0.4, 1.0)
