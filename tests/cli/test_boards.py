@@ -142,6 +142,8 @@ def test_sheets_are_learned_as_asked(monkeypatch, folder, recording):
     import smoskin.service.recording as recordings
 
     class Sheet:
+        contacts = (1, 2, 3)
+
         def __init__(self, name):
             self.name, self.readings = name, None
 
@@ -170,7 +172,8 @@ def test_sheets_are_learned_as_asked(monkeypatch, folder, recording):
     expected = None if recording is None else ["a", "b", "c"]
     assert [sheet.readings for sheet in learned.asked[0]] == [expected] * 2
     assert learned.options["seed"] == 4
-    assert set(learned.options) == {"seed", "progress"}
+    assert set(learned.options) == {"seed", "chips", "progress"}
+    assert learned.options["chips"] is None
     assert [str(path) for path in saved] == ["mine.model"]
     assert done.stdout == (
         "mine.model, judged by 5 folds of 30 places:\nplace_error_mm: 1.23\ninside: 0.9\n"
@@ -181,6 +184,19 @@ def test_sheets_are_learned_as_asked(monkeypatch, folder, recording):
         "file": "mine.model", "split": "5 folds of 30 places", "place_error_m": 1.23456e-3,
         "inside": 0.9,
     }  # fmt: skip
+    judged = Worked((Metric("place_error", 2e-3, "m"),))
+    monkeypatch.setattr(work, "judge_touches", judged)
+    words += ["--chips", "0,3", "--test", "three.csv", "--test", "four.csv"]
+    done = invoke("learn", *words)
+    assert done.stdout.endswith(
+        "inside: 0.9\n6 touches of 2 sheets that were not learned:\nplace_error_mm: 2\n"
+    )
+    assert learned.options["chips"] == (0, 3)
+    assert judged.asked[0] is model
+    assert [sheet.name for sheet in judged.asked[1]] == ["three.csv", "four.csv"]
+    assert [sheet.readings for sheet in judged.asked[1]] == [expected] * 2
+    told = json.loads(invoke("learn", *words, "--json").stdout)
+    assert told["test"] == {"place_error_m": 2e-3}
     (folder / "mine.model").write_bytes(b"x")
     assert invoke("learn", *words).exit_code != 0
 

@@ -1,6 +1,7 @@
 """Commands that press a twin for a response table, and that train networks on one."""
 
 import json
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -26,6 +27,7 @@ from smoskin.cli.frame import (
 from smoskin.errors import require
 from smoskin.feasibility import load_design
 from smoskin.outputs import check_output
+from smoskin.sensing.learned.gaussian_process import Metric
 from smoskin.sensing.response.table import ResponseTable
 
 
@@ -171,7 +173,9 @@ def train(
         typer.echo(str(file))
 
 
-@app.command(epilog=examples("learn touches.csv --out own.model", "learn monday.csv tuesday.csv"))
+@app.command(
+    epilog=examples("learn touches.csv --out own.model", "learn monday.csv --test tuesday.csv")
+)
 def learn(
     sheets: Annotated[
         list[Path], Argument(help="Sheets of touches that have been made, of touches record.")
@@ -180,6 +184,12 @@ def learn(
     recording: Annotated[
         File, Option(help="MCAP with the readings, where one sheet says when touches were held.")
     ] = None,
+    chips: Annotated[
+        Text, Option(help="Chips that the model reads, such as 1,2; all by default.")
+    ] = None,
+    test: Annotated[
+        list[Path] | None, Option(help="Sheet of touches to judge by and not to learn.")
+    ] = None,
     seed: Annotated[int, Option(min=0, help="Seed of what is held out.")] = 0,
     overwrite: Force = False,
     as_json: Json = False,
@@ -187,30 +197,50 @@ def learn(
     """Learn the touches of any board with any number of chips, and say how well.
 
     Places are held out whole, in five folds, to tell the error; the model is then trained on all
-    touches. smoskin run SOURCE --calibration FILE runs it.
+    touches. --test judges it on sheets of another day or run too, where a board's zero, rubber and
+    placing differ. smoskin run SOURCE --calibration FILE runs it.
     """
+    from smoskin.commands.train import parse_chips
     from smoskin.measurement import read_touches
-    from smoskin.sensing.learned.touches import learn_touches
+    from smoskin.sensing.learned.touches import judge_touches, learn_touches
 
     check_output(out, force=overwrite)
     require("a learned model", "learned", "safetensors")
+    used = None if chips is None else parse_chips(chips)
     tables = [read_touches(sheet)[0] for sheet in sheets]
+    tests = [read_touches(sheet)[0] for sheet in test or ()]
     if recording is not None:
         from smoskin.service.recording import open_recording
 
         readings = list(open_recording(recording).readings())
         tables = [table.with_readings(readings) for table in tables]
+        tests = [table.with_readings(readings) for table in tests]
     with progress_bar() as progress:
-        model = learn_touches(tables, seed=seed, progress=progress)
+        model = learn_touches(tables, chips=used, seed=seed, progress=progress)
+    judged = judge_touches(model, tests) if tests else ()
     model.save(out)
-    figures = {f"{m.name}_{m.unit}".rstrip("_"): m.value for m in model.metrics}
+    figures, missed = _figures(model.metrics), _figures(judged)
     if as_json:
-        typer.echo(json.dumps({"file": str(out), "split": model.split, **figures}))
+        told = {"file": str(out), "split": model.split, **figures}
+        typer.echo(json.dumps(told | ({"test": missed} if tests else {})))
         return
-    typer.echo(f"{out}, judged by {model.split}:")
+    _tell(f"{out}, judged by {model.split}:", figures)
+    if tests:
+        touches = sum(len(table.contacts) for table in tests)
+        _tell(f"{touches} touches of {len(tests)} sheets that were not learned:", missed)
+    typer.echo(f"Now: smoskin run SOURCE --calibration {out}", err=True)
+
+
+def _figures(metrics: Iterable[Metric]) -> dict[str, float]:
+    """Figures by their names with units."""
+    return {f"{m.name}_{m.unit}".rstrip("_"): m.value for m in metrics}
+
+
+def _tell(heading: str, figures: dict[str, float]) -> None:
+    """Print figures under a heading."""
+    typer.echo(heading)
     for name, value in _in_millimetres(figures).items():
         typer.echo(f"{name}: {value:.3g}")
-    typer.echo(f"Now: smoskin run SOURCE --calibration {out}", err=True)
 
 
 def _in_millimetres(figures: dict[str, float]) -> dict[str, float]:

@@ -11,7 +11,7 @@ from smoskin.errors import ArgumentError
 from smoskin.measurement import TouchTable
 from smoskin.records import Reading, Status
 from smoskin.sensing.learned.gaussian_process import LearnedEstimator, Output
-from smoskin.sensing.learned.touches import examples_of, learn_touches
+from smoskin.sensing.learned.touches import examples_of, judge_touches, learn_touches
 
 
 def sheet(count: int, *, seed: int = 0, force=None, drift: float = 0.0, place=None) -> TouchTable:
@@ -78,6 +78,41 @@ def test_a_hundred_touches_are_learned_and_honestly_judged() -> None:
     assert 0.3 < np.mean(misses) / figures["mean_error"] < 1.5
     rest = estimator.step(Reading(time=100.0, field=REST))
     assert rest.status is Status.NO_CONTACT
+
+
+def test_touches_of_another_day_are_judged_by_themselves() -> None:
+    model = learn_touches([sheet(60)])
+    day = {metric.name: metric.value for metric in judge_touches(model, [sheet(40, seed=1)])}
+    told = {metric.name: metric.value for metric in model.metrics}
+    assert set(day) == {*told, "refused"}
+    assert 0.3 < day["mean_error"] / told["mean_error"] < 1.5
+    assert 0.75 < day["inside_90_percent_region"] <= 1.0
+    assert day["refused"] < 0.1
+    # A skin put on again two millimetres beside its marks, pressed as before.
+    moved = sheet(40, seed=1)
+    moved = replace(moved, position=moved.position + np.array([2e-3, 0.0]))
+    off = {metric.name: metric.value for metric in judge_touches(model, [moved])}
+    assert_allclose(off["mean_error"], 2e-3, rtol=0.2)
+    assert off["inside_90_percent_region"] < 0.5
+    assert off["rmse_fz"] == day["rmse_fz"]
+    shy = judge_touches(replace(model, reach=1e-6), [moved])
+    assert {metric.name: metric.value for metric in shy}["refused"] == 1.0
+    with pytest.raises(ArgumentError, match="of a board with 5 chips; got 4"):
+        judge_touches(model, [replace(moved, field=moved.field[:, :4], temperature=None)])
+
+
+def test_chosen_chips_alone_are_read() -> None:
+    table = sheet(40)
+    model = learn_touches([table], chips=(0, 3))
+    assert model.encoding.chips == (0, 3)
+    assert model.chips_in_reading == 5
+    spoilt = table.field.copy()
+    spoilt[:, [1, 2, 4]] += np.random.default_rng(0).normal(0.0, 1e-3, (len(spoilt), 3, 3))
+    assert judge_touches(model, [replace(table, field=spoilt)]) == judge_touches(model, [table])
+    figures = {metric.name: metric.value for metric in model.metrics}
+    assert figures["mean_error"] < 1e-3
+    with pytest.raises(ArgumentError, match="field must have the chips"):
+        learn_touches([table], chips=(0, 5))
 
 
 @pytest.mark.parametrize("seed", [0, 9, 23])

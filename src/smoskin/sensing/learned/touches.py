@@ -2,7 +2,7 @@
 
 Decides which rest counts for a touch (the last one before it), which quantities there are to
 learn, and that figures, stated covariance and reach are those of folds of whole places, since a
-few touches held out once tell little.
+few touches held out once tell little. Touches of another day or run are judged by themselves.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from smoskin.arguments import Seed, typed
-from smoskin.arrays import Floats
+from smoskin.arrays import Floats, Ints
 from smoskin.errors import ArgumentError
 from smoskin.measurement import TouchTable
 from smoskin.roles import Progress, unheard
@@ -47,6 +47,32 @@ def examples_of(tables: Sequence[TouchTable]) -> Examples:
         If sheets are of boards with different numbers of chips, a touch has no rest before it, or
         nothing varies.
     """
+    field, known, run = _made(tables)
+    forces = known[:, 2:]
+    vary = np.concatenate(
+        [
+            np.ptp(known[:, :2], axis=0) > _SPREAD,
+            forces.std(axis=0) > _VARIED * np.abs(forces).max(),
+        ]
+    )
+    vary[:2] = vary[:2].any()
+    if not vary.any():
+        raise ArgumentError("touches must differ in place or force; got the same every time")
+    _, place = np.unique(np.round(known[:, :2] / _PLACE_GRID), axis=0, return_inverse=True)
+    # Where the place stays, each touch is held out by itself.
+    group = place.reshape(-1) if vary[0] else np.arange(len(known))
+    return Examples(
+        time=np.arange(len(known), dtype=float),
+        field=field,
+        targets=known[:, vary],
+        outputs=tuple(output for output, varies in zip(Output, vary, strict=False) if varies),
+        group=group,
+        run=run,
+    )
+
+
+def _made(tables: Sequence[TouchTable]) -> tuple[Floats, Floats, Ints]:
+    """Fields less the rest before, (T, S, 3), places with forces, (T, 5), and sheets, (T,)."""
     fields: list[Floats] = []
     targets: list[Floats] = []
     runs: list[int] = []
@@ -68,51 +94,33 @@ def examples_of(tables: Sequence[TouchTable]) -> Examples:
             runs.append(number)
     if not fields:
         raise ArgumentError("touches must hold some that were read; got none")
-    known = np.array(targets)
-    forces = known[:, 2:]
-    vary = np.concatenate(
-        [
-            np.ptp(known[:, :2], axis=0) > _SPREAD,
-            forces.std(axis=0) > _VARIED * np.abs(forces).max(),
-        ]
-    )
-    vary[:2] = vary[:2].any()
-    if not vary.any():
-        raise ArgumentError("touches must differ in place or force; got the same every time")
-    _, place = np.unique(np.round(known[:, :2] / _PLACE_GRID), axis=0, return_inverse=True)
-    # Where the place stays, each touch is held out by itself.
-    group = place.reshape(-1) if vary[0] else np.arange(len(known))
-    return Examples(
-        time=np.arange(len(known), dtype=float),
-        field=np.array(fields),
-        targets=known[:, vary],
-        outputs=tuple(output for output, varies in zip(Output, vary, strict=False) if varies),
-        group=group,
-        run=np.array(runs),
-    )
+    return np.array(fields), np.array(targets), np.array(runs)
 
 
 @typed
 def learn_touches(
     tables: Sequence[TouchTable],
     *,
+    chips: Sequence[int] | None = None,
     seed: Seed = 0,
     effort: FittingEffort | None = None,
     progress: Progress = unheard,
 ) -> LearnedModel:
-    """A model of the touches of sheets, by all chips, with its error on places held out.
+    """A model of the touches of sheets, by these chips or all, with its error on places held out.
 
     Places are held out in five folds, whole; the model is then trained on all touches, and its
     metrics, covariance and reach are those of the folds. It raises an `ArgumentError` as
-    `examples_of`, or if there are fewer than five places.
+    `examples_of`, if there are fewer than five places, or a chip is not there.
     """
     examples = examples_of(tables)
-    encoding = Encoding(chips=tuple(range(examples.field.shape[1])), form=Form.DIRECTION)
+    every = range(examples.field.shape[1])
+    encoding = Encoding(chips=tuple(every if chips is None else chips), form=Form.DIRECTION)
     groups = np.unique(examples.group)
     if len(groups) < _LEAST_PLACES:
         raise ArgumentError(f"touches must be at {_LEAST_PLACES} places or more; got {len(groups)}")
     place = tables[0].position[tables[0].touched][0]
-    size = np.sqrt((examples.field**2).sum(axis=(1, 2)))
+    inputs = examples.encode(encoding)
+    size = np.sqrt((examples.field[:, list(encoding.chips)] ** 2).sum(axis=(1, 2)))
     faint = max(_FAINT, 0.5 * float(np.quantile(size, 0.05)))
 
     def trained(part: Examples, share: float) -> LearnedModel:
@@ -127,7 +135,6 @@ def learn_touches(
         )
 
     fold = np.random.default_rng(seed).permutation(len(groups)) % _FOLDS
-    inputs = examples.encode(encoding)
     error = np.empty_like(examples.targets)
     factor, novelty = np.empty((2, len(error)))
     for k in range(_FOLDS):
@@ -144,6 +151,27 @@ def learn_touches(
         metrics=(*model.metrics, *_held_share(model, error, factor)),
         split=f"{_FOLDS} folds of {len(groups)} {what}, drawn with seed {seed}",
     )
+
+
+@typed
+def judge_touches(model: LearnedModel, tables: Sequence[TouchTable]) -> tuple[Metric, ...]:
+    """What a model misses on the touches of sheets that it has not learned.
+
+    Beside the errors stand the share that its 90 % region of the place holds, and that of touches
+    so unlike those it has learned that it would refuse them. It raises an `ArgumentError` if a
+    touch has no rest before it, none was read, or the sheets are of another number of chips.
+    """
+    field, known, _ = _made(tables)
+    if field.shape[1] != model.chips_in_reading:
+        raise ArgumentError(
+            f"touches must be of a board with {model.chips_in_reading} chips; got {field.shape[1]}"
+        )
+    predicted = model.predict(model.encoding.encode(np.arange(float(len(field))), field))
+    error = predicted.values - known[:, [output.value for output in model.outputs]]
+    factor = predicted.covariance[:, 0, 0] / model.residual[0, 0]
+    figures = judged(model, error, factor, predicted.novelty).metrics
+    refused = Metric("refused", float((predicted.novelty > 1.0).mean()), "")
+    return (*figures, *_held_share(model, error, factor), refused)
 
 
 def _held_share(model: LearnedModel, error: Floats, factor: Floats) -> tuple[Metric, ...]:
