@@ -107,7 +107,7 @@ def sheet_of(run: ProbeRun, rows: slice = slice(None)) -> TouchTable:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("chips", "most"), [(None, 0.40e-3), ((2, 4), 0.80e-3)])
+@pytest.mark.parametrize(("chips", "most"), [(None, 0.40e-3), ((3, 4), 0.80e-3)])
 def test_a_sheet_of_recorded_touches_is_learned_as_well_as_the_recording(
     recordings: Path, chips: tuple[int, ...] | None, most: float
 ) -> None:

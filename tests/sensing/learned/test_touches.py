@@ -63,6 +63,7 @@ def test_a_hundred_touches_are_learned_and_honestly_judged() -> None:
     assert figures["mean_error"] < 0.8e-3
     assert figures["rmse_fz"] < 0.05
     assert 0.75 < figures["inside_90_percent_region"] <= 1.0
+    assert 0.75 < figures["inside_90_percent_range_fz"] <= 1.0
     assert learned.split == "5 folds of 100 places, drawn with seed 0"
     estimator = LearnedEstimator(learned)
     estimator.zero([Reading(time=0.01 * k, field=REST) for k in range(20)], force=True)
@@ -94,6 +95,14 @@ def test_touches_of_another_day_are_judged_by_themselves() -> None:
     off = {metric.name: metric.value for metric in judge_touches(model, [moved])}
     assert_allclose(off["mean_error"], 2e-3, rtol=0.2)
     assert off["inside_90_percent_region"] < 0.5
+    # A gauge that reads 0.2 N more, which is far beyond what force is off otherwise.
+    more = replace(moved, force=moved.force - np.where(moved.touched[:, None], [0, 0, 0.2], 0))
+    ranges = [
+        next(m.value for m in judge_touches(model, [one]) if m.name == "inside_90_percent_range_fz")
+        for one in (moved, more)
+    ]
+    assert ranges[0] > 0.75
+    assert ranges[1] < 0.25
     assert off["rmse_fz"] == day["rmse_fz"]
     shy = judge_touches(replace(model, reach=1e-6), [moved])
     assert {metric.name: metric.value for metric in shy}["refused"] == 1.0

@@ -33,6 +33,8 @@ _FAINT: Final = 30e-6
 """Field below which there is no touch, T, at least."""
 _NINETY: Final = 4.605
 """Square of the deviation that nine of ten draws in the plane stay below, in variances."""
+_NINETY_ALONE: Final = 2.706
+"""The same of draws on a line."""
 
 
 def examples_of(tables: Sequence[TouchTable]) -> Examples:
@@ -175,9 +177,16 @@ def judge_touches(model: LearnedModel, tables: Sequence[TouchTable]) -> tuple[Me
 
 
 def _held_share(model: LearnedModel, error: Floats, factor: Floats) -> tuple[Metric, ...]:
-    """Share of the errors, (T, O), that the stated 90 % region of the place holds."""
-    if Output.X not in model.outputs:
-        return ()
-    miss = error[:, :2]
-    squares = (miss * np.linalg.solve(model.residual[:2, :2], miss.T).T).sum(axis=1) / factor
-    return (Metric("inside_90_percent_region", float((squares <= _NINETY).mean()), ""),)
+    """Shares of errors, (T, O), inside the stated 90 % region of place and ranges of force."""
+    inside = {}
+    if Output.X in model.outputs:
+        miss = error[:, :2]
+        squares = (miss * np.linalg.solve(model.residual[:2, :2], miss.T).T).sum(axis=1)
+        inside["region"] = squares <= _NINETY * factor
+    for k, output in enumerate(model.outputs):
+        if output in (Output.FX, Output.FY, Output.FZ):
+            within = error[:, k] ** 2 <= _NINETY_ALONE * factor * model.residual[k, k]
+            inside[f"range_{output.name.lower()}"] = within
+    return tuple(
+        Metric(f"inside_90_percent_{name}", float(held.mean()), "") for name, held in inside.items()
+    )
