@@ -103,11 +103,11 @@ def column_mould(design: SkinDesign, workshop: Workshop) -> list[Part]:
 def foot_jig(design: SkinDesign, workshop: Workshop) -> Part:
     """A plate on the board that places the columns' feet, chips in its windows."""
     outline = frame_opening(design).buffer(-workshop.fit, join_style="mitre")
-    for place in column_places(design):
-        outline = outline.difference(disc(place, design.columns.radius + workshop.fit))
+    reach = design.columns.radius + workshop.fit
+    windows: list[Any] = [disc(place, reach) for place in column_places(design)]
     for place in geometry(design).chips:
-        corners = place[:2] + 3e-3 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-        outline = outline.difference(Polygon(corners))
+        windows.append(Polygon(place[:2] + 3e-3 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])))
+    outline = outline.difference(shapely.union_all(windows))
     outline = max(getattr(outline, "geoms", [outline]), key=lambda piece: piece.area)
     return Part(
         name="foot_jig",
