@@ -23,10 +23,16 @@ def sway_stiffness(load, unit, height, share):
     return unit * (z / (2 * more * np.tan(q / 2) / q - 1)).real
 
 
+def at_columns(lattice, motion):
+    """Motion of the columns' tops along the columns' own axes, (C, 3)."""
+    axes = np.swapaxes(lattice.supports.axes, 1, 2)
+    return (axes @ motion[lattice.feet][..., None])[..., 0]
+
+
 def column_loads(lattice, motion):
     """Compression of each column, N, by bisection of the shortening, and its sway stiffness."""
     made = lattice.supports
-    moved = motion[made.feet].astype(np.longdouble)
+    moved = at_columns(lattice, motion).astype(np.longdouble)
     wide, short = (moved[:, :2] ** 2).sum(axis=1), -moved[:, 2]
 
     def stiffness(load):
@@ -54,11 +60,11 @@ def energy(lattice, motion):
     stretch = ((2 * rest + growth) * growth).sum(axis=1) / (2 * np.linalg.norm(rest, axis=1))
     turn = angles(moved[lattice.hinges]) - unstressed_angles(lattice)
     load, stiffness = column_loads(lattice, motion)
-    at_feet = motion[lattice.feet].astype(np.longdouble)
+    at_feet = at_columns(lattice, motion).astype(np.longdouble)
     of_columns = stiffness * (at_feet[:, :2] ** 2).sum(axis=1) / 2 - load * at_feet[:, 2]
     of_columns -= load**2 / (2 * lattice.supports.axial)
     stops = lattice.stops
-    past = (motion[stops.nodes, :2] * stops.normal).sum(axis=1) - stops.free
+    past = (motion[stops.nodes] * stops.normal).sum(axis=1) - stops.free
     return (
         0.5 * (lattice.bar_stiffness * stretch**2).sum()
         + 0.5 * (lattice.hinge_stiffness * turn**2).sum()
@@ -78,14 +84,15 @@ def inner_force(lattice, motion):
     moved = lattice.nodes + motion
     force = np.zeros_like(motion)
     load, stiffness = column_loads(lattice, motion)
-    force[lattice.feet, :2] = stiffness[:, None] * motion[lattice.feet, :2]
-    force[lattice.feet, 2] = -load
+    at_feet = stiffness[:, None] * at_columns(lattice, motion)
+    at_feet[:, 2] = -load
+    force[lattice.feet] = (lattice.supports.axes @ at_feet[..., None])[..., 0]
     stops = lattice.stops
-    past = (motion[stops.nodes, :2] * stops.normal).sum(axis=1) - stops.free
+    past = (motion[stops.nodes] * stops.normal).sum(axis=1) - stops.free
     inside = np.clip(past / stops.rounding, -1, 1)
     push = stops.stiffness * (stops.rounding * (inside + 1) ** 2 / 4 + past.clip(stops.rounding))
     push -= stops.stiffness * stops.rounding
-    np.add.at(force[:, :2], stops.nodes, push[:, None] * stops.normal)
+    np.add.at(force, stops.nodes, push[:, None] * stops.normal)
     for (i, j), k in zip(lattice.bars, lattice.bar_stiffness, strict=True):
         rest, now = lattice.nodes[j] - lattice.nodes[i], moved[j] - moved[i]
         length = np.linalg.norm(rest)
@@ -105,5 +112,7 @@ def outer_force(model, touches, pressed, row):
     force = touches.force[row].copy()
     force[:, :2] += pressed.reaction[row]
     loads = np.zeros_like(model.lattice.nodes)
-    loads[model.lattice.loaded.ravel()] = case.shares[row].T @ force
+    shared = case.shares[row].T @ force
+    turned = (model.lattice.loaded_axes @ shared[..., None])[..., 0]
+    loads[model.lattice.loaded.ravel()] = turned
     return loads

@@ -5,7 +5,6 @@ must clear columns and each other, fit between board and sheet, and keep every c
 range over the whole stroke.
 """
 
-import math
 import os
 from dataclasses import dataclass
 from itertools import combinations
@@ -21,7 +20,7 @@ from smoskin.magnetics import mlx90393, sector
 from smoskin.mechanics.reduced.attenuation import magnet_displacements, profiles
 from smoskin.mechanics.reduced.stiffness import board_stiffness, stiffness_map
 from smoskin.mechanics.sheet.lattice import swaying_stiffness
-from smoskin.origami.geometry import geometry
+from smoskin.origami.geometry import from_columns, geometry
 
 RATED_PRESS: Final = 1.0
 """N: the largest press that a skin must read without saturating, as in the paper."""
@@ -101,13 +100,11 @@ def _stroke(design: SkinDesign, magnet: Magnet) -> float:
 
 def _check_room(design: SkinDesign) -> None:
     """Magnets against columns, each other, board and sheet."""
-    sheet = geometry(design).sheet
-    columns = sheet.vertices[sheet.columns.ravel(), :2]
-    places = geometry(design).magnets[:, :2]
-    for magnet, place in zip(design.magnets, places, strict=True):
+    skin = geometry(design)
+    for magnet, place in zip(design.magnets, skin.magnets, strict=True):
         if magnet.mount != "sheet":
             continue
-        apart = np.linalg.norm(columns - place, axis=1)
+        apart = from_columns(skin, place)
         if magnet.driver == "vertex":
             apart = np.delete(apart, apart.argmin())
         room = float(apart.min()) - design.columns.radius
@@ -116,12 +113,14 @@ def _check_room(design: SkinDesign) -> None:
                 f"magnet {magnet.name!r} overlaps a column: radius must be below "
                 f"{room * 1e3:.2f} mm at corner {magnet.corner}; got {magnet.radius * 1e3:.2f} mm"
             )
-    for (other, place), (magnet, own) in combinations(zip(design.magnets, places, strict=True), 2):
-        apart, least = math.dist(own, place), magnet.radius + other.radius
-        if magnet.mount == other.mount and apart <= least:
+    placed = zip(design.magnets, skin.magnets, skin.magnet_axes[..., 2], strict=True)
+    for (other, place, _), (magnet, own, axis) in combinations(placed, 2):
+        between = float(np.linalg.norm(np.cross(own - place, axis)))
+        least = magnet.radius + other.radius
+        if magnet.mount == other.mount and between <= least:
             raise DesignError(
                 f"magnets {other.name!r} and {magnet.name!r} overlap: they must be more than "
-                f"{least * 1e3:.1f} mm apart; got {apart * 1e3:.1f} mm"
+                f"{least * 1e3:.1f} mm apart; got {between * 1e3:.1f} mm"
             )
     for site in design.halls:
         magnet = design.magnet(site.magnet)

@@ -94,7 +94,7 @@ class Reading:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Contact:
-    """One touch, in the skin's frame.
+    """One touch, in the skin's frame; on a limb in that of its surface there.
 
     Examples
     --------
@@ -103,9 +103,10 @@ class Contact:
     """
 
     position: Floats
-    """(2,), m: place on the undeformed skin."""
+    """(2,), m: place on the undeformed skin; y is along the arc."""
     force: Floats
-    """(3,), N, that the toucher exerts on the skin; pressing is negative z."""
+    """(3,), N, that the toucher exerts on the skin along x, y and outward; pressing is negative
+    z."""
 
     def __init__(self, *, position: ArrayLike, force: ArrayLike) -> None:
         assign(self, position=position, force=force)
@@ -198,8 +199,8 @@ class Motion:
     """
 
     magnets: Floats
-    """(..., G, 6): shift of each magnet's middle over the board, m, and its rotation vector, rad;
-    zero for a magnet on the base."""
+    """(..., G, 6): shift of each magnet's middle over the board along its local axes, m, and its
+    rotation vector about them, rad; zero for a magnet on the base."""
     board: Floats
     """(..., 6): shift of the board over the base along x, y and z, m, and its rotation vector about
     the middle of the pillars' tops, rad."""

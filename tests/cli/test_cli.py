@@ -96,7 +96,7 @@ def test_a_bench_calibrates_a_skin_and_the_skin_runs_with_it(tmp_path):
     [
         (
             ("info", "plannar"),
-            "must be the name of a shipped design (optimised, planar)",
+            "must be the name of a shipped design (curved, optimised, planar)",
         ),
         (("run", "usb://planar"), "error: url must be replay:FILE"),
         (("run", "replay:nowhere.mcap"), "nowhere.mcap"),

@@ -1,6 +1,5 @@
 """Real recordings by the doors of boards: an AnySkin's wire, and touches by hand to learn from."""
 
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,8 +39,8 @@ def estimator_of(run: ProbeRun, *, force: bool) -> tuple[LearnedEstimator, list[
     model = train_model(examples, encoding, effort=LITTLE)
     warmth = np.full(len(chips), 25.0)
     readings = [
-        Reading(time=at - run.time[0], field=field, temperature=warmth)
-        for at, field in zip(run.time[:ROWS], run.field[:ROWS], strict=True)
+        Reading(time=time - run.time[0], field=field, temperature=warmth)
+        for time, field in zip(run.time[:ROWS], run.field[:ROWS], strict=True)
     ]
     return LearnedEstimator(model, zero), readings
 
@@ -89,29 +88,6 @@ def test_estimates_over_a_port_are_the_same_places(recordings: Path) -> None:
         assert one.status is other.status
         for here, there in zip(one.contacts, other.contacts, strict=True):
             np.testing.assert_array_equal(here.position, there.position)
-
-
-@pytest.mark.slow
-def test_forces_by_times_of_arrival_are_the_same(recordings: Path) -> None:
-    """Ten seconds at their own pace: what is remembered of a load depends on when it was read."""
-    pytest.importorskip("serial")
-    run = next(run for run in read_eflesh(recordings) if run.set == "normal_force")
-    estimator, readings = estimator_of(run, force=True)
-    loaded = int(np.argmax(run.load[:ROWS] > 1.0))
-    readings = readings[max(loaded - 10, 0) :][:100]
-    with Line() as line, SerialSource(line.port, format="anyskin") as source:
-        wired, start = [], time.monotonic() - readings[0].time
-        for reading, frame in zip(readings, frames(readings), strict=True):
-            time.sleep(max(0.0, start + reading.time - time.monotonic()))
-            line.send(frame)
-            arrived = source.read(10.0)
-            assert arrived is not None
-            wired.append(arrived)
-    batch, live = estimates(estimator, readings), estimates(estimator, wired)
-    pairs = [(one, other) for one, other in zip(batch, live, strict=True) if one.contacts]
-    assert len(pairs) > 50
-    off = [one.contacts[0].force - other.contacts[0].force for one, other in pairs]
-    assert 0.0 < np.nanmax(np.abs(off)) < 0.02
 
 
 def sheet_of(run: ProbeRun, rows: slice = slice(None)) -> TouchTable:

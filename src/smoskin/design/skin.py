@@ -12,77 +12,18 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from functools import partial
 from types import MappingProxyType
-from typing import Any, Final, Literal, TypeVar
+from typing import Any, Final, Literal
 
-from smoskin.arguments import typed
 from smoskin.arrays import assign
+from smoskin.design.checks import MOST_CELLS, choice, named, part_of_design, share, within
 from smoskin.design.materials import ELASTOMERS, FILMS
 from smoskin.errors import DesignError, ModelError
 
-Part = TypeVar("Part")
 Origin = Literal["printed", "inferred", "assumed"]
 AXES: Final = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
-_SIZE: Final = (1e-6, 1.0, "m")
-_LIMITS: Final[Mapping[str, tuple[float, float, str]]] = MappingProxyType(
-    {
-        **dict.fromkeys(("panel_a", "panel_b", "thickness", "gap", "radius", "height"), _SIZE),
-        "sensing_height": _SIZE,
-        "clearance": _SIZE,
-        "held_height": _SIZE,
-        "play": _SIZE,
-        "pillars": (1, 10_000, ""),
-        "remanence": (1.0, 1e7, "A/m"),
-        "stiffness_variation": (1e-3, 1e3, ""),
-        "folding_correction": (1e-6, 1e6, "N"),
-    }
-)
-"""Least and most of each value that can be built, and its unit."""
-_MOST_CELLS: Final = 64
-"""Cells along x or y, and parts of one kind, that the models are laid out for."""
-_LONGEST_NAME: Final = 100
-"""Characters of a name."""
-
-
-def _within(owner: str, **values: float) -> None:
-    """Refuse values that nobody can build."""
-    for name, value in values.items():
-        least, most, unit = _LIMITS[name]
-        if not (math.isfinite(value) and value > 0.0) and least > 0.0:
-            raise DesignError(f"{owner}.{name} must be positive and finite; got {value}")
-        if not least <= value <= most:
-            wanted = f"from {least:g} to {most:g} {unit}".rstrip()
-            raise DesignError(f"{owner}.{name} must be {wanted}; got {value:g}")
-
-
-def _share(owner: str, **values: float) -> None:
-    """Refuse what is no share."""
-    for name, value in values.items():
-        if not 0.0 <= value <= 1.0:
-            raise DesignError(f"{owner}.{name} must lie in [0, 1]; got {value}")
-
-
-def _named(owner: str, name: str) -> None:
-    """Refuse what people cannot call a part by."""
-    if not (0 < len(name) <= _LONGEST_NAME and name.isprintable() and name.strip()):
-        raise DesignError(
-            f"{owner}.name must be 1 to {_LONGEST_NAME} characters of text; got {name!r}"
-        )
-
-
-def _choice(owner: str, name: str, value: object, valid: tuple[object, ...]) -> None:
-    if value not in valid:
-        wanted = ", ".join(map(str, valid))
-        raise DesignError(f"{owner}.{name} must be one of {wanted}; got {value!r}")
-
-
-def _part(record: type[Part]) -> type[Part]:
-    """A record that refuses what its annotations do not admit as a design's fault."""
-    return typed(record, DesignError)
-
-
-@_part
+@part_of_design
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:
     """Origin of a value."""
@@ -93,7 +34,7 @@ class Provenance:
     """Reason for this value."""
 
 
-@_part
+@part_of_design
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MiuraCell:
     """The unit cell of the folded sheet (Figure S6)."""
@@ -108,7 +49,7 @@ class MiuraCell:
     """rad, phi: half the in-plane angle of the zigzag; alpha is flat."""
 
     def __post_init__(self) -> None:
-        _within("cell", panel_a=self.panel_a, panel_b=self.panel_b)
+        within("cell", panel_a=self.panel_a, panel_b=self.panel_b)
         if not 0.0 < self.sector_angle < math.pi / 2:
             raise DesignError(
                 f"cell.sector_angle must lie in (0, pi/2) = (0, 1.571) rad; "
@@ -121,7 +62,7 @@ class MiuraCell:
             )
 
 
-@_part
+@part_of_design
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Creases:
     """The bare film between two panels, about which they fold."""
@@ -138,12 +79,12 @@ class Creases:
     """Share of the strip's shift out of the plane that counts: 0 for an ideal hinge, 1 in full."""
 
     def __post_init__(self) -> None:
-        _within("creases", thickness=self.thickness, gap=self.gap)
-        _share("creases", set_fraction=self.set_fraction, strip_shift=self.strip_shift)
-        _choice("creases", "material", self.material, tuple(FILMS))
+        within("creases", thickness=self.thickness, gap=self.gap)
+        share("creases", set_fraction=self.set_fraction, strip_shift=self.strip_shift)
+        choice("creases", "material", self.material, tuple(FILMS))
 
 
-@_part
+@part_of_design
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Panels:
     """The stiff plates on both faces of the film, taken as one plate."""
@@ -156,12 +97,12 @@ class Panels:
     """Bending stiffness over that of one solid plate: 1/4 where the adhesive lets plates slide."""
 
     def __post_init__(self) -> None:
-        _within("panels", thickness=self.thickness)
-        _share("panels", bonding=self.bonding)
-        _choice("panels", "material", self.material, tuple(FILMS))
+        within("panels", thickness=self.thickness)
+        share("panels", bonding=self.bonding)
+        choice("panels", "material", self.material, tuple(FILMS))
 
 
-@_part
+@part_of_design
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Columns:
     """The elastomer columns, one under each bottom vertex of the sheet."""
@@ -174,11 +115,11 @@ class Columns:
     """A name in `smoskin.design.materials.ELASTOMERS`."""
 
     def __post_init__(self) -> None:
-        _within("columns", radius=self.radius, height=self.height)
-        _choice("columns", "material", self.material, tuple(ELASTOMERS))
+        within("columns", radius=self.radius, height=self.height)
+        choice("columns", "material", self.material, tuple(ELASTOMERS))
 
 
-@_part
+@part_of_design
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
     """The constraint frame round the sheet: a stop of the rim columns, outward only."""
@@ -191,10 +132,10 @@ class Frame:
     """Body that carries the frame; one on the base takes its load past the shear layer."""
 
     def __post_init__(self) -> None:
-        _within("frame", clearance=self.clearance, held_height=self.held_height)
+        within("frame", clearance=self.clearance, held_height=self.held_height)
 
 
-@_part
+@part_of_design
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Board:
     """The circuit board that carries the chips on both faces, under the columns."""
@@ -205,10 +146,10 @@ class Board:
     """m: distance from the board's face to the point inside the chip that senses."""
 
     def __post_init__(self) -> None:
-        _within("board", thickness=self.thickness, sensing_height=self.sensing_height)
+        within("board", thickness=self.thickness, sensing_height=self.sensing_height)
 
 
-@_part
+@part_of_design
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShearLayer:
     """The soft pillars that carry the board, so that a drag moves it over its base."""
@@ -223,11 +164,11 @@ class ShearLayer:
     """A name in `smoskin.design.materials.ELASTOMERS`."""
 
     def __post_init__(self) -> None:
-        _within("shear_layer", pillars=self.pillars, radius=self.radius, height=self.height)
-        _choice("shear_layer", "material", self.material, tuple(ELASTOMERS))
+        within("shear_layer", pillars=self.pillars, radius=self.radius, height=self.height)
+        choice("shear_layer", "material", self.material, tuple(ELASTOMERS))
 
 
-@_part
+@part_of_design
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Magnet:
     """A disc of four sectors, each magnetised along its bisector towards the centre."""
@@ -254,13 +195,13 @@ class Magnet:
     """m: play of the holder's notches on either side of a column."""
 
     def __post_init__(self) -> None:
-        _named("magnet", self.name)
+        named("magnet", self.name)
         owner = f"magnet {self.name!r}"
-        _within(owner, radius=self.radius, height=self.height, remanence=self.remanence)
-        _within(owner, play=self.play)
+        within(owner, radius=self.radius, height=self.height, remanence=self.remanence)
+        within(owner, play=self.play)
 
 
-@_part
+@part_of_design
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HallSite:
     """One chip, opposite the middle of its magnet at rest."""
@@ -272,16 +213,16 @@ class HallSite:
     gap: float
     """m: gap from the magnet's nearer face to the sensing point, at rest."""
     axes: tuple[str, str, str]
-    """Directions of the chip's x, y, z in the skin's frame, such as ("+x", "-y", "-z")."""
+    """Directions of the chip's x, y, z in the skin's axes there, such as ("+x", "-y", "-z")."""
     address: int
     """7-bit I2C address."""
 
     def __post_init__(self) -> None:
-        _named("hall site", self.name)
+        named("hall site", self.name)
         owner = f"hall site {self.name!r}"
-        _within(owner, gap=self.gap)
+        within(owner, gap=self.gap)
         for axis in self.axes:
-            _choice(owner, "axes", axis, AXES)
+            choice(owner, "axes", axis, AXES)
         minus = sum(axis[0] == "-" for axis in self.axes)
         letters = "".join(axis[1] for axis in self.axes)
         if letters not in (("xyz", "yzx", "zxy"), ("yxz", "xzy", "zyx"))[minus % 2]:
@@ -295,7 +236,7 @@ class HallSite:
             )
 
 
-@_part
+@part_of_design
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HallSetting:
     """Setting of every MLX90393 of the skin; the fields are its registers' own."""
@@ -317,7 +258,7 @@ class HallSetting:
                 raise DesignError(f"hall_setting.{name} must lie in 0..{most}; got {value}")
 
 
-@_part
+@part_of_design
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coefficients:
     """The numbers of the reduced model that theory does not give and calibration finds."""
@@ -335,18 +276,31 @@ class Coefficients:
         for value in self.attenuation:
             if not 0.0 < value <= 1.0:
                 raise DesignError(f"coefficients.attenuation must lie in (0, 1]; got {value}")
-        _within("coefficients", stiffness_variation=self.stiffness_variation)
+        within("coefficients", stiffness_variation=self.stiffness_variation)
         layers = len(self.folding_correction_x), len(self.folding_correction_y)
-        if not layers[0] == layers[1] > 0 or layers[0] > _MOST_CELLS:
+        if not layers[0] == layers[1] > 0 or layers[0] > MOST_CELLS:
             raise DesignError(
                 "coefficients.folding_correction_x and _y must name the same layers, from one to "
-                f"{_MOST_CELLS}; got {layers[0]} and {layers[1]}"
+                f"{MOST_CELLS}; got {layers[0]} and {layers[1]}"
             )
         for value in self.folding_correction_x + self.folding_correction_y:
-            _within("coefficients", folding_correction=value)
+            within("coefficients", folding_correction=value)
 
 
-@_part
+@part_of_design
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limb:
+    """The round limb that a curved skin lies on, its axis along the skin's x."""
+
+    skin_radius: float
+    """m: radius on which the bottom vertices lie; the limb's own is less by columns, board,
+    pillars and base."""
+
+    def __post_init__(self) -> None:
+        within("limb", skin_radius=self.skin_radius)
+
+
+@part_of_design
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SkinDesign:
     """A whole skin: what the workshop builds and every model starts from.
@@ -374,20 +328,22 @@ class SkinDesign:
     """Chips in the order of every reading."""
     hall_setting: HallSetting
     coefficients: Coefficients
+    limb: Limb | None = None
+    """Limb that the skin lies on; a skin without one is planar."""
     provenance: Mapping[str, Provenance] = field(default_factory=dict, compare=False, hash=False)
     """Origin of each value, by dotted field path such as ``cell.panel_a``."""
 
     def __post_init__(self) -> None:
         assign(self, provenance=MappingProxyType(dict(self.provenance)))
-        _named("skin", self.name)
+        named("skin", self.name)
         columns, rows = self.cells
         if columns < 1 or rows < 1:
             raise DesignError(f"cells must be at least (1, 1); got {self.cells}")
-        if max(self.cells) > _MOST_CELLS:
-            raise DesignError(f"cells must be at most {_MOST_CELLS} a side; got {self.cells}")
+        if max(self.cells) > MOST_CELLS:
+            raise DesignError(f"cells must be at most {MOST_CELLS} a side; got {self.cells}")
         for part, many in (("magnets", self.magnets), ("halls", self.halls)):
-            if len(many) > _MOST_CELLS:
-                raise DesignError(f"{part} must be at most {_MOST_CELLS}; got {len(many)}")
+            if len(many) > MOST_CELLS:
+                raise DesignError(f"{part} must be at most {MOST_CELLS}; got {len(many)}")
         if not self.frame.held_height < self.columns.height:
             raise DesignError(
                 f"frame.held_height must be below columns.height, "
@@ -400,7 +356,7 @@ class SkinDesign:
             raise DesignError("halls must name at least one chip; got none")
         names = [magnet.name for magnet in self.magnets]
         for site in self.halls:
-            _choice(f"hall site {site.name!r}", "magnet", site.magnet, tuple(names))
+            choice(f"hall site {site.name!r}", "magnet", site.magnet, tuple(names))
         for magnet in self.magnets:
             p, q = magnet.corner
             if not (0 <= p <= columns and 0 <= q <= rows):
@@ -415,10 +371,17 @@ class SkinDesign:
         return partial(SkinDesign, **values | {"provenance": dict(self.provenance)}), ()
 
     @property
+    def curvature(self) -> float:
+        """Curvature of the skin round x, 1/m; positive where the limb is inside."""
+        return 0.0 if self.limb is None else 1.0 / self.limb.skin_radius
+
+    @property
     def content_hash(self) -> str:
         """SHA-256 over every value that is built, names and provenance left out."""
         built = [part.name for part in fields(self) if part.name not in ("name", "provenance")]
         values = {name: getattr(self, name) for name in built}
+        if self.limb is None:  # a part that is not there changes nothing
+            del values["limb"]
         text = json.dumps(values, default=asdict, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 

@@ -1,6 +1,7 @@
 """The board on its pillars: a rigid body that slides, sinks and turns under what pushes the skin.
 
-The design does not place the pillars; they are taken as spread evenly under the sensing area.
+The design does not place the pillars; they are taken as spread evenly under the sensing area, and
+as standing along its normals. Under a limb's skin the board is a stiff shell that lies on them.
 """
 
 from dataclasses import dataclass
@@ -11,20 +12,35 @@ from smoskin.arrays import Floats, freeze
 from smoskin.design.materials import ELASTOMERS
 from smoskin.design.skin import SkinDesign
 from smoskin.mechanics.beam import beam
-from smoskin.origami.cell import size
+from smoskin.origami.geometry import geometry
+
+_POINTS = 12
+"""Points a side of the rule that adds up the pillars of a limb's skin; far past rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Board:
-    """How stiffly the pillars hold the board."""
+    """How stiffly the pillars hold the board, in six motions that they hold apart."""
 
     stiffness: Floats
     """(6,): against motion along x, y, z, N/m, and against turns about them, N m/rad."""
     middle: Floats
     """(3,), m: point of the board, on the pillars' tops, to which its motion refers."""
+    modes: Floats
+    """(6, 6): motion of the middle and turns, in rows, of each of the six, in columns: three
+    motions along the axes, and turns about axes through points that the pillars then do not push
+    aside. Each is its own where the pillars stand on a plane."""
 
     def __post_init__(self) -> None:
-        freeze(self, stiffness=(6,), middle=(3,))
+        freeze(self, stiffness=(6,), middle=(3,), modes=(6, 6))
+
+    def carries(self, places: Floats) -> Floats:
+        """Motion of places (..., 3), m, with each of the six motions held apart, (..., 3, 6)."""
+        return np.asarray(carried(self, places) @ self.modes)
+
+    def gives(self, loads: Floats) -> Floats:
+        """Motion of its middle and turns, (6, K), by forces, N, and moments, N m, (6, K), there."""
+        return np.asarray(self.modes @ ((self.modes.T @ loads) / self.stiffness[:, None]))
 
 
 def board_of(design: SkinDesign) -> Board:
@@ -43,19 +59,57 @@ def board_of(design: SkinDesign) -> Board:
     >>> (stiffness[:3] / 1e3).round(2).tolist(), stiffness[3:].round(2).tolist()
     ([1.61, 1.61, 8.48], [18.1, 10.18, 5.38])
     """
-    layer, cell = design.shear_layer, size(design.cell)
-    x, y = np.multiply(design.cells, [float(cell.length), float(cell.width)])
+    layer, skin = design.shear_layer, geometry(design)
     pillar = beam(layer.radius, layer.height, ELASTOMERS[layer.material].shear_modulus)
     across, along = layer.pillars * pillar.lateral, layer.pillars * pillar.axial
-    turns = [along * y**2 / 12, along * x**2 / 12, across * (x**2 + y**2) / 12]
-    return Board(
-        stiffness=np.array([across, across, along, *turns]),
-        middle=np.array([x / 2, y / 2, -design.columns.height - design.board.thickness]),
-    )
+    depth = -design.columns.height - design.board.thickness
+    middle = skin.roll.places([*skin.extent / 2, depth])
+    if design.curvature == 0.0:
+        x, y = skin.extent
+        turns = [along * y**2 / 12, along * x**2 / 12, across * (x**2 + y**2) / 12]
+        whole = np.diag([across, across, along, *turns])
+    else:
+        whole = _on_limb(design, across, along, depth, middle)
+    modes, stiffness = _apart(whole)
+    return Board(stiffness=stiffness, middle=middle, modes=modes)
+
+
+def _on_limb(
+    design: SkinDesign, across: float, along: float, depth: float, middle: Floats
+) -> Floats:
+    """Stiffness of pillars all over an arc against the board's six motions, (6, 6)."""
+    skin = geometry(design)
+    nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
+    x, y = (end * (1 + nodes) / 2 for end in skin.extent)
+    grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+    places = skin.roll.places(np.concatenate([grid, np.full((*grid.shape[:2], 1), depth)], axis=-1))
+    axes = skin.roll.axes(grid[..., 1])
+    turns = turned(places - middle)
+    moved = np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=-1)
+    local = np.swapaxes(axes, -1, -2) @ moved
+    share = np.outer(weights, weights) / 4
+    whole: Floats = np.einsum("pq,pqds,d,pqde->se", share, local, [across, across, along], local)
+    return whole
+
+
+def _apart(whole: Floats) -> tuple[Floats, Floats]:
+    """Motions (6, 6), in columns, that a stiffness (6, 6) holds apart, and how stiffly, (6,).
+
+    Notes
+    -----
+    K = L D L' with ones on the diagonal of L; the motions are the columns of L'^-1.
+    """
+    modes, stiffness = np.eye(6), np.empty(6)
+    for k in range(6):
+        for before in range(k):
+            share = modes[:, before] @ whole @ modes[:, k] / stiffness[before]
+            modes[:, k] -= share * modes[:, before]
+        stiffness[k] = modes[:, k] @ whole @ modes[:, k]
+    return modes, stiffness
 
 
 def carried(board: Board, places: Floats) -> Floats:
-    """Motion of places (..., 3), m, with each of the board's small motions, (..., 3, 6)."""
+    """Motion of places (..., 3), m, with its middle's motions and its turns, (..., 3, 6)."""
     turns = turned(np.asarray(places) - board.middle)
     return np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=-1)
 

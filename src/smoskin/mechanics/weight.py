@@ -13,6 +13,8 @@ from smoskin.origami.geometry import geometry
 
 GRAVITY: Final = 9.81
 """m/s^2."""
+_POINTS: Final = 12
+"""Points of the rule that finds the middle of an arc."""
 _ACRYLIC, _MAGNET, _BOARD = 1190.0, 5500.0, 1850.0
 """Densities, kg/m^3: panels, bonded magnets, the board."""
 
@@ -41,8 +43,13 @@ def board_mass(design: SkinDesign) -> float:
 
 def board_load(design: SkinDesign) -> Floats:
     """Forces and moments of the board on its pillars, (6, 3), by 1 m/s^2 along x, y and z."""
-    board = board_of(design)
+    skin, board = geometry(design), board_of(design)
     middle = board.middle + np.array([0.0, 0.0, design.board.thickness / 2])
+    # On a limb the board's mass lies round it, below its middle.
+    nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
+    y = skin.extent[1] * (1 + nodes) / 2
+    arc = skin.roll.places(np.stack([0 * y, y, 0 * y + middle[2]], axis=-1))
+    middle[2] += weights @ (arc[:, 2] - middle[2]) / 2
     return board_mass(design) * carried(board, middle).T
 
 
@@ -50,7 +57,7 @@ class Sags(NamedTuple):
     """Motions of a skin by its own weight, each by 1 g along x, y and z."""
 
     sheet: Floats
-    """(3,): of the sheet over the board, along the pull, m."""
+    """(3,): of the sheet over the board, along the local axes by as much along them, m."""
     board: Floats
     """(6, 3): of the board over the base, m, and its turns, rad."""
 
@@ -58,8 +65,8 @@ class Sags(NamedTuple):
 def sags(design: SkinDesign) -> Sags:
     """How far and how a skin's own weight moves its sheet and its board.
 
-    Columns bear panels and magnets, which move as a rigid plate, the pillars the board besides;
-    rubber's own weight and its softening under load are left out.
+    Columns bear panels and magnets, each as much of them, the pillars the board besides; rubber's
+    own weight and its softening under load are left out.
 
     Examples
     --------
@@ -68,10 +75,10 @@ def sags(design: SkinDesign) -> Sags:
     >>> (1e3 * sheet).round(2).tolist(), (1e3 * board[:3].diagonal()).round(2).tolist()
     ([0.13, 0.13, 0.02], [0.57, 0.57, 0.11])
     """
-    whole = geometry(design).sheet
-    column = column_beam(design)
+    skin = geometry(design)
+    whole, column = skin.sheet, column_beam(design)
     # A magnet hangs by its holder from the columns' tops.
-    hung = geometry(design).magnets * [1.0, 1.0, 0.0]
+    hung = skin.roll.places(np.pad(skin.magnet_places, ((0, 0), (0, 1))))
     places = np.vstack([whole.vertices[whole.facets].mean(axis=1), hung])
     masses = np.concatenate([panel_masses(design), magnet_masses(design)])
     board = board_of(design)
@@ -79,5 +86,5 @@ def sags(design: SkinDesign) -> Sags:
     sheet = GRAVITY * masses.sum() / whole.columns.size
     return Sags(
         sheet=sheet / np.array([column.lateral, column.lateral, column.axial]),
-        board=GRAVITY * loads / board.stiffness[:, None],
+        board=board.gives(GRAVITY * loads),
     )

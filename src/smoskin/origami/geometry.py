@@ -1,23 +1,61 @@
 """Places of everything of a skin at rest, in the skin's frame: computed once for a design.
 
-Decides the heights of magnets and chips. z = 0 is the plane of the bottom vertices; the board's
-upper face lies a column's height below. A magnet on the sheet hangs above its chip on the board's
-upper face; a magnet on the base lies below its chip on the lower face. One in place of a column
-stands under the bottom vertex next to its corner.
+Decides the heights of magnets and chips. Places on a skin are told on its developed surface, on
+which the bottom vertices lie: x along the limb's axis, y along the arc, and the height over it. The
+board's upper face lies a column's height below. A magnet on the sheet hangs above its chip on the
+board's upper face; a magnet on the base lies below its chip on the lower face. One in place of a
+column stands under the bottom vertex next to its corner. The skin's frame is that of the developed
+surface in the middle of the skin, and everywhere on a planar one.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from smoskin.arrays import Floats, freeze
 from smoskin.design.skin import SkinDesign
+from smoskin.errors import DesignError
 from smoskin.origami.cell import CellSize, size
 from smoskin.origami.sheet import Sheet, build_sheet
+from smoskin.origami.tessellation.arc import zigzag_angles
 
 _DESIGNS = 64
 """Designs whose geometry is kept."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Roll:
+    """How the developed surface lies in the skin's frame: rolled about an axis along x."""
+
+    curvature: float
+    """1/m: of the surface round x; positive where its centre is below."""
+    middle: float
+    """m: the y at which the skin's frame touches it."""
+
+    def places(self, developed: ArrayLike) -> Floats:
+        r"""Places in the skin's frame of developed ones, both (..., 3), m.
+
+        Notes
+        -----
+        With :math:`\psi = \kappa\,(y - y_0)`, :math:`(x,\; y_0 + (1/\kappa + z) \sin\psi,\;
+        (1/\kappa + z) \cos\psi - 1/\kappa)`, written so that it holds for every curvature.
+        """
+        x, y, z = np.moveaxis(np.asarray(developed, dtype=np.float64), -1, 0)
+        away = y - self.middle
+        angle = self.curvature * away
+        # sin(psi) / psi of the whole and of half the angle.
+        whole, half = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi))
+        across = y + away * (whole - 1.0) + z * np.sin(angle)
+        return np.stack([x, across, z * np.cos(angle) - away * (angle * half**2 / 2)], axis=-1)
+
+    def axes(self, y: ArrayLike) -> Floats:
+        """Local axes at such places: columns along x, along the arc and normal, (..., 3, 3)."""
+        angle = self.curvature * (np.asarray(y, dtype=np.float64) - self.middle)
+        sine, cosine, still = np.sin(angle), np.cos(angle), np.zeros_like(angle)
+        rows = [[still + 1.0, still, still], [still, cosine, sine], [still, -sine, cosine]]
+        return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -25,24 +63,45 @@ class Geometry:
     """A design at rest; its arrays are read-only."""
 
     cell: CellSize
-    """Extent of one cell, m."""
+    """Extent of one cell, m; of a curved skin along the developed surface."""
     extent: Floats
-    """(2,), m: length and width of the sensing area."""
+    """(2,), m: length and width of the sensing area, developed."""
+    roll: Roll
+    """The developed surface in the skin's frame."""
     sheet: Sheet
     """The folded sheet of all cells."""
+    developed: Floats
+    """(V, 3), m: its vertices on the developed surface and over it."""
+    axes: Floats
+    """(V, 3, 3): local axes at the vertices, columns along x, the arc and the normal."""
     tops: Floats
-    """(N, M, 2), m: place in the plane of each cell's loaded vertex."""
+    """(N, M, 2), m: developed place of each cell's loaded vertex."""
     magnets: Floats
     """(G, 3), m: middles of the magnets."""
+    magnet_places: Floats
+    """(G, 2), m: their developed places."""
+    magnet_axes: Floats
+    """(G, 3, 3): local axes at the magnets."""
     chips: Floats
     """(S, 3), m: sensing points of the chips."""
+    chip_axes: Floats
+    """(S, 3, 3): local axes at the chips; those of the magnet that each one watches."""
     rest: Floats
     """(S, 3), m: sensing point of each chip as seen from the middle of the magnet that it
-    watches; it lies straight below a magnet on the sheet, straight above one on the base."""
+    watches, along its local axes; it lies straight below a magnet on the sheet, straight above one
+    on the base."""
 
     def __post_init__(self) -> None:
-        places = (None, 3)
+        places, turns = (None, 3), (None, 3, 3)
         freeze(self, extent=(2,), tops=(None, None, 2), magnets=places, chips=places, rest=places)
+        freeze(
+            self,
+            magnet_places=(None, 2),
+            developed=places,
+            axes=turns,
+            magnet_axes=turns,
+            chip_axes=turns,
+        )
         for field in fields(self.sheet):
             getattr(self.sheet, field.name).flags.writeable = False
 
@@ -50,6 +109,9 @@ class Geometry:
 @lru_cache(maxsize=_DESIGNS)
 def geometry(design: SkinDesign) -> Geometry:
     """Geometry of a design at rest.
+
+    It raises a `DesignError` if the limb is so thin that cells cannot follow it or the skin would
+    wrap more than half of it.
 
     Notes
     -----
@@ -61,15 +123,19 @@ def geometry(design: SkinDesign) -> Geometry:
     >>> (geometry(read_design("planar")).extent * 1e3).round(1)
     array([120., 160.])
     """
-    cell, sheet = size(design.cell), build_sheet(design.cell, design.cells)
+    cell = size(design.cell)
     pitch = np.array([cell.length, cell.width])
-    feet = sheet.vertices[sheet.columns.ravel(), :2]
-    middles = {}
-    for magnet in design.magnets:
-        place = np.multiply(magnet.corner, pitch)
-        if magnet.mount == "sheet" and magnet.driver == "vertex":
-            place = feet[np.linalg.norm(feet - place, axis=1).round(9).argmin()]
-        middles[magnet.name] = place
+    extent = np.multiply(design.cells, pitch)
+    roll = Roll(curvature=design.curvature, middle=float(extent[1]) / 2)
+    if (wrap := float(extent[1]) * roll.curvature) > np.pi:
+        raise DesignError(
+            f"limb.skin_radius must be at least {1e3 * extent[1] / np.pi:.1f} mm, so that the skin "
+            f"wraps half of the limb at most; it wraps {np.degrees(wrap):.0f} degrees"
+        )
+    sheet = build_sheet(design.cell, design.cells)
+    developed = _developed(design, sheet)
+    sheet = replace(sheet, vertices=roll.places(developed))
+    middles = _magnets_middles(design, pitch, developed[sheet.columns.ravel(), :2])
     upper = -design.columns.height + design.board.sensing_height
     lower = -design.columns.height - design.board.thickness - design.board.sensing_height
     chips, rest = np.empty((len(design.halls), 3)), np.zeros((len(design.halls), 3))
@@ -82,19 +148,63 @@ def geometry(design: SkinDesign) -> Geometry:
         rest[s, 2] = -reach if on_sheet else reach
         heights[magnet.name] = chips[s, 2] - rest[s, 2]
     by_mount = {design.magnet(name).mount: height for name, height in heights.items()}
-    magnets = [
-        [*middles[magnet.name], heights.get(magnet.name, by_mount[magnet.mount])]
-        for magnet in design.magnets
-    ]
+    magnets = np.array(
+        [
+            [*middles[magnet.name], heights.get(magnet.name, by_mount[magnet.mount])]
+            for magnet in design.magnets
+        ]
+    )
     return Geometry(
         cell=cell,
-        extent=np.multiply(design.cells, pitch),
+        extent=extent,
+        roll=roll,
         sheet=sheet,
-        tops=sheet.vertices[sheet.loaded, :2],
-        magnets=np.array(magnets),
-        chips=chips,
+        developed=developed,
+        axes=roll.axes(developed[:, 1]),
+        tops=developed[sheet.loaded, :2],
+        magnets=roll.places(magnets),
+        magnet_places=magnets[:, :2],
+        magnet_axes=roll.axes(magnets[:, 1]),
+        chips=roll.places(chips),
+        chip_axes=roll.axes(chips[:, 1]),
         rest=rest,
     )
+
+
+def _developed(design: SkinDesign, sheet: Sheet) -> Floats:
+    """Vertices on the developed surface, (V, 3), of the planar sheet's.
+
+    On a limb the zigzag of the top rows narrows; they stay half way between the bottom ones.
+    """
+    places = sheet.vertices.copy()
+    if design.curvature == 0.0:
+        return places
+    n, m = design.cells
+    i, j = np.indices((2 * n + 1, 2 * m + 1)).reshape(2, -1)
+    radius = 1.0 / design.curvature
+    bottom, top = (radius * angle for angle in zigzag_angles(design.cell, radius))
+    planar = design.cell.panel_b * np.cos(design.cell.fold_angle)
+    zigzag = np.where(j % 2, top, bottom)
+    places[:, 1] += (i % 2 == 0) * (zigzag - planar) + (bottom - zigzag) / 2
+    return places
+
+
+def _magnets_middles(design: SkinDesign, pitch: Floats, feet: Floats) -> dict[str, Floats]:
+    """Developed place of each magnet's middle, by its name."""
+    middles = {}
+    for magnet in design.magnets:
+        place = np.multiply(magnet.corner, pitch)
+        if magnet.mount == "sheet" and magnet.driver == "vertex":
+            place = feet[np.linalg.norm(feet - place, axis=1).round(9).argmin()]
+        middles[magnet.name] = place
+    return middles
+
+
+def from_columns(skin: Geometry, place: Floats) -> Floats:
+    """Distance of a place in the skin's frame from each column's axis, all rows in one, m."""
+    feet = skin.sheet.columns.ravel()
+    away = place - skin.sheet.vertices[feet]
+    return np.asarray(np.linalg.norm(np.cross(away, skin.axes[feet][..., 2]), axis=1))
 
 
 def places_to_the_rim(extent: Floats, counts: tuple[int, int]) -> Floats:

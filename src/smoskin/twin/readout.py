@@ -1,6 +1,7 @@
 """From motion to what the chips read: fields of all magnets, and the chips as instruments.
 
-Decides the frames. The board carries chips and sheet; it slides, sinks and tilts over the base,
+Decides the frames: what a skin is made with, and how its magnets move, is along the local axes of
+magnets and chips. The board carries chips and sheet; it slides, sinks and tilts over the base,
 which carries the base's magnets and stands still in the skin's frame, as the Earth's field and
 neighbouring skins do. Hides how a made skin's magnets and chips are off their designed poses.
 """
@@ -52,11 +53,14 @@ class Readout:
         ]
         self._on_base = np.array([magnet.mount == "base" for magnet in design.magnets])
         hung = np.zeros((len(design.magnets), 6)) if rest is None else rest
-        self._places = geometry(design).magnets + made.magnet_place + hung[:, :3]
+        skin = geometry(design)
+        self._axes = skin.magnet_axes
+        off = [_turned(self._axes, part) for part in (made.magnet_place, hung[:, :3])]
+        self._places = skin.magnets + off[0] + off[1]
         self._turns = rotation_matrix(hung[:, 3:]) @ rotation_matrix(made.magnet_turn)
         self._made = made.chips
-        self._chips = geometry(design).chips + made.chips.place
-        self._to_skin = made.chips.rotations(design.halls)
+        self._chips = skin.chips + _turned(skin.chip_axes, made.chips.place)
+        self._to_skin = skin.chip_axes @ made.chips.rotations(design.halls)
         self._middle = board_of(design).middle
         self._earth = around.earth
         self._uneven: tuple[Floats, Floats] | None = None
@@ -64,9 +68,9 @@ class Readout:
             pairs = [*map(sector_dipoles, self._magnets, made.sectors)]
             self._uneven = np.stack([a for a, _ in pairs]), np.stack([m for _, m in pairs])
         self._neighbours = [
-            (skin.place + geometry(design).magnets @ rotation.T, rotation)
-            for skin in around.neighbours
-            for rotation in (rotation_matrix(skin.turn),)
+            (other.place + skin.magnets @ rotation.T, rotation @ skin.magnet_axes)
+            for other in around.neighbours
+            for rotation in (rotation_matrix(other.turn),)
         ]
 
     def field(self, motion: Motion, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
@@ -92,7 +96,7 @@ class Readout:
     def risen(self, motion: Motion) -> Floats:
         """Change of `seen` from the untouched skin in (B,) states, (B, S, 3), T.
 
-        It is turned to the skin's frame as the chips were meant to stand.
+        It is along the local axes at the chips, as these were meant to stand.
         """
         rest = Motion.rest(len(self._design.magnets))
         turns = mlx90393.rotations(self._design.halls)
@@ -151,18 +155,17 @@ class Readout:
         places = np.where(
             self._on_base[:, None],
             self._places,
-            self._over_base(self._places + moved[..., :3], board, shift),
+            self._over_base(self._places + _turned(self._axes, moved[..., :3]), board, shift),
         )
         turns = np.where(
             self._on_base[:, None, None],
-            self._turns,
-            board[..., None, :, :] @ rotation_matrix(moved[..., 3:]) @ self._turns,
+            self._axes @ self._turns,
+            board[..., None, :, :] @ self._axes @ rotation_matrix(moved[..., 3:]) @ self._turns,
         )
         total = arrangement_field(self._magnets, places, turns, chips)
         if self._uneven is not None:
             total = total + _uneven_field(*self._uneven, places, turns, chips)
-        for places, rotation in self._neighbours:
-            turns = np.broadcast_to(rotation, (len(self._design.magnets), 3, 3))
+        for places, turns in self._neighbours:
             total = total + arrangement_field(self._design.magnets, places, turns, chips)
         if around is None:
             factor = magnet_factor(check_temperature(temperature))
@@ -225,6 +228,11 @@ def _uneven_field(
     turned = np.einsum("...gij,gdj->...gdi", turns, moments)
     away = chips[..., :, None, None, :] - middles[..., None, :, :, :]
     return np.asarray(dipole_field(turned[..., None, :, :, :], away).sum(axis=(-3, -2)))
+
+
+def _turned(axes: Floats, components: Floats) -> Floats:
+    """Vectors (..., N, 3) of components along local axes, (N, 3, 3)."""
+    return np.asarray((axes @ components[..., None])[..., 0])
 
 
 def _turn(motion: Motion) -> Floats:

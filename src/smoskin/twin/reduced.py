@@ -132,8 +132,8 @@ class ReducedTwin(MagneticSkin):
         directions; the SI fixes heights only for the cells in line with the load.
         """
         cells, touches = self.design.cells, touches_of([contacts])
-        at_rest = geometry(self.design).sheet.vertices
-        vertices = at_rest.reshape(2 * cells[0] + 1, 2 * cells[1] + 1, 3).copy()
+        skin = geometry(self.design)
+        vertices = skin.developed.reshape(2 * cells[0] + 1, 2 * cells[1] + 1, 3).copy()
         depths = self.press_depths(touches, temperature=temperature)[0]
         v_x, v_y = self.design.coefficients.attenuation
         rows, lines = np.arange(2 * cells[0] + 1), np.arange(cells[1])
@@ -147,7 +147,7 @@ class ReducedTwin(MagneticSkin):
             vertices[:, 1::2, 2] -= depth * np.outer(sink_x, sink_y)
         drag = self._softness(temperature) * touches.force[0, :, :2].sum(axis=0)
         vertices[..., :2] += drag / sheet_stiffness(self.design)
-        return vertices.reshape(-1, 3)
+        return skin.roll.places(vertices.reshape(-1, 3))
 
     def depths(
         self, contacts: Sequence[Contact], *, temperature: float = REFERENCE_TEMPERATURE

@@ -142,7 +142,7 @@ class Twin(MagneticSkin):
 
         Without it the first straight touch and the first drag take that long.
         """
-        place = self._sheet.vertices[self._sheet.loaded[0, 0], :2]
+        place = geometry(self.design).tops[0, 0]
         for drag in (0.0, 1e-3):
             self.motion([Contact(position=place, force=(drag, 0.0, -1e-3))])
 
@@ -172,7 +172,8 @@ class Twin(MagneticSkin):
         self, contacts: Sequence[Contact], *, temperature: float = REFERENCE_TEMPERATURE
     ) -> Floats:
         """As `VirtualSkin.depths`: the mean over each contact's patch."""
-        sunk = -self._state(contacts, temperature).displacements[self._sheet.loaded, 2]
+        moved = self._state(contacts, temperature).displacements[self._sheet.loaded]
+        sunk = -(moved * geometry(self.design).axes[self._sheet.loaded][..., 2]).sum(axis=-1)
         shares = shares_by(self.contact, self.design, touches_of([contacts]))[0]
         return np.asarray(np.einsum("knm,nm->k", shares, sunk))
 

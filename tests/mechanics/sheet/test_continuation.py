@@ -124,7 +124,9 @@ def test_a_share_is_given_up_after_16_newton_steps(monkeypatch):
         """A tangent whose forces never balance."""
 
         elements = SimpleNamespace(stiffness=np.ones((1, 1)))
-        lattice = SimpleNamespace(feet=np.array([0]), supports=SimpleNamespace(height=np.ones(1)))
+        lattice = SimpleNamespace(
+            supports=SimpleNamespace(height=np.ones(1)), sunk=lambda motion: -motion[:1, 2]
+        )
 
         def at(self, motion, board, force, fold):
             asked.append(motion)
@@ -167,7 +169,7 @@ def test_a_share_is_given_up_after_16_newton_steps(monkeypatch):
 @pytest.mark.parametrize(("sunk", "crushed"), [(3.9, False), (4.1, True)])
 def test_no_answer_lies_where_a_foot_sank_by_four_columns(sunk, crushed):
     supports = SimpleNamespace(height=np.array([5e-3, 5e-3]))
-    lattice = SimpleNamespace(feet=np.array([1, 2]), supports=supports)
+    lattice = SimpleNamespace(supports=supports, sunk=lambda motion: -motion[[1, 2], 2])
     motion = np.zeros((4, 3))
     motion[2, 2], motion[3, 2] = -sunk * 5e-3, -1.0
     assert continuation._crushed(SimpleNamespace(lattice=lattice), motion) is crushed

@@ -76,8 +76,8 @@ def test_the_frame_stops_every_rim_column_outward(planar, lattice):
     stops = lattice.stops
     assert len(stops.nodes) == 2 * (13 + 7)
     assert len(set(stops.nodes.tolist())) == 36
-    middle = lattice.nodes[lattice.feet, :2].mean(axis=0)
-    outward = (lattice.nodes[stops.nodes, :2] - middle) * stops.normal
+    middle = lattice.nodes[lattice.feet].mean(axis=0)
+    outward = (lattice.nodes[stops.nodes] - middle) * stops.normal
     assert (outward.sum(axis=1) > 0).all()
     own = column_beam(planar)
     held = prop(own.lateral, own.shear_share, 0.5)

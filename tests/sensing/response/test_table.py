@@ -183,7 +183,8 @@ def test_the_table_that_ships_is_that_of_the_shipped_design(planar):
 
 def test_other_files_are_refused(tmp_path):
     tensors = pytest.importorskip("safetensors.numpy")
-    with pytest.raises(ModelError, match=r"table must be that of a shipped design \(planar\) or"):
+    shipped = r"table must be that of a shipped design \(curved, planar\) or"
+    with pytest.raises(ModelError, match=shipped):
         load_response_table(tmp_path / "none")
     (tmp_path / "text").write_text("no tensors")
     with pytest.raises(ModelError, match="cannot be read as a response table"):

@@ -27,7 +27,7 @@ def moved(design, chip, motion):
 def test_a_turn_changes_what_the_earth_and_weight_say(planar, chips):
     sheet, board = sags(planar)
     used = range(len(planar.halls)) if chips is None else chips
-    earth = uniform_covariance(len(used), 100e-6)
+    earth = uniform_covariance(np.tile(np.eye(3), (len(used), 1, 1)), 100e-6)
     expected = np.array(earth)
     for way, axis in enumerate(np.eye(3)):
         parts = []
@@ -51,7 +51,7 @@ def test_a_turn_changes_what_the_earth_and_weight_say(planar, chips):
 
 
 def test_a_field_that_is_the_same_at_all_chips_moves_them_together(planar):
-    covariance = uniform_covariance(3, 2e-6)
+    covariance = uniform_covariance(np.tile(np.eye(3), (3, 1, 1)), 2e-6)
     rng = np.random.default_rng(0)
     drawn = np.tile(2e-6 * rng.normal(size=(200_000, 3)), 3)
     np.testing.assert_allclose(np.cov(drawn.T), covariance, atol=0.02 * 4e-12)

@@ -103,7 +103,7 @@ def test_the_band_ends_at_its_field_on_every_axis():
 
 
 def test_a_band_leaves_out_what_the_zeros_own_error_explains():
-    alike, band = uniform_covariance(3, 100e-6), IdleBand(10e-6)
+    alike, band = uniform_covariance(np.tile(np.eye(3), (3, 1, 1)), 100e-6), IdleBand(10e-6)
     change = np.tile([100e-6, 0.0, -80e-6], 3)
     change[4] = 9e-6
     assert band(change, np.zeros((9, 9))) == pytest.approx(10.0)
@@ -115,7 +115,7 @@ def test_a_band_leaves_out_what_the_zeros_own_error_explains():
 @pytest.mark.parametrize("rate", [1e-6, 0.05, 0.9])
 def test_noise_is_idle_at_the_stated_rate(rate):
     idle, limit = IdleNoise(NOISE, rate), chi2.isf(rate, 6)
-    unsure = 4e-12 * np.eye(6) + uniform_covariance(2, 3e-6)
+    unsure = 4e-12 * np.eye(6) + uniform_covariance(np.tile(np.eye(3), (2, 1, 1)), 3e-6)
     for more in (np.zeros((6, 6)), unsure):
         factor, rng = np.linalg.cholesky(NOISE + more), np.random.default_rng(0)
         for _ in range(20):
@@ -268,7 +268,7 @@ def test_a_board_that_was_still_for_an_hour_is_followed_as_it_turns(planar):
 
 def test_what_a_turn_changes_is_the_earths_field_and_the_weights(planar):
     field, whole = turning(planar)
-    alike = uniform_covariance(3, EARTH)
+    alike = uniform_covariance(np.tile(np.eye(3), (3, 1, 1)), EARTH)
     np.testing.assert_array_equal(field, alike)
     weight = np.sqrt(np.diag(whole - field)).reshape(3, 3)
     # The board slides by 0.57 mm under its chip, where the field changes by 7.2 T/m.

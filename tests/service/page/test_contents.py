@@ -163,11 +163,10 @@ def test_the_page_opens_with_the_cameras_eye(page):
 
 def test_what_lies_under_the_sheet_is_flat_and_its_names_stand_in_its_middle(page):
     boxes = {one.name: np.array(one.props.dimensions) for one in of_kind(page, "Box")}
-    assert set(boxes) == {"/board", *(f"/chips/{site.name}" for site in PLANAR.halls)}
-    for name, size in boxes.items():
+    assert set(boxes) == {f"/chips/{site.name}" for site in PLANAR.halls}
+    for size in boxes.values():
         assert 0.1 < size[2] < 0.2
-        if name != "/board":
-            assert size[0] == size[1] == pytest.approx(0.4)  # cm, somewhat larger than life
+        assert size[0] == size[1] == pytest.approx(0.4)  # cm, somewhat larger than life
     labels = {one.name: one.props for one in of_kind(page, "Label") if "chips" in one.name}
     assert set(labels) == {f"/chips/{site.name}/label" for site in PLANAR.halls}
     assert {label.anchor for label in labels.values()} == {"center-center"}

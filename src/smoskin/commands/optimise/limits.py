@@ -16,11 +16,11 @@ from scipy.optimize import brentq
 from smoskin.arrays import Floats
 from smoskin.commands.optimise.pressed import PressedSheet
 from smoskin.design.materials import ELASTOMERS
-from smoskin.design.skin import HallSetting, HallSite, Magnet, SkinDesign
+from smoskin.design.skin import HallSetting, HallSite, SkinDesign
 from smoskin.errors import ArgumentError, DesignError
 from smoskin.feasibility import MARGIN, check_design
 from smoskin.magnetics import mlx90393
-from smoskin.origami.geometry import geometry
+from smoskin.origami.geometry import from_columns, geometry
 from smoskin.records import Motion
 from smoskin.twin.manufacture import Deviations, Tolerances
 from smoskin.twin.readout import Readout
@@ -161,7 +161,7 @@ def own_limits(design: SkinDesign, limits: Limits) -> list[Reached]:
         between("frame.clearance, mm", design.frame.clearance, limits.frame_clearance, 1e3),
         Reached("readings a second", rate, least=limits.rate),
     ]
-    for magnet, place in zip(design.magnets, geometry(design).magnets[:, :2], strict=True):
+    for index, magnet in enumerate(design.magnets):
         name = magnet.name
         reached += [
             between(f"{name}.radius, mm", magnet.radius, limits.magnet_radius, 1e3),
@@ -169,7 +169,7 @@ def own_limits(design: SkinDesign, limits: Limits) -> list[Reached]:
         ]
         if magnet.mount == "sheet":
             # Cells' lengths follow from sides and angles that are written to five digits.
-            wall = round(_wall(design, magnet, place) * 1e3, 4)
+            wall = round(_wall(design, index) * 1e3, 4)
             reached.append(Reached(f"{name}'s holder wall, mm", wall, least=limits.wall * 1e3))
     try:
         check_design(design)
@@ -179,11 +179,11 @@ def own_limits(design: SkinDesign, limits: Limits) -> list[Reached]:
     return [*reached, Reached("feasible", feasible, least=1.0)]
 
 
-def _wall(design: SkinDesign, magnet: Magnet, place: Floats) -> float:
+def _wall(design: SkinDesign, index: int) -> float:
     """Room round a magnet of the sheet that is left for its holder, m."""
-    sheet, extent = geometry(design).sheet, geometry(design).extent
-    feet = sheet.vertices[sheet.columns.ravel(), :2]
-    beside = np.linalg.norm(feet - place, axis=1).min() - design.columns.radius
+    skin, magnet = geometry(design), design.magnets[index]
+    place, extent = skin.magnet_places[index], skin.extent
+    beside = from_columns(skin, skin.magnets[index]).min() - design.columns.radius
     rim = min(*place, *(extent - place))
     gap = max((site.gap for site in design.halls if site.magnet == magnet.name), default=0.0)
     above = design.columns.height - design.board.sensing_height - gap - magnet.height

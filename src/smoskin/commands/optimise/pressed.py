@@ -78,8 +78,8 @@ class PressedSheet:
         pressed = solver.press(touches, tolerance=_TOLERANCE)
         self._displacements, self._board = pressed.displacements, pressed.board
         self._valid: Bools = pressed.converged & ~pressed.pulled
-        feet = solver.lattice.feet
-        sunk = -pressed.displacements[self._near :, feet, 2]
+        near = pressed.displacements[self._near :]
+        sunk = solver.lattice.sunk(near)
         self.sunk = float(np.max(sunk))
         """Farthest that a column is pressed down by a rated touch, m; NaN where one has no
         equilibrium."""
@@ -90,7 +90,7 @@ class PressedSheet:
         self.margin = float(pressed.buckling_margin[self._near :].min())
         """Least buckling load of a column over its load likewise."""
         stops = solver.lattice.stops
-        moved = pressed.displacements[self._near :, stops.nodes, :2]
+        moved = near[:, stops.nodes]
         self.sway = float(np.max((moved * stops.normal).sum(axis=-1), initial=0.0))
         """Farthest that a rim column sways outward over the board likewise, m."""
         self.free_sway = float(np.min(stops.free, initial=np.inf))

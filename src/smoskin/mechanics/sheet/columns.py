@@ -20,6 +20,8 @@ class Columns(NamedTuple):
 
     feet: Array
     """(C,): nodes on their tops."""
+    axes: Array
+    """(C, 3, 3, 1): local axes there, in columns; they stand along the last one."""
     unit: Array
     """(C, 1), N/m: EI / h^3."""
     height: Array
@@ -35,7 +37,7 @@ class Columns(NamedTuple):
 
 
 class Bent(NamedTuple):
-    """Columns under their tops' motion, in units of h, EI / h^2 and EI / h."""
+    """Columns under their tops' motion along their axes, in units of h, EI / h^2 and EI / h."""
 
     aside: Array
     """(C, 2, B): sway of the top."""
@@ -53,7 +55,7 @@ class Stops(NamedTuple):
     nodes: Array
     """(S,): nodes on the stopped columns' tops."""
     normal: Array
-    """(S, 2, 1): outward from the rim."""
+    """(S, 3, 1): outward from the rim."""
     stiffness: Array
     """(S, 1), N/m: what the stop adds at the top."""
     free: Array
@@ -64,8 +66,23 @@ class Stops(NamedTuple):
     """(S, 6): what a motion of the board adds to the sway; 0 where the frame stands on it."""
 
 
+def along_axes(axes: Array, vectors: Array) -> Array:
+    """Components of vectors (N, 3, ...) along local axes (N, 3, J, ...), (N, J, ...).
+
+    Three products in a row: compilers make of them what they do not of a sum over three.
+    """
+    x, y, z = (axes[:, d] * vectors[:, d, None] for d in range(3))
+    return x + y + z
+
+
+def off_axes(axes: Array, components: Array) -> Array:
+    """Vectors (N, 3, ...) of components (N, J, ...) along local axes (N, 3, J, ...)."""
+    parts = [axes[:, :, j] * components[:, j, None] for j in range(components.shape[1])]
+    return sum(parts[1:], parts[0])
+
+
 def bend(columns: Columns, motion: Array) -> Bent:
-    """Columns whose tops have moved by `motion`, (C, 3, B), m.
+    """Columns whose tops have moved by `motion`, (C, 3, B), m, in the skin's frame.
 
     Notes
     -----
@@ -73,8 +90,9 @@ def bend(columns: Columns, motion: Array) -> Bent:
     the sway and d the shortening over h, b the `softness`: f is concave, so that there is one.
     Hence the force f v aside, z along, and the shortening d = b z - f' v^2 / 2 by load and sway.
     """
-    aside = motion[:, :2] / columns.height[:, None]
-    short = -motion[:, 2] / columns.height
+    local = along_axes(columns.axes, motion)
+    aside = local[:, :2] / columns.height[:, None]
+    short = -local[:, 2] / columns.height
     wide = (aside * aside).sum(axis=1) / 2
     load = jnp.minimum(short / columns.softness, 0.75 * columns.crushing)
     for _ in range(_STEPS):
@@ -87,10 +105,10 @@ def bend(columns: Columns, motion: Array) -> Bent:
 
 
 def column_forces(columns: Columns, bent: Bent) -> Array:
-    """Forces that the tops need, (C, 3, B), N."""
+    """Forces that the tops need, (C, 3, B), N, in the skin's frame."""
     along = bent.sway.value[:, None] * bent.aside
     force = jnp.concatenate([along, -bent.load[:, None]], axis=1)
-    return force * (columns.unit * columns.height)[:, None]
+    return _whole(columns, force * (columns.unit * columns.height)[:, None])
 
 
 def column_blocks(columns: Columns, bent: Bent) -> Array:
@@ -100,7 +118,9 @@ def column_blocks(columns: Columns, bent: Bent) -> Array:
     )[..., 0]
     flat = bent.sway.value[..., None] * jnp.diag(jnp.array([1.0, 1.0, 0.0]))
     own: Array = flat + rate[:, :, None] * rate[:, None] / bent.give[..., None]
-    return own * columns.unit[..., None]
+    axes = columns.axes[..., 0]
+    turned: Array = axes @ own @ jnp.swapaxes(axes, 1, 2)
+    return turned * columns.unit[..., None]
 
 
 def column_changes(columns: Columns, bent: Bent) -> tuple[Array, Array]:
@@ -117,7 +137,7 @@ def column_changes(columns: Columns, bent: Bent) -> tuple[Array, Array]:
         * (columns.unit * columns.height)[:, None]
         for direct, load in zip(own, loads, strict=True)
     ]
-    return changes[0], changes[1]
+    return _whole(columns, changes[0]), _whole(columns, changes[1])
 
 
 def stop_forces(stops: Stops, motion: Array, board: Array) -> tuple[Array, Array]:
@@ -129,11 +149,16 @@ def stop_forces(stops: Stops, motion: Array, board: Array) -> tuple[Array, Array
     -----
     k (x)_+ past the free sway, its corner rounded by a parabola.
     """
-    sway = (motion[stops.nodes, :2] * stops.normal).sum(axis=1) + stops.by_board @ board
+    sway = (motion[stops.nodes] * stops.normal).sum(axis=1) + stops.by_board @ board
     past, width = sway - stops.free, stops.rounding
     onset = jnp.clip(past + width, 0.0, 2 * width)
     push = onset * onset / (4 * width) + jnp.maximum(past - width, 0.0)
     return stops.stiffness * push, stops.stiffness * onset / (2 * width)
+
+
+def _whole(columns: Columns, local: Array) -> Array:
+    """Forces along the columns' axes, (C, 3, B), in the skin's frame."""
+    return off_axes(columns.axes, local)
 
 
 def _sway(columns: Columns, load: Array) -> beam.Sway:

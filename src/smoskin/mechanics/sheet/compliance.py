@@ -11,7 +11,7 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
-from smoskin.mechanics.board import Board, board_of, carried
+from smoskin.mechanics.board import Board, board_of
 from smoskin.mechanics.sheet.continuation import settle
 from smoskin.mechanics.sheet.lattice import Lattice, build_lattice
 from smoskin.mechanics.sheet.parts import Blocks
@@ -26,7 +26,7 @@ def grip_compliance(
 ) -> Floats:
     """Motion of every vertex that can be touched, by a force on every other, (H, 2, H, 3), m/N.
 
-    Motion is over the ground along x and y, by a force along x, along y and down; lattice and
+    Motion is over the ground along the local x and y, by a force along them and down; lattice and
     board, with stiffnesses of their own, are by default as designed.
 
     Notes
@@ -41,8 +41,8 @@ def grip_compliance(
     rest = settle(tangent)
     top = made.loaded.ravel()
     place = tangent.at(rest.motion, rest.board, rest.force)
-    moved = tangent.solve(place, _unit_loads(made))[top, :2]
-    arms = carried(board, made.nodes[top])
+    moved = made.at_tops(tangent.solve(place, _unit_loads(made)))[:, :2]
+    arms = np.swapaxes(made.loaded_axes, 1, 2) @ board.carries(made.nodes[top])
     moved += np.einsum("hds,kes->hdke", arms[:, :2] / board.stiffness, arms * [[1], [1], [-1]])
     return np.asarray(moved)
 
@@ -93,5 +93,5 @@ def _unit_loads(lattice: Lattice) -> Floats:
     top = lattice.loaded.ravel()
     loads = np.zeros((len(lattice.nodes), 3, len(top), 3))
     for axis, sign in enumerate((1.0, 1.0, -1.0)):
-        loads[top, axis, np.arange(len(top)), axis] = sign
+        loads[top, :, np.arange(len(top)), axis] = sign * lattice.loaded_axes[..., axis]
     return loads

@@ -227,4 +227,4 @@ def _newton(
 def _crushed(tangent: Tangent, motion: Floats) -> bool:
     """Whether a foot has sunk so far past the columns' height that no answer lies that way."""
     lattice = tangent.lattice
-    return bool((motion[lattice.feet, 2] < -_CRUSHED * lattice.supports.height).any())
+    return bool((lattice.sunk(motion) > _CRUSHED * lattice.supports.height).any())

@@ -44,6 +44,8 @@ class Net(NamedTuple):
     """(6, 1), N/m and N m/rad: stiffness of the board."""
     top: Array
     """(T,): nodes that can be touched."""
+    top_axes: Array
+    """(T, 3, 3, 1): local axes there, in columns."""
     rest: RestInverse
     """The inverse of the tangent at rest."""
     rest_motion: Array
@@ -136,7 +138,7 @@ def _inner(net: Net, path: Path) -> tuple[Array, Array, Array]:
     bent = columns.bend(made.columns, motion[feet])
     push, _ = columns.stop_forces(stops, motion, path.board)
     total = total.at[feet].add(columns.column_forces(made.columns, bent))
-    total = total.at[stops.nodes, :2].add(push[:, None] * stops.normal)
+    total = total.at[stops.nodes].add(push[:, None] * stops.normal)
     on_board = net.board * path.board + stops.by_board.T @ push
     return total, on_board, primal - linear
 
@@ -165,13 +167,16 @@ def _solve(net: Net, right: Array) -> Array:
 
 def _outer(net: Net, nodes: int, shares: Array, force: Array) -> Array:
     """Forces of touches at the nodes, (V, 3, B), of (K, T, B) and (K, 3, B)."""
-    at_top = (shares[:, :, None] * force[:, None]).sum(axis=0)
+    local = (shares[:, :, None] * force[:, None]).sum(axis=0)
+    at_top = columns.off_axes(net.top_axes, local)
     return jnp.zeros((nodes, *at_top.shape[1:])).at[net.top].set(at_top)
 
 
-def _patch_motion(shares: Array, at_top: Array) -> Array:
-    """Mean motion of patches in the plane, (2K, ..., B), of (K, T, B) and (T, 3, ..., B)."""
-    mean = jnp.einsum("ktb,td...b->kd...b", shares, at_top[:, :2])
+def _patch_motion(net: Net, shares: Array, at_top: Array) -> Array:
+    """Mean motion of patches aside, (2K, ..., B), of (K, T, B) and (T, 3, ..., B)."""
+    aside = net.top_axes[:, :, :2].reshape(-1, 3, 2, *[1] * (at_top.ndim - 2))
+    local = columns.along_axes(aside, at_top)
+    mean = jnp.einsum("ktb,td...b->kd...b", shares, local)
     return mean.reshape(2 * mean.shape[0], *mean.shape[2:])
 
 
@@ -180,10 +185,11 @@ def _held_patches(net: Net, nodes: int, loads: Any) -> tuple[Array, Array]:
     touches, lanes = loads.held.shape
     pulls = jnp.einsum("ktb,de->tdkeb", loads.shares, jnp.eye(2))
     right = jnp.zeros((nodes, 3, 2 * touches, lanes))
-    right = right.at[net.top, :2].set(pulls.reshape(len(net.top), 2, 2 * touches, lanes))
+    local = pulls.reshape(len(net.top), 2, 2 * touches, lanes)
+    right = right.at[net.top].set(columns.off_axes(net.top_axes[..., None], local))
     yielding = _solve(net, right) if touches else right
     mask = jnp.repeat(loads.held, 2, axis=0)
-    sag = _patch_motion(loads.shares, yielding[net.top])
+    sag = _patch_motion(net, loads.shares, yielding[net.top])
     sag += jnp.einsum("rsb,qsb,s->rqb", loads.reach, loads.reach, 1 / net.board[:, 0])
     sag += _PAD * jnp.eye(2 * touches)[..., None]
     give = mask[:, None] * mask[None] * sag + jnp.eye(2 * touches)[..., None] * (1 - mask)[None]
@@ -236,7 +242,7 @@ def _relax(
         residual = jnp.sqrt((right**2).sum(axis=(0, 1)) + (on_board[:3] ** 2).sum(axis=0)) / scale
         step, shift, reaction = _solve(net, right), on_board / net.board, path.reaction
         if touches:
-            sag = _patch_motion(loads.shares, (path.motion + step - net.rest_motion)[net.top])
+            sag = _patch_motion(net, loads.shares, (path.motion + step - net.rest_motion)[net.top])
             sag += (loads.reach * (path.board + shift - net.rest_board)).sum(axis=1)
             sag = mask * (sag + _PAD * reaction)
             change = -(stiff * sag[None]).sum(axis=1)
@@ -293,14 +299,16 @@ class Equilibrium:
                 elements=self.tangent.elements_at(made),
                 board=jnp.asarray(board.stiffness[:, None]),
                 top=jnp.asarray(lattice.loaded.ravel()),
+                top_axes=jnp.asarray(lattice.loaded_axes[..., None]),
                 rest=jax.tree.map(jnp.asarray, rest),
                 rest_motion=jnp.asarray(self.rest.motion[..., None]),
                 rest_board=jnp.asarray(self.rest.board[:, None]),
             )
         self._give = np.ones(lattice.loaded.size)
         if len(rest.inverse) == 1:
-            down = 3 * lattice.loaded.ravel() + 2
-            self._give = rest.inverse[0, down, down]
+            at = 3 * lattice.loaded.ravel()[:, None] + np.arange(3)
+            own, down = rest.inverse[0, at[:, :, None], at[:, None]], lattice.loaded_axes[..., 2]
+            self._give = np.einsum("ti,tij,tj->t", down, own, down)
         lanes = 2 ** int(np.log2(_LANES / len(lattice.nodes)))
         self._lanes = max(16, lanes if jax.default_backend() == "cpu" else 32 * lanes)
 
@@ -349,10 +357,11 @@ class Equilibrium:
         shares, force, held, on_board, reach = (part[row] for part in loads)
         top = self.tangent.lattice.loaded.ravel()
         dead = np.zeros(self.tangent.lattice.nodes.shape)
-        dead[top] = shares.T @ force
+        axes = self.tangent.lattice.loaded_axes
+        dead[top] = np.einsum("tij,tj->ti", axes, shares.T @ force)
         patches = shares[held]
         pulls = np.zeros((len(dead), 3, len(patches), 2))
-        pulls[top, 0, :, 0] = pulls[top, 1, :, 1] = patches.T
+        pulls[top] = np.einsum("tid,kt->tikd", axes[..., :2], patches)
         both = np.repeat(held, 2)
         flat = pulls.reshape(len(dead), 3, -1)
         return Press(

@@ -13,6 +13,7 @@ import numpy as np
 
 from smoskin.arrays import Floats, Ints
 from smoskin.design.skin import Magnet, SkinDesign
+from smoskin.mechanics.sheet.lattice import nearest_foot
 from smoskin.origami.geometry import geometry
 
 
@@ -21,13 +22,14 @@ def holder_columns(design: SkinDesign, magnet: Magnet) -> tuple[Ints, Ints]:
 
     Of those that carry it in z, the ones beside the magnet also carry it in the plane.
     """
-    sheet, extent = geometry(design).sheet, geometry(design).cell
+    skin = geometry(design)
+    sheet, extent = skin.sheet, skin.cell
     (columns, rows), (p, q) = design.cells, magnet.corner
     place = np.array([p * extent.length, q * extent.width])
     beside = [(i, q) for i in (2 * p - 1, 2 * p + 1) if 0 <= i <= 2 * columns]
     near = sorted(
         ((2 * p, k) for k in range(rows + 1)),
-        key=lambda column: float(np.hypot(*(sheet.vertices[sheet.columns[column], :2] - place))),
+        key=lambda column: float(np.hypot(*(skin.developed[sheet.columns[column], :2] - place))),
     )
     # On the rim in x there is one column beside the magnet only.
     gripping = beside if len(beside) == 2 else [*beside, *near[:2]]
@@ -41,8 +43,8 @@ def holder_columns(design: SkinDesign, magnet: Magnet) -> tuple[Ints, Ints]:
 def holder_matrix(design: SkinDesign) -> Floats:
     """Linear map from the vertices' displacements to the magnets' motion, shape (G, 6, V, 3).
 
-    Over the board, each magnet's middle along x, y, z, m, then its rotation vector, rad; zero for
-    a magnet on the base.
+    Over the board, each magnet's middle along its local x, y, z, m, then its rotation vector
+    about them, rad; zero for a magnet on the base.
 
     Notes
     -----
@@ -55,18 +57,18 @@ def holder_matrix(design: SkinDesign) -> Floats:
     `smoskin.mechanics.reduced.attenuation.magnet_displacements`; elsewhere x differs by a quarter
     of the difference of their growths, y not at all.
     """
-    vertices = geometry(design).sheet.vertices
-    matrix = np.zeros((len(design.magnets), 6, len(vertices), 3))
-    middles = geometry(design).magnets
+    skin = geometry(design)
+    matrix = np.zeros((len(design.magnets), 6, len(skin.sheet.vertices), 3))
     for g, magnet in enumerate(design.magnets):
         if magnet.mount != "sheet":
             continue
+        vertices = (skin.sheet.vertices - skin.magnets[g]) @ skin.magnet_axes[g]
         gripping, bearing = holder_columns(design, magnet)
         # The rotations about x and y come from z alone; in the plane they shift by the lever d_z.
-        dx, dy, _ = (vertices[bearing] - middles[g]).T
+        dx, dy, _ = vertices[bearing].T
         tilt = np.linalg.pinv(np.stack([np.ones_like(dx), dy, -dx], axis=1))
         matrix[g, [[2], [3], [4]], bearing, 2] = tilt
-        dx, dy, dz = (vertices[gripping] - middles[g]).T
+        dx, dy, dz = vertices[gripping].T
         still = np.zeros_like(dx)
         of_x = np.stack([still + 1, still, -dy], axis=1)
         of_y = np.stack([still, still + 1, dx], axis=1)
@@ -78,39 +80,38 @@ def holder_matrix(design: SkinDesign) -> Floats:
         # What the tilt moves at the columns' tops, the middle of the magnet lags behind.
         lever = float(dz.mean())
         if magnet.driver != "notches":
-            lever = _drive(design, magnet.driver, middles[g], matrix[g])
+            lever = _drive(design, g, vertices, matrix[g])
         matrix[g, 0] -= lever * matrix[g, 4]
         matrix[g, 1] += lever * matrix[g, 3]
+        matrix[g] = matrix[g] @ skin.magnet_axes[g].T
     return matrix
 
 
-def _drive(design: SkinDesign, driver: str, middle: Floats, rows: Floats) -> float:
+def _drive(design: SkinDesign, which: int, vertices: Floats, rows: Floats) -> float:
     """Let the sheet above move a magnet along x and y, and as a vertex along z, in `rows`.
 
-    It returns the height over the magnet's middle at which it is driven.
+    Vertices are as the magnet sees them; it returns the height at which it is driven.
     """
-    sheet = geometry(design).sheet
+    sheet, middle = geometry(design).sheet, geometry(design).magnets[which]
     rows[:2] = 0.0
-    if driver == "vertex":
-        feet = sheet.columns.ravel()
-        above = np.linalg.norm(sheet.vertices[feet, :2] - middle[:2], axis=1).argmin()
-        nodes, weights = feet[[above]], np.ones(1)
+    if design.magnets[which].driver == "vertex":
+        nodes, weights = sheet.columns.ravel()[[nearest_foot(design, middle)]], np.ones(1)
         rows[2] = 0.0
         rows[2, nodes, 2] = 1.0
     else:
-        nodes, weights = _straight_above(design, middle)
+        nodes, weights = _straight_above(sheet.facets, vertices)
     rows[0, nodes, 0] = rows[1, nodes, 1] = weights
-    return float(weights @ sheet.vertices[nodes, 2] - middle[2])
+    return float(weights @ vertices[nodes, 2])
 
 
-def _straight_above(design: SkinDesign, middle: Floats) -> tuple[Ints, Floats]:
-    """Corners of the triangle of the sheet over a place, (3,), and their shares, (3,)."""
-    sheet = geometry(design).sheet
-    facets = sheet.facets
+def _straight_above(facets: Ints, vertices: Floats) -> tuple[Ints, Floats]:
+    """Corners of the triangle of the sheet over the origin, (3,), and their shares, (3,)."""
     triangles = np.concatenate([facets[:, [0, 1, 2]], facets[:, [0, 2, 3]]])
-    corners = sheet.vertices[triangles, :2]
+    above = (vertices[triangles, 2] > 0.0).all(axis=1)
+    triangles = triangles[above]
+    corners = vertices[triangles, :2]
     edges = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)
-    two = np.linalg.solve(edges, (middle[:2] - corners[:, 0])[..., None])[..., 0]
+    two = np.linalg.solve(edges, -corners[:, 0, :, None])[..., 0]
     shares = np.concatenate([1 - two.sum(axis=1, keepdims=True), two], axis=1)
     inside = int(shares.min(axis=1).argmax())
     return triangles[inside], shares[inside]

@@ -68,6 +68,8 @@ class Supports:
     """(C,), m: free height."""
     shear_share: Floats
     """(C,): EI / (G A_s h^2)."""
+    axes: Floats
+    """(C, 3, 3): local axes at their tops, in columns; they stand along the last one."""
 
     @property
     def unit(self) -> Floats:
@@ -89,7 +91,7 @@ class Stops:
     nodes: Ints
     """(S,): nodes on the columns' tops."""
     normal: Floats
-    """(S, 2): outward from the rim."""
+    """(S, 3): outward from the rim."""
     stiffness: Floats
     """(S,), N/m: what a stop adds to the stiffness against sway."""
     free: Floats
@@ -128,6 +130,9 @@ class Lattice:
     """The frame's stops of rim columns."""
     loaded: Ints
     """(N, M): node of each cell's top vertex."""
+    loaded_axes: Floats
+    """(N M, 3, 3): local axes there, in columns: along x, along y and outward. A touch's force on
+    a vertex, and what it holds, are along them."""
     bond_limit: float
     """N: pull at which a column leaves its base."""
 
@@ -135,6 +140,15 @@ class Lattice:
     def feet(self) -> Ints:
         """Nodes that stand on columns, (C,)."""
         return self.supports.feet
+
+    def at_tops(self, motion: Floats) -> Floats:
+        """Motions (V, 3, ...) at the top vertices along their local axes, (N M, 3, ...)."""
+        there = motion[self.loaded.ravel()]
+        return np.asarray(np.einsum("tij,ti...->tj...", self.loaded_axes, there))
+
+    def sunk(self, motion: Floats) -> Floats:
+        """How far columns' tops have sunk along their axes, (..., C), of motions (..., V, 3)."""
+        return np.asarray(-(motion[..., self.feet, :] * self.supports.axes[..., 2]).sum(axis=-1))
 
 
 def springs_of(design: SkinDesign) -> Springs:
@@ -296,7 +310,8 @@ def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice
     ((169, 3), (456, 2), (408, 4))
     """
     springs = springs or springs_of(design)
-    cell, sheet = design.cell, geometry(design).sheet
+    cell, skin = design.cell, geometry(design)
+    sheet = skin.sheet
     diagonals = _panel_hinges(sheet)
     bars, bar_stiffness = _bars(sheet, diagonals, cell, design.panels)
     creases = _crease_hinges(sheet, diagonals)
@@ -304,16 +319,16 @@ def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice
     columns = sheet.columns.size
     # A magnet in place of a column hangs on the sheet alone.
     there = np.ones(columns)
-    for magnet, place in zip(design.magnets, geometry(design).magnets, strict=True):
+    for magnet, place in zip(design.magnets, skin.magnets, strict=True):
         if magnet.mount == "sheet" and magnet.driver == "vertex":
-            feet = sheet.vertices[sheet.columns.ravel(), :2]
-            there[np.linalg.norm(feet - place[:2], axis=1).argmin()] = 0.0
+            there[nearest_foot(design, place)] = 0.0
     supports = Supports(
         feet=sheet.columns.ravel(),
         lateral=there * springs.column_lateral,
         axial=there * springs.column_axial,
         height=np.full(columns, design.columns.height),
         shear_share=np.full(columns, column_beam(design).shear_share),
+        axes=skin.axes[sheet.columns.ravel()],
     )
     return Lattice(
         nodes=sheet.vertices,
@@ -326,8 +341,16 @@ def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice
         supports=supports,
         stops=build_stops(design, springs.stop),
         loaded=sheet.loaded,
+        loaded_axes=skin.axes[sheet.loaded.ravel()],
         bond_limit=BOND_STRENGTH * np.pi * design.columns.radius**2,
     )
+
+
+def nearest_foot(design: SkinDesign, place: Floats) -> int:
+    """Place among the columns, all rows in one, of that whose vertex is nearest to a magnet."""
+    sheet = geometry(design).sheet
+    apart = np.linalg.norm(sheet.vertices[sheet.columns.ravel()] - place, axis=1)
+    return int(apart.argmin())
 
 
 def build_stops(design: SkinDesign, stiffness: float) -> Stops:
@@ -337,20 +360,16 @@ def build_stops(design: SkinDesign, stiffness: float) -> Stops:
     -----
     Source: `smoskin.mechanics.beam.prop`, a rigid frame. A column's load is left out of it.
     """
-    frame, columns, sheet = design.frame, design.columns, geometry(design).sheet
-    rows = sheet.columns
-    sides = [
-        (rows[0], (-1.0, 0.0)),
-        (rows[-1], (1.0, 0.0)),
-        (rows[:, 0], (0.0, -1.0)),
-        (rows[:, -1], (0.0, 1.0)),
-    ]
-    nodes = np.concatenate([line for line, _ in sides])
-    normal = np.concatenate([np.tile(outward, (len(line), 1)) for line, outward in sides])
+    frame, columns, skin = design.frame, design.columns, geometry(design)
+    rows = skin.sheet.columns
+    sides = [(rows[0], 0, -1.0), (rows[-1], 0, 1.0), (rows[:, 0], 1, -1.0), (rows[:, -1], 1, 1.0)]
+    nodes = np.concatenate([line for line, _, _ in sides])
+    normal = np.concatenate([sign * skin.axes[line][:, :, axis] for line, axis, sign in sides])
     own = column_beam(design)
     held = prop(own.lateral, own.shear_share, frame.held_height / columns.height)
     free = np.full(len(nodes), frame.clearance / held.lever)
-    places = sheet.vertices[nodes] + [0.0, 0.0, frame.held_height - columns.height]
+    down = frame.held_height - columns.height
+    places = skin.sheet.vertices[nodes] + down * skin.axes[nodes][:, :, 2]
     return Stops(
         nodes=nodes,
         normal=normal,

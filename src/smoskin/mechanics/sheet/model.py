@@ -20,7 +20,7 @@ try:
 except ModuleNotFoundError as error:
     raise MissingExtraError("the nonlinear model of the whole sheet", "twin") from error
 
-from smoskin.mechanics.board import Board, board_of, carried
+from smoskin.mechanics.board import Board, board_of
 from smoskin.mechanics.sheet.contact import (
     ContactLaw,
     contact_of,
@@ -159,14 +159,15 @@ class BarHinge:
         self.lattice = lattice or build_lattice(design)
         self.board = board or board_of(design)
         self._equilibrium = Equilibrium(self.lattice, self.board)
-        self._carried = carried(self.board, self.lattice.nodes[self.lattice.loaded.ravel()])
+        arms = self.board.carries(self.lattice.nodes[self.lattice.loaded.ravel()])
+        self._carried = np.swapaxes(self.lattice.loaded_axes, 1, 2) @ arms
 
     @property
     def rest(self) -> Rest:
         """The sheet that nothing touches; displacements of presses are from there."""
         lattice, rest = self.lattice, self._equilibrium.rest
         place = self._equilibrium.tangent.blocks(rest.motion, rest.board)
-        sway = (rest.motion[lattice.stops.nodes, :2] * lattice.stops.normal).sum(axis=1)
+        sway = (rest.motion[lattice.stops.nodes] * lattice.stops.normal).sum(axis=1)
         return Rest(rest.motion, sway, place.stopped, place.compression)
 
     def press(
@@ -188,7 +189,7 @@ class BarHinge:
         margin = np.divide(1.0, part, out=np.full_like(part, np.inf), where=part > 0)
         return Pressed(
             displacements=np.where(counts[..., None], final.displacements - rest.motion, np.nan),
-            board=np.where(counts, final.board - rest.board, np.nan),
+            board=np.where(counts, (final.board - rest.board) @ self.board.modes.T, np.nan),
             reaction=np.where(counts[..., None], sideways - drag, np.nan),
             residual=final.residual,
             iterations=final.iterations,
@@ -214,7 +215,7 @@ class BarHinge:
         motion, board = np.full((rows, count, nodes, 3), np.nan), np.full((rows, count, 6), np.nan)
         for row in map(int, np.flatnonzero(self._counts(answer.final, tolerance))):
             moved, carry = self._derive(loads, answer, slopes[row], row)
-            motion[row], board[row] = np.moveaxis(moved, -1, 0), carry.T
+            motion[row], board[row] = np.moveaxis(moved, -1, 0), carry.T @ self.board.modes.T
         by_touch = 5 * places
         return Sensitivity(
             displacements=motion[:, :by_touch].reshape(rows, places, 5, nodes, 3),
@@ -305,15 +306,18 @@ class BarHinge:
         pushed = np.concatenate([sideways, loads.force[row, :, 2:]], axis=1)
         right, turn = _by_stiffness(self.lattice, place, own.force.shape[-1])
         right, turn = -right, -turn
-        right[top] += np.einsum("ktp,kd->tdp", own.share, pushed)
-        right[top] += np.einsum("kt,kdp->tdp", loads.shares[row], own.force)
+        axes = self.lattice.loaded_axes
+        right[top] += np.einsum("tid,ktp,kd->tip", axes, own.share, pushed)
+        right[top] += np.einsum("tid,kt,kdp->tip", axes, loads.shares[row], own.force)
         turn += np.einsum("kdb,kdp->bp", arms, on_board.force)
         turn += np.einsum("kdbp,kd->bp", own.carried, pushed)
-        gap = -np.einsum("ktp,td->kdp", own.share, (first - rest.motion)[top, :2])
+        there = self.lattice.at_tops(first - rest.motion)[:, :2]
+        gap = -np.einsum("ktp,td->kdp", own.share, there)
         if not covered:
             gap -= np.einsum("kdbp,b->kdp", own.carried[:, :2], board - rest.board)
         by_spring = gap[..., -len(STIFFNESSES) :]
-        by_spring += np.einsum("kt,tdp->kdp", loads.shares[row], at_rest[top, :2])
+        local = self.lattice.at_tops(at_rest)[:, :2]
+        by_spring += np.einsum("kt,tdp->kdp", loads.shares[row], local)
         if not covered:
             by_spring += np.einsum("kdb,bp->kdp", arms[:, :2], board_at_rest)
         moved, carry, reactions = constrained_solve(
@@ -392,8 +396,8 @@ class BarHinge:
 
     def _counts(self, final: Relaxed, tolerance: float) -> Bools:
         """Whether answers are equilibria within what the columns can do, (B,)."""
-        sunk = final.displacements[:, self.lattice.feet, 2]
-        unbroken = (sunk > -_DEEPEST * self.lattice.supports.height).all(axis=1)
+        sunk = self.lattice.sunk(final.displacements)
+        unbroken = (sunk < _DEEPEST * self.lattice.supports.height).all(axis=1)
         return np.asarray((final.residual <= tolerance) & unbroken)
 
     def _cut(self, sideways: Floats, normal: Floats) -> Floats:

@@ -13,7 +13,7 @@ from jax import Array
 
 from smoskin.arrays import Floats
 from smoskin.mechanics import beam
-from smoskin.mechanics.board import Board, carried
+from smoskin.mechanics.board import Board
 from smoskin.mechanics.sheet import columns, elements
 from smoskin.mechanics.sheet.lattice import Lattice
 
@@ -116,6 +116,7 @@ def _columns(lattice: Lattice) -> columns.Columns:
     share = made.shear_share
     # A column without stiffness one way is finite all the same: it buckles, or sinks, at once.
     unit = np.maximum(made.unit, 1e-12 * made.axial + 1e-15)
+    axes = made.axes[..., None]
     parts = (
         unit,
         made.height,
@@ -124,7 +125,8 @@ def _columns(lattice: Lattice) -> columns.Columns:
         beam.slackest(share),
         beam.crushing(share),
     )
-    return columns.Columns(jnp.asarray(made.feet), *(jnp.asarray(part[:, None]) for part in parts))
+    own = (jnp.asarray(part[:, None]) for part in parts)
+    return columns.Columns(jnp.asarray(made.feet), jnp.asarray(axes), *own)
 
 
 def _stops(lattice: Lattice, board: Board) -> columns.Stops:
@@ -132,7 +134,7 @@ def _stops(lattice: Lattice, board: Board) -> columns.Stops:
     made = lattice.stops
     by_board = np.zeros((len(made.nodes), 6))
     if made.on_base:
-        moved = np.einsum("sd,sdb->sb", made.normal, carried(board, made.places)[:, :2])
+        moved = np.einsum("sd,sdb->sb", made.normal, board.carries(made.places))
         by_board = moved / made.lever[:, None]
     parts = (made.stiffness, made.free, made.rounding)
     stiffness, free, rounding = (jnp.asarray(part[:, None]) for part in parts)
@@ -219,7 +221,7 @@ def _column_parts(made: columns.Columns, motion: Array) -> tuple[Array, Array, A
 def _stop_parts(made: columns.Stops, motion: Array, board: Array) -> tuple[Array, ...]:
     """Stops' blocks by nodes, nodes and board, and board; forces on the board and the nodes."""
     push, slope = columns.stop_forces(made, motion, board)
-    normal = jnp.pad(made.normal[..., 0], ((0, 0), (0, 1)))
+    normal = made.normal[..., 0]
     coupled = slope[..., None] * normal[:, :, None] * made.by_board[:, None]
     return (
         _outer(slope, normal),

@@ -31,9 +31,13 @@ class Turning(NamedTuple):
     """Both, with the skin's weight."""
 
 
-def uniform_covariance(chips: int, spread: float) -> Floats:
-    """Covariance u^2 (1 1^T) x I of a field that is the same at all chips, (3 S, 3 S), T^2."""
-    return np.kron(np.full((chips, chips), spread**2), np.eye(3))
+def uniform_covariance(axes: Floats, spread: float) -> Floats:
+    """Covariance u^2 A A^T of a field that is the same at all chips, (3 S, 3 S), T^2.
+
+    Readings are along the chips' local axes, (S, 3, 3).
+    """
+    along = np.swapaxes(axes, 1, 2).reshape(-1, 3)
+    return np.asarray(spread**2 * (along @ along.T))
 
 
 def turning(
@@ -48,7 +52,7 @@ def turning(
     covariance is U U^T and c^2 |U_s|^2 I / 3 at each chip, with c what made skins differ by.
     """
     used = range(len(design.halls)) if chips is None else chips
-    field = uniform_covariance(len(used), EARTH)
+    field = uniform_covariance(geometry(design).chip_axes[list(used)], EARTH)
     if not weight:
         return Turning(field, field)
     parts = [_change(design, chip) for chip in used]
@@ -66,7 +70,8 @@ def _change(design: SkinDesign, chip: int) -> Floats:
     magnet, sagged = design.magnet(site.magnet), sags(design)
     field, gradient = field_and_gradient(magnet, places.rest[chip])
     if magnet.mount == "sheet":
-        return np.asarray(-gradient * sagged.sheet)
-    moved = carried(board_of(design), places.chips[chip]) @ sagged.board
+        return np.asarray(-gradient * sagged.sheet @ places.chip_axes[chip].T)
+    inward = places.chip_axes[chip].T
+    moved = inward @ carried(board_of(design), places.chips[chip]) @ sagged.board
     # The chip turns with the board, the magnet does not: -r x B.
-    return np.asarray(gradient @ moved - turned(field) @ sagged.board[3:])
+    return np.asarray(gradient @ moved - turned(field) @ (inward @ sagged.board[3:]))

@@ -4,6 +4,7 @@ Decides the ticks and when an estimate is a cell: where it is exactly the place 
 """
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -12,7 +13,7 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact
-from smoskin.service.page.markers import LIFT, UNITS
+from smoskin.service.page.markers import LIFT, UNITS, attitude
 
 if TYPE_CHECKING:
     import viser
@@ -26,28 +27,31 @@ _GAP: Final = 0.35
 
 def draw_rulers(server: "viser.ViserServer", design: SkinDesign) -> None:
     """Draw a ruler along x in front of the board and one along y at its left."""
-    low = geometry(design).sheet.vertices.min(axis=0)
-    level = -design.columns.height * UNITS
-    extent = geometry(design).extent * 1e3
+    skin = geometry(design)
+    low, level, extent = skin.developed.min(axis=0), -design.columns.height, skin.extent * 1e3
     lines = []
+
+    def drawn(place: Floats) -> Floats:
+        return np.asarray(skin.roll.places(place / UNITS) * UNITS)
+
     for axis, name in enumerate("xy"):
         along, out = np.zeros(3), np.zeros(3)
         along[axis], out[1 - axis] = 1.0, -1.0
-        start = np.array((0.0, 0.0, level)) + out * (_GAP - (low * UNITS)[1 - axis])
-        lines.append([start, start + along * extent[axis] / 1e3 * UNITS])
-        for number, tick in enumerate(np.arange(0.0, extent[axis] + 0.01, _TICK)):
+        start = np.array((0.0, 0.0, level * UNITS)) + out * (_GAP - (low * UNITS)[1 - axis])
+        ticks = np.arange(0.0, extent[axis] + 0.01, _TICK)
+        stations = [*ticks[ticks < extent[axis] - 0.01], extent[axis]]
+        line = [drawn(start + along * at / 1e3 * UNITS) for at in stations]
+        lines += [[*ends] for ends in pairwise(line)]
+        for number, tick in enumerate(ticks):
             place = start + along * tick / 1e3 * UNITS
             numbered = number % 2 == 0
-            lines.append([place, place + out * (0.35 if numbered else 0.2)])
+            lines.append([drawn(place), drawn(place + out * (0.35 if numbered else 0.2))])
             if numbered:
-                _write(server, f"/rulers/{name}{number}", f"{tick:.0f}", place + 0.75 * out)
+                label = f"/rulers/{name}{number}"
+                _write(server, label, f"{tick:.0f}", drawn(place + 0.75 * out))
         between = (2 * round(extent[axis] / (4 * _TICK)) + 1) * _TICK  # two numbers
-        _write(
-            server,
-            f"/rulers/{name}",
-            f"{name}, mm",
-            start + along * between / 1e3 * UNITS + 1.6 * out,
-        )
+        middle = start + along * between / 1e3 * UNITS + 1.6 * out
+        _write(server, f"/rulers/{name}", f"{name}, mm", drawn(middle))
     server.scene.add_line_segments("/rulers/lines", np.array(lines), _INK, thickness=0.05)
 
 
@@ -63,6 +67,7 @@ class Cells:
     def __init__(
         self, server: "viser.ViserServer", design: SkinDesign, color: tuple[int, int, int]
     ) -> None:
+        self._roll = geometry(design).roll
         self._tops = geometry(design).tops.reshape(-1, 2)
         width, depth = geometry(design).extent / design.cells / 2 * UNITS
         corners = np.array([(-width, -depth), (width, -depth), (width, depth), (-width, depth)])
@@ -81,7 +86,9 @@ class Cells:
             place = contacts[number].position if number < len(contacts) else None
             outline.visible = place is not None and self._is_top(place)
             if place is not None:
-                outline.position = (*place * UNITS, height(place) * UNITS + LIFT)
+                over = self._roll.places([*place, height(place) + LIFT / UNITS])
+                outline.position = tuple(over * UNITS)
+                outline.wxyz = attitude(self._roll.axes(place[1]))
 
     def _is_top(self, place: Floats) -> bool:
         """Whether a place is that of a cell's top, to the last digits."""

@@ -3,6 +3,7 @@
 Decides their size and form; one mark is moved from touch to touch. Hides the viewer's nodes.
 """
 
+import math
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -55,11 +56,19 @@ class Marker:
             f"{name}/label", "", font_screen_scale=0.9, anchor="bottom-center", visible=False
         )
 
-    def show(self, contact: Contact, height: float, covariance: Floats) -> None:
-        """Mark a touch at this height of the sheet, m, with its place's covariance (2, 2), m^2."""
-        x, y = contact.position * UNITS
+    def show(
+        self,
+        contact: Contact,
+        place: Floats,
+        attitude: tuple[float, float, float, float],
+        covariance: Floats,
+    ) -> None:
+        """Mark a touch at a place of the scene, (3,), m, with its place's covariance (2, 2), m^2.
+
+        The attitude is the quaternion of the skin's local axes there.
+        """
         force = np.nan_to_num(contact.force)
-        self._root.position = (x, y, height * UNITS + LIFT)
+        self._root.position, self._root.wxyz = tuple(place * UNITS), attitude
         self._arrow.vertices = arrow(force, self._girth)[0].astype(np.float32)
         self._arrow.visible = bool(force.any())
         known = bool(np.isfinite(covariance).all())
@@ -75,6 +84,12 @@ class Marker:
     def hide(self) -> None:
         """Mark nothing."""
         self._root.visible = False
+
+
+def attitude(axes: Floats) -> tuple[float, float, float, float]:
+    """Quaternion w, x, y, z of local axes, (3, 3), which are turned about x alone."""
+    half = math.atan2(axes[2, 1], axes[1, 1]) / 2
+    return math.cos(half), math.sin(half), 0.0, 0.0
 
 
 def arrow(force: Floats, girth: float) -> tuple[Floats, Ints]:

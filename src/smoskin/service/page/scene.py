@@ -1,6 +1,6 @@
 """The 3-D half of the page: the sheet, what lies under it, and the touches on it.
 
-Decides how a planar skin looks (camera, light, colours, the exaggerated deformation) and where on
+Decides how a skin looks (camera, light, colours, the exaggerated deformation) and where on
 the skin a ray from the camera lands. Hides the viewer's scene graph and the facets' triangles.
 """
 
@@ -15,7 +15,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate, Reading
 from smoskin.service.page.board import Cells, draw_rulers
-from smoskin.service.page.markers import LIFT, UNITS, Marker
+from smoskin.service.page.markers import LIFT, UNITS, Marker, attitude
 
 if TYPE_CHECKING:
     import viser
@@ -35,8 +35,14 @@ _PAPER: Final = (247, 226, 186)
 _BOARD: Final = (108, 138, 130)
 _MAGNET: Final = (58, 62, 70)
 _CHIP: Final = (24, 26, 30)
-_CREASE_LIFT: Final = np.array((0.0, 0.0, 0.015), dtype=np.float32)
+_CREASE_LIFT: Final = 0.015
 """Place of the creases over the sheet, in units of the scene: they lie on it, not in it."""
+_BOARD_DRAWN: Final = 1.6e-3
+"""m: thickness of the board."""
+_BOARD_RIM: Final = 2e-3
+"""m: how far it reaches past the sheet."""
+_STRIPS: Final = 24
+"""Flat strips of which a board round a limb is drawn."""
 _VIVID_DEPTH: Final = 0.2e-3
 """m: a crease is darkest where it has sunk this deep."""
 
@@ -121,7 +127,26 @@ def pick(
         return None
     hit = int(np.argmin(np.where(inside, depth, np.inf)))
     weights = np.array((1.0 - u[hit] - v[hit], u[hit], v[hit]))
-    return np.clip(weights @ skin.sheet.vertices[faces[hit], :2], 0.0, skin.extent)
+    return np.clip(weights @ skin.developed[faces[hit], :2], 0.0, skin.extent)
+
+
+def shell(design: SkinDesign, thickness: float, rim: float) -> tuple[Floats, Ints]:
+    """Vertices, m, and triangles of a board so thick, reaching so far past the sheet, m."""
+    skin = geometry(design)
+    places, top = skin.developed[:, :2], -design.columns.height
+    low, high = places.min(axis=0) - rim, places.max(axis=0) + rim
+    across = np.linspace(low[1], high[1], _STRIPS + 1)
+    ring = np.array([(low[0], top), (high[0], top), (high[0], top - thickness),
+                     (low[0], top - thickness)])  # fmt: skip
+    flat = np.array([(x, y, z) for y in across for x, z in ring])
+    sides = [
+        (4 * k + a, 4 * k + b, 4 * k + 4 + b, 4 * k + 4 + a)
+        for k in range(_STRIPS)
+        for a, b in ((0, 1), (1, 2), (2, 3), (3, 0))
+    ]
+    last = 4 * _STRIPS
+    quads = np.array([*sides, (3, 2, 1, 0), (last, last + 1, last + 2, last + 3)])
+    return skin.roll.places(flat), triangles(quads)
 
 
 def _linear(color: tuple[int, int, int]) -> Floats:
@@ -179,13 +204,15 @@ class SkinScene:
         self._drawn = rest + exaggeration * moved
         points = (self._drawn * UNITS).astype(np.float32)
         # In the plane a press moves the whole sheet; what lights up is the dent.
-        sunk = -moved[self._creases, 2]
+        outward = geometry(self._design).axes[..., 2]
+        sunk = -(moved * outward).sum(axis=1)[self._creases]
         share = np.clip(sunk / _VIVID_DEPTH, 0.0, 1.0)[..., None]
         self.sheet.vertices = points
         self.sheet.opacity = opacity if opacity < 1.0 else None
         for node, vertex, offset in self._hung:
             node.position = tuple(points[vertex] + offset)
-        self._lines.points = points[self._creases] + _CREASE_LIFT
+        lifted = (self._drawn * UNITS + _CREASE_LIFT * outward).astype(np.float32)
+        self._lines.points = lifted[self._creases]
         crease, dark = _linear(CREASE), _linear(SUNK)
         self._lines.colors = (crease + share * (dark - crease)).astype(np.uint8)
         self._draw_trail(trail)
@@ -201,7 +228,9 @@ class SkinScene:
 
     def _draw_trail(self, places: Floats) -> None:
         """Put a dot on each place, the older the paler."""
-        points = [(*place * UNITS, self._height(place) * UNITS + LIFT) for place in places]
+        skin = geometry(self._design)
+        over = [(*place, self._height(place) + LIFT / UNITS) for place in places]
+        points = skin.roll.places(np.reshape(over, (-1, 3))) * UNITS
         age = np.linspace(0.8, 0.0, len(points))[:, None]
         self._dots.points = np.array(points, dtype=np.float32).reshape(-1, 3)
         self._dots.colors = (ESTIMATED + age * (np.array(_PAPER) - ESTIMATED)).astype(np.uint8)
@@ -213,16 +242,20 @@ class SkinScene:
         while len(markers) < len(contacts):
             markers.append(Marker(self._server, f"{name}/{len(markers)}", color, opacity))
         for marker, contact, spread in zip(markers, contacts, covariance, strict=False):
-            marker.show(contact, self._height(contact.position), spread)
+            skin, place = geometry(self._design), contact.position
+            over = skin.roll.places([*place, self._height(place) + LIFT / UNITS])
+            marker.show(contact, over, attitude(skin.roll.axes(place[1])), spread)
         for marker in markers[len(contacts) :]:
             marker.hide()
 
     def _height(self, place: Floats) -> float:
-        """Z of the top of the drawn facet at a place on the skin, m."""
-        facets = geometry(self._design).sheet.facets
-        middles = self._rest[facets, :2].mean(axis=1)
+        """Height of the top of the drawn facet over a place on the skin, m."""
+        skin = geometry(self._design)
+        facets = skin.sheet.facets
+        middles = skin.developed[facets, :2].mean(axis=1)
         nearest = int(np.argmin(np.linalg.norm(middles - place, axis=1)))
-        return float(self._drawn[facets[nearest], 2].max())
+        away = self._drawn[facets[nearest]] - skin.roll.places([*place, 0.0])
+        return float((away @ skin.roll.axes(place[1])[:, 2]).max())
 
     def _stage(self) -> None:
         """Set camera, light and board, none of which moves."""
@@ -236,20 +269,20 @@ class SkinScene:
             "/light/sky", sky_color=(255, 255, 255), ground_color=(186, 194, 206), intensity=1.9
         )
         scene.add_light_directional("/light/sun", intensity=2.2, position=(-30.0, -6.0, 22.0))
-        low, high = self._rest.min(axis=0), self._rest.max(axis=0)
-        x, y, _ = (low + high) / 2 * UNITS
-        width, depth, _ = (high - low + 4e-3) * UNITS
-        top = -self._design.columns.height * UNITS
-        scene.add_box(
-            "/board", color=_BOARD, dimensions=(width, depth, 0.16), position=(x, y, top - 0.08)
+        places, faces = shell(self._design, _BOARD_DRAWN, _BOARD_RIM)
+        scene.add_mesh_simple(
+            "/board", places * UNITS, faces, color=_BOARD, flat_shading=True, side="double"
         )
 
     def _stage_parts(self) -> None:
         """Set chips and magnets; magnets on the sheet hang from the nearest of its vertices."""
         design, scene, places = self._design, self._server.scene, geometry(self._design)
-        for site, chip in zip(design.halls, places.chips * UNITS, strict=True):
+        turns = [attitude(axes) for axes in places.chip_axes]
+        for site, chip, turn in zip(design.halls, places.chips * UNITS, turns, strict=True):
             name = f"/chips/{site.name}"
-            scene.add_box(name, color=_CHIP, dimensions=(0.4, 0.4, 0.14), position=tuple(chip))
+            scene.add_box(
+                name, color=_CHIP, dimensions=(0.4, 0.4, 0.14), position=tuple(chip), wxyz=turn
+            )
             scene.add_label(
                 f"{name}/label",
                 site.name,
@@ -266,8 +299,9 @@ class SkinScene:
                 height=part.height * UNITS,
                 color=_MAGNET,
                 position=tuple(place),
+                wxyz=attitude(places.magnet_axes[index]),
             )
             if part.mount == "sheet":
-                offsets = place - np.array((0.0, 0.0, LIFT)) - self._rest * UNITS
+                offsets = place - LIFT * places.magnet_axes[index][:, 2] - self._rest * UNITS
                 vertex = int(np.argmin(np.linalg.norm(offsets, axis=1)))
                 self._hung.append((node, vertex, offsets[vertex]))

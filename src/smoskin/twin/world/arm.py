@@ -98,10 +98,11 @@ def _motion_by_acceleration(twin: Twin) -> tuple[Floats, Floats]:
     loads = masses[:, None, None] * np.eye(3)
     holders = holder_matrix(design).reshape(len(design.magnets), 6, -1, 3)
     weights = magnet_masses(design)
-    loads = loads + np.einsum("g,gdva->vad", weights, holders[:, :3])
+    axes = geometry(design).magnet_axes
+    loads = loads + np.einsum("g,gid,gdva->vai", weights, axes, holders[:, :3])
     tangent = Tangent(lattice, board)
     rest = settle(tangent)
     moved = tangent.solve(tangent.at(rest.motion, rest.board, rest.force), loads)
     taken = np.einsum("vdb,vda->ba", carried(board, lattice.nodes), loads)
     taken += board_load(design)
-    return np.einsum("gpva,vad->gpd", holders, moved), taken / board.stiffness[:, None]
+    return np.einsum("gpva,vad->gpd", holders, moved), board.gives(taken)
