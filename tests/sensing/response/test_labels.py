@@ -143,7 +143,8 @@ def test_hysteresis_is_undone_where_touches_left_something(planar):
     unread = Label(CONTACT, np.full((3, 3), np.nan), np.nan, Status.SATURATED)
     made, found = Labeller(planar).unlooped([*labels, unread])
     assert made[-1] is unread
-    assert found.weights @ found.plays == pytest.approx(loops.weights @ loops.plays, rel=0.02)
+    widths = loops.plays @ loops.weights
+    assert found.plays @ found.weights == pytest.approx(widths, rel=0.05)
     values = np.array([label.values for label in made[1:-1]])
     assert_allclose(values, bend.bent(elastic[1:]).reshape(-1, 3, 3), atol=2e-7)
     touches = labelled_touches(made, (2, 1), place_spread=0.0, force_spread=0.0, loops=found)

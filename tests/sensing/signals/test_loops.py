@@ -23,7 +23,7 @@ def looped(own: Loops, elastic, start=0.0) -> np.ndarray:
     out = np.array(elastic, dtype=float)
     for c, reach in enumerate(own.reach):
         begun = np.broadcast_to(start, own.plays.shape)
-        for weight, share, begin in zip(own.weights, own.plays, begun, strict=True):
+        for weight, share, begin in zip(own.weights[:, c], own.plays, begun, strict=True):
             state, width = begin * share * reach, share * reach
             for row, x in enumerate(np.asarray(elastic)[:, c]):
                 state = max(x - width, min(x + width, state))
@@ -146,7 +146,7 @@ def test_loops_too_wide_are_learned_as_wide_as_they_may_be():
     elastic = touches()
     read = elastic.copy()
     read[2::2] = 0.5 * elastic[1:-1:2]
-    assert learn_loops(read[::2], read[1::2], NOISE).weights.sum() < 0.4
+    assert learn_loops(read[::2], read[1::2], NOISE).weights.sum(axis=0).max() < 0.4
 
 
 def test_values_go_through_json_and_signals_are_chosen():
@@ -171,3 +171,15 @@ def test_values_go_through_json_and_signals_are_chosen():
 def test_wrong_loops_are_refused(change, message):
     with pytest.raises(ArgumentError, match=message):
         loops(**change)
+
+
+def test_each_chip_has_loops_of_its_own():
+    """A sheet that loses more than the board: of two chips' signals, only one's stay behind."""
+    elastic, rng = np.hstack([touches(), touches(seed=1)]), np.random.default_rng(3)
+    still = np.repeat([WEIGHTS, 0 * WEIGHTS], 3, axis=0).T
+    both = Loops(weights=still, plays=PLAYS, reach=np.tile(REACH, 2))
+    read = looped(both, elastic) + rng.normal(size=elastic.shape) * 1e-6
+    own = learn_loops(read[::2], read[1::2], np.tile(NOISE, 2))
+    assert not own.weights[:, 3:].any()
+    assert_allclose(PLAYS @ own.weights[:, :3], PLAYS @ WEIGHTS, rtol=0.15)
+    assert_allclose(Loops(weights=WEIGHTS, plays=PLAYS, reach=REACH).weights, still[:, :3])

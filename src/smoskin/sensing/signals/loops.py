@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from smoskin.arrays import Floats, floats, freeze
+from smoskin.arrays import Floats, assign, floats, freeze
 from smoskin.errors import ArgumentError
 
 PLAYS: Final = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
@@ -35,7 +35,8 @@ _FAINT: Final = 1e-3
 class Loops:
     """Hysteresis of C signals by K plays, the discrete Prandtl-Ishlinskii operator.
 
-    A signal reads ``y = (1 - sum_k w_k) x + sum_k w_k P_k[x]`` of the elastic x, with plays
+    A signal reads ``y = (1 - sum_k w_k) x + sum_k w_k P_k[x]`` of the elastic x, with weights of
+    its own or, as (K,), those of all signals, and with plays
     ``P_k(t) = max(x - r_k, min(x + r_k, P_k(t-)))`` and r_k a share of the signal's reach
     ("Loops" in `docs/derivations.md`).
 
@@ -46,16 +47,20 @@ class Loops:
     """
 
     weights: Floats
-    """w_k, (K,)."""
+    """w_k of each signal, (K, C)."""
     plays: Floats
     """r_k as shares of the reach, (K,)."""
     reach: Floats
     """Largest signals, (C,), T."""
 
     def __post_init__(self) -> None:
-        freeze(self, weights=(None,), reach=(None,))
+        freeze(self, reach=(None,))
+        weights = np.asarray(self.weights)
+        if weights.ndim == 1:
+            assign(self, weights=np.repeat(weights[:, None], len(self.reach), axis=1))
+        freeze(self, weights=(None, len(self.reach)))
         freeze(self, plays=(len(self.weights),))
-        if not (self.weights >= 0).all() or not self.weights.sum() < _MOST:
+        if not (self.weights >= 0).all() or not (self.weights.sum(axis=0) < _MOST).all():
             raise ArgumentError(
                 f"weights must be >= 0 with a sum below {_MOST:g}; got {self.weights.tolist()}"
             )
@@ -76,7 +81,7 @@ class Loops:
 
     def of_signals(self, at: list[int]) -> "Loops":
         """The loops of these signals alone."""
-        return Loops(weights=self.weights, plays=self.plays, reach=self.reach[at])
+        return Loops(weights=self.weights[:, at], plays=self.plays, reach=self.reach[at])
 
 
 def no_loops(signals: int) -> Loops:
@@ -99,9 +104,9 @@ class Unlooping:
     """
 
     def __init__(self, loops: Loops) -> None:
-        used = loops.weights > 0
-        self._weights = loops.weights[used, None]
-        self._elastic = 1 - float(loops.weights.sum())
+        used = (loops.weights > 0).any(axis=1)
+        self._weights = loops.weights[used]
+        self._elastic = 1 - loops.weights.sum(axis=0)
         self._reach = loops.plays[used, None] * loops.reach
         self.reset()
 
@@ -161,8 +166,8 @@ def learn_loops(rests: Floats, held: Floats, noise: Floats) -> Loops:
     Notes
     -----
     At rest x = 0, so what is left is ``sum_k w_k P_k``, linear in the weights once the plays are
-    known; these follow from the touches' x, which are found with the weights before. Weights that
-    explain no more than noise might are none.
+    known; these follow from the touches' x, which are found with the weights before. A chip's three
+    signals have the same. Weights that explain no more than noise might are none.
     """
     # Here, so that whoever only imports the package does not wait for it.
     from scipy.optimize import nnls
@@ -172,19 +177,22 @@ def learn_loops(rests: Floats, held: Floats, noise: Floats) -> Loops:
     plays, reach = np.array(PLAYS), np.abs(held).max(axis=0)
     rest_spread = np.hypot(noise, _FAINT * reach)
     widths = plays[:, None] * reach
-    changes = (np.diff(rests, axis=0) / rest_spread).ravel()
-    weights, elastic = np.zeros(len(plays)), held
+    changes = np.diff(rests, axis=0) / rest_spread
+    weights, elastic = np.zeros(widths.shape), held
     for _ in range(_ROUNDS):
         state, left = np.zeros_like(widths), []
         for touch in elastic:
             state = np.clip(np.clip(state, touch - widths, touch + widths), -widths, widths)
             left.append(state)
         before = np.diff([np.zeros_like(widths), *left[:-1]], axis=0) / rest_spread
-        weights, misfit = nnls(np.swapaxes(before, 1, 2).reshape(-1, len(plays)), changes)
-        explained = float(changes @ changes) / max(misfit**2, 1e-300) - 1
-        if explained * len(changes) < chi2.isf(_CHANCE, len(plays)):
-            weights = np.zeros(len(plays))
-        weights *= min(1.0, 0.99 * _MOST / max(weights.sum(), 1e-12))
+        for chip in np.arange(len(reach)).reshape(-1, 3):
+            seen = changes[:, chip].ravel()
+            found, misfit = nnls(np.swapaxes(before[..., chip], 1, 2).reshape(len(seen), -1), seen)
+            explained = float(seen @ seen) / max(misfit**2, 1e-300) - 1
+            if explained * len(seen) < chi2.isf(_CHANCE, len(plays)):
+                found = np.zeros(len(plays))
+            found *= min(1.0, 0.99 * _MOST / max(found.sum(), 1e-12))
+            weights[:, chip] = found[:, None]
         loops = Loops(weights=weights, plays=plays, reach=reach)
         elastic = elastic_signals(loops, rests, held)[1]
     return loops
