@@ -119,7 +119,7 @@ def bounds(table: ResponseTable, noise: Floats, pairs: Touches, *, known: bool) 
     out = np.empty((len(pairs), 2))
     for row, (place, force) in enumerate(zip(pairs.position, pairs.force, strict=True)):
         spread = noise if known else noise + float((force[:, 2] ** 2).sum()) * misfit
-        slopes = point.pair(place, -force[:, 2])[1]
+        slopes = point.pairs(place[None], -force[None, :, 2])[1][0]
         told = slopes @ np.linalg.solve(spread, slopes.T) + prior
         out[row] = np.sqrt(np.diag(np.linalg.inv(told)).reshape(2, 3)[:, :2].sum(axis=1))
     return out

@@ -49,13 +49,10 @@ def cross_signals(curvature: Floats, one: Floats, other: Floats) -> Floats:
     return np.asarray((products @ curvature.reshape(chips, 9, 3)).reshape(one.shape))
 
 
-def cross_matrix(curvature: Floats, other: Floats) -> Floats:
-    """Matrix X (3 S, 3 S) of ``cross_signals(curvature, one, other) = one @ X``."""
-    chips = len(curvature)
-    out = np.zeros((chips, 3, chips, 3))
-    on_diagonal = np.arange(chips)
-    out[on_diagonal, :, on_diagonal] = (other.reshape(-1, 1, 1, 3) @ curvature)[:, :, 0]
-    return out.reshape(3 * chips, 3 * chips)
+def cross_matrices(curvature: Floats, other: Floats) -> Floats:
+    """Matrices X (..., S, 3, 3) of ``cross_signals(curvature, one, other) = one @ X`` by chip."""
+    rows = other.reshape(*other.shape[:-1], -1, 1, 1, 3)
+    return np.asarray((rows @ curvature)[..., 0, :])
 
 
 class Bend:

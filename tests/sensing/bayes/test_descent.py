@@ -69,7 +69,7 @@ class Bent:
     def __call__(self, at):
         self.asked += 1
         bent = (at - self.touch) @ self.mix
-        return 1e-4 * np.arctan(bent), self._slope * 1e-4 * self.mix / (1 + bent**2)
+        return 1e-4 * np.arctan(bent), self._slope * 1e-4 * self.mix / (1 + bent[..., None, :] ** 2)
 
     def descend(self, start, **steps):
         signals, _ = self(self.touch)
@@ -123,3 +123,25 @@ def test_a_blind_skin_knows_what_was_known_beforehand(table, skin):
     spread = np.sqrt(known.covariance[0].diagonal())
     np.testing.assert_allclose(spread[:2], table.basis.extent / np.sqrt(12))
     np.testing.assert_allclose(spread[2:], [0.0, 0.0, np.exp(-0.9) / np.sqrt(1e-9)])
+
+
+def test_descents_together_end_where_each_ends_alone(solver):
+    problem, signals, _ = begun(solver, (0.0, 0.0))
+    starts = np.stack(
+        [
+            begun(solver, away, harder)[2]
+            for away, harder in (
+                ((3e-3, -2e-3), 1.0),
+                ((50e-3, -50e-3), 0.1),
+                ((-45e-3, 80e-3), 0.1),
+                ((0.0, 1e-3), 1.0),
+            )
+        ]
+    )
+    for steps in (3, 15):
+        together = problem.descend_all(signals, starts, steps=steps)
+        for start, found in zip(starts, together, strict=True):
+            alone = problem.descend(signals, start, steps=steps)
+            np.testing.assert_allclose(found.unknowns, alone.unknowns, rtol=1e-8, atol=1e-10)
+            assert found.cost == pytest.approx(alone.cost, rel=1e-8)
+            assert found.misfit == pytest.approx(alone.misfit, rel=1e-8)

@@ -127,6 +127,9 @@ class StatedProblem:
         cost = self.costs.pop(0)
         return Descent(np.full(1, cost), 0.0, np.zeros((1, 9)), 2 * cost, cost)
 
+    def descend_all(self, signals, starts, standing=None, steps=15):
+        return [self.descend(signals, start, standing, steps) for start in starts]
+
     def posterior(self, found, standing=None):
         return found.cost
 
@@ -161,14 +164,14 @@ def test_a_guess_is_followed_as_well_where_its_misfit_is_enough(skin, monkeypatc
     assert len(problem.begun) == taken
 
 
-def test_pairs_are_compared_after_some_steps_and_three_at_least_are_followed(
+def test_pairs_are_compared_after_some_steps_and_three_or_all_are_followed(
     table, skin, monkeypatch
 ):
     solver = TouchSolver(table, signal_noise(skin), STRAIGHT)
     exact = table.together(WHERE[None], FORCE[None])[0]
     solver.two(exact)
     brief = [9.0, 3.0, 5.0, 4.0, *[9.0] * 4]
-    for ends, taken in (((9.0, 1.7, 4.0), 3), ((1.9, 2.0, 1.9, 1.7), 4)):
+    for ends, taken in (((9.0, 1.7, 4.0), 3), ((1.9, 2.0, 1.9, 1.7, 3.0, 4.0, 5.0, 1.6), 8)):
         problem = StatedProblem(*brief, *ends)
         monkeypatch.setattr(solver._problems, "pair", problem)
         assert solver.two(exact) == min(ends)

@@ -238,7 +238,7 @@ def test_signals_are_the_sums_of_softened_forces_and_warmth():
     found = table.signals(place, force, REFERENCE_TEMPERATURE + degrees)
     assert_allclose(found, expected, rtol=1e-9, atol=1e-15)
     for k, temperature in enumerate(REFERENCE_TEMPERATURE + degrees):
-        value, _ = table.point_table(temperature).at(*place[k], force[k])
+        (value,), _ = table.point_table(temperature).at(place[k : k + 1], force[k : k + 1])
         assert_allclose(value, expected[k], rtol=1e-9, atol=1e-15)
     assert_allclose(table.signals(place, force), BASIS.sums(table.mean, place, force))
     rows = BASIS.rows(place, force)

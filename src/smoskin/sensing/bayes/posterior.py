@@ -5,12 +5,13 @@ misfit is weighed by their forces. One and two touches differ by their table's a
 """
 
 import math
+import operator
 from collections.abc import Callable
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from smoskin.arrays import Floats
+from smoskin.arrays import Bools, Floats, Ints
 from smoskin.errors import ArgumentError
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
 from smoskin.sensing.response.point import PointTable
@@ -20,18 +21,22 @@ _STEPS: Final = 15
 """Steps at most; what is not settled then is followed at the next reading."""
 _SETTLED: Final = 1e-3
 """Fall of half the squared residual at which steps end."""
+_POOR: Final = 10.0
+"""Cost a signal past which a fit is poor: there steps end at a fall as many times as large."""
 _REWEIGHED: Final = 6
 """First steps, before which the misfit is weighed by the forces found so far."""
 _DAMPING: Final = 1e-3
 _STRIDE: Final = (0.03, 1.0)
 """Longest step of a place, m, and of the logarithm of a force."""
+_NONE: Final = np.zeros(0)
+"""What descents have not yet."""
 _BLUR: Final = 1e-9
 """Information on the logarithm of a force that keeps even a blind skin's covariance finite."""
 APART: Final = 0.02
 """Distance, m, nearer than which two touches are one."""
 
 Answer: TypeAlias = Callable[[Floats], tuple[Floats, Floats]]
-"""Signals f(u) (C,), T, of unknowns u (U,), and their slopes J (U, C)."""
+"""Signals f(u) (B, C), T, of unknowns u (B, U), and their slopes J (B, U, C)."""
 
 
 class Descent(NamedTuple):
@@ -97,6 +102,7 @@ class TouchProblem:
             raise ArgumentError("noise must be a covariance that is positive definite")
         white = np.linalg.inv(np.linalg.cholesky(noise))
         power, axes = np.linalg.eigh(white @ misfit @ white.T)
+        self._poor = _POOR * len(noise)
         self._axes, self._power = axes.T @ white, np.maximum(power, 0.0)
         extent, (least, most) = table.basis.extent, table.forces
         precision = priors.drag_spread**-2 if drags else 0.0
@@ -129,45 +135,85 @@ class TouchProblem:
         self, signals: Floats, start: Floats, standing: Standing | None = None, steps: int = _STEPS
     ) -> Descent:
         """Damped Gauss-Newton steps from unknowns (U,), at most so many."""
-        at = np.minimum(np.maximum(start, self._low), self._high)
+        return self.descend_all(signals, start[None], standing, steps)[0]
+
+    def descend_all(
+        self, signals: Floats, starts: Floats, standing: Standing | None = None, steps: int = _STEPS
+    ) -> list[Descent]:
+        """The same from starts (B, U) at once; none of them minds the others."""
+        at = np.minimum(np.maximum(starts, self._low), self._high)
         value, slopes = self._answer(at)
-        gap, damping = signals - value, _DAMPING
+        rows, damping = np.arange(len(at)), np.full(len(at), _DAMPING)
+        state = _Descents(rows, damping, at, signals - value, slopes)
+        ends: dict[int, Descent] = {}
         for step in range(steps):
             if step < _REWEIGHED:
-                squared = self._squared(at)
-                whiten = self.whitener(squared)
-                inner, residual = slopes @ whiten.T, whiten @ gap
-                misfit, cost = self._cost(residual, at, standing)
-            curve = inner @ inner.T
-            pull = inner @ residual - self._drag_precision * at
-            diagonal = curve.ravel()[:: len(at) + 1]
-            # A level place bends the covariance, not the steps.
-            diagonal += self._curvature
-            if standing is not None:
-                curve[:2, :2] += standing.precision
-                pull[:2] -= standing.precision @ (at[:2] - standing.place)
-            diagonal *= 1 + damping
-            move = np.linalg.solve(curve, pull)
-            if 0.5 * float(move @ pull) < _SETTLED:
-                break
-            new = at + np.minimum(np.maximum(move, -self._stride), self._stride)
-            new = np.minimum(np.maximum(new, self._low), self._high)
-            value, new_slopes = self._answer(new)
-            new_gap = signals - value
-            new_residual = whiten @ new_gap
-            new_misfit, new_cost = self._cost(new_residual, new, standing)
-            if new_cost > cost:
-                damping = max(damping * 10, 1e-3)
-                if damping > 1e6:
+                state = self._weighed(state, standing)
+            move, pull = self._step(state, standing)
+            goes = 0.5 * (move * pull).sum(axis=1) >= _SETTLED
+            if not goes.all():
+                ends |= state.taken(~goes).ends()
+                state, move = state.taken(goes), move[goes]
+                if not len(move):
                     break
-                continue
-            fell = cost - new_cost
-            at, gap, slopes, residual = new, new_gap, new_slopes, new_residual
-            misfit, cost, inner = new_misfit, new_cost, slopes @ whiten.T
-            damping = max(damping / 10, 1e-9)
-            if fell < _SETTLED:
-                break
-        return Descent(at, squared, inner, misfit, cost)
+            new = state.at + np.minimum(np.maximum(move, -self._stride), self._stride)
+            new = np.minimum(np.maximum(new, self._low), self._high)
+            value, slopes = self._answer(new)
+            ahead = state._replace(at=new, gap=signals - value, slopes=slopes)
+            ahead = self._compared(ahead, standing)
+            fell = state.cost - ahead.cost
+            better = fell >= 0
+            ahead = ahead._replace(damping=np.maximum(state.damping / 10, 1e-9))
+            if not better.all():
+                behind = state._replace(damping=np.maximum(state.damping * 10, 1e-3))
+                ahead = behind.where(better, ahead)
+            state = ahead
+            over = np.where(
+                better,
+                fell < _SETTLED * np.maximum(1.0, state.cost / self._poor),
+                state.damping > 1e6,
+            )
+            if over.any():
+                ends |= state.taken(over).ends()
+                state = state.taken(~over)
+                if over.all():
+                    break
+        ends |= state.ends()
+        return [ends[row] for row in rows.tolist()]
+
+    def _step(self, state: "_Descents", standing: Standing | None) -> tuple[Floats, Floats]:
+        """Steps of these descents, (B, U), and what pulls them."""
+        curve = state.inner @ state.inner.swapaxes(1, 2)
+        pull = (state.inner @ state.residual[..., None])[..., 0] - self._drag_precision * state.at
+        # A level place bends the covariance, not the steps.
+        diagonal = curve.reshape(len(curve), -1)[:, :: curve.shape[1] + 1]
+        diagonal += self._curvature
+        if standing is not None:
+            curve[:, :2, :2] += standing.precision
+            pull[:, :2] -= (state.at[:, :2] - standing.place) @ standing.precision
+        diagonal *= 1 + state.damping[:, None]
+        return np.asarray(np.linalg.solve(curve, pull[..., None])[..., 0], dtype=float), pull
+
+    def _weighed(self, state: "_Descents", standing: Standing | None) -> "_Descents":
+        """Descents whose misfit is weighed by the forces found so far."""
+        squared = self._squared(state.at)
+        state = state._replace(
+            squared=squared, scale=1 / np.sqrt(1 + squared[:, None] * self._power)
+        )
+        return self._compared(state, standing)
+
+    def _compared(self, state: "_Descents", standing: Standing | None) -> "_Descents":
+        """Descents with their whitened slopes and residuals, and what these cost."""
+        inner = (state.slopes @ self._axes.T) * state.scale[:, None]
+        residual = (state.gap @ self._axes.T) * state.scale
+        misfit = (residual * residual).sum(axis=1)
+        if self._drags:
+            misfit += (self._drag_precision * state.at * state.at).sum(axis=1)
+        cost = 0.5 * misfit
+        if standing is not None:
+            away = state.at[:, :2] - standing.place
+            cost += 0.5 * ((away @ standing.precision) * away).sum(axis=1)
+        return state._replace(inner=inner, residual=residual, misfit=misfit, cost=cost)
 
     def posterior(self, found: Descent, standing: Standing | None = None) -> TouchPosterior:
         """What a descent has come to; how many touches there are is judged by the reading alone."""
@@ -199,34 +245,56 @@ class TouchProblem:
         at[:, 4] = np.log(np.maximum(-at[:, 4], 1e-3))
         return at[:, self.rows].ravel()
 
-    def _squared(self, at: Floats) -> float:
-        """Squared force F^2 of all touches, N^2."""
-        last = len(self.rows) - 1
-        forces = [math.exp(log) for log in at[last :: last + 1]]
-        if self._drags:
-            forces += [at[2], at[3]]
-        return float(sum(force * force for force in forces))
+    def _squared(self, at: Floats) -> Floats:
+        """Squared forces F^2 of all touches, (B,), N^2."""
+        squared = np.exp(2 * at[:, len(self.rows) - 1 :: len(self.rows)]).sum(axis=1)
+        drags = (at[:, 2:4] ** 2).sum(axis=1) if self._drags else 0.0
+        return np.asarray(squared + drags)
 
-    def _cost(self, residual: Floats, at: Floats, standing: Standing | None) -> tuple[float, float]:
-        """Squared misfit with that of drags, and half of it with that of a place that is known."""
-        misfit = float(residual @ residual)
-        if self._drags:
-            misfit += float((self._drag_precision * at) @ at)
-        if standing is None:
-            return misfit, 0.5 * misfit
-        away = at[:2] - standing.place
-        return misfit, 0.5 * misfit + 0.5 * float(away @ standing.precision @ away)
+
+class _Descents(NamedTuple):
+    """Descents on their way, B in each array."""
+
+    row: Ints
+    damping: Floats
+    at: Floats
+    gap: Floats
+    slopes: Floats
+    squared: Floats = _NONE
+    scale: Floats = _NONE
+    inner: Floats = _NONE
+    residual: Floats = _NONE
+    misfit: Floats = _NONE
+    cost: Floats = _NONE
+
+    def where(self, chosen: Bools, other: "_Descents") -> "_Descents":
+        """Those of the others that are chosen, else its own."""
+        masks = [chosen.reshape(-1, *[1] * (part.ndim - 1)) for part in self]
+        return _Descents(*map(np.where, masks, other, self))
+
+    def taken(self, chosen: Bools) -> "_Descents":
+        """Those that are chosen."""
+        return _Descents(*map(operator.itemgetter(chosen), self))
+
+    def ends(self) -> dict[int, Descent]:
+        """What each has come to."""
+        parts = zip(self.at, self.squared.tolist(), self.inner, strict=True)
+        costs = zip(self.misfit.tolist(), self.cost.tolist(), strict=True)
+        both = zip(self.row.tolist(), parts, costs, strict=True)
+        return {row: Descent(*part, *cost) for row, part, cost in both}
 
 
 def single_answer(point: PointTable, *, straight: bool) -> Answer:
     """Signals of one touch by x, y, its drags and the logarithm of its press."""
 
     def answer(at: Floats) -> tuple[Floats, Floats]:
-        press = -math.exp(at[-1])
-        drags = (0.0, 0.0) if straight else (at[2], at[3])
-        values, slopes = point.at(at[0], at[1], np.array([*drags, press]))
-        slopes[4] *= press
-        return values, slopes[[0, 1, 4]] if straight else slopes
+        force = np.zeros((len(at), 3))
+        force[:, 2] = press = -np.exp(at[:, -1])
+        if not straight:
+            force[:, :2] = at[:, 2:4]
+        values, slopes = point.at(at[:, :2], force)
+        slopes[:, 4] *= press[:, None]
+        return values, slopes[:, [0, 1, 4]] if straight else slopes
 
     return answer
 
@@ -235,10 +303,10 @@ def pair_answer(point: PointTable) -> Answer:
     """Signals of two straight touches by x, y and the logarithm of the press of each."""
 
     def answer(at: Floats) -> tuple[Floats, Floats]:
-        each = at.reshape(2, 3)
-        press = np.exp(each[:, 2])
-        values, slopes = point.pair(each[:, :2], press)
-        slopes[[2, 5]] *= press[:, None]
+        each = at.reshape(-1, 2, 3)
+        press = np.exp(each[:, :, 2])
+        values, slopes = point.pairs(each[:, :, :2], press)
+        slopes[:, [2, 5]] *= press[..., None]
         return values, slopes
 
     return answer

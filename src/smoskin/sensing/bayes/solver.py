@@ -27,7 +27,7 @@ _BRIEF: Final = 3
 """Steps after which many starts are compared."""
 _SEARCHES: Final = {1: (3, 1, 2.0), 2: (8, 3, 0.4)}
 """Search for K touches: coarse starts, how many of them are followed to the end at least, and the
-squared residual a signal at which no other is followed."""
+squared residual a signal at which the others are not."""
 
 Solve: TypeAlias = Callable[..., TouchPosterior]
 """Way to explain signals by touches: a method of `TouchSolver`."""
@@ -141,13 +141,13 @@ class TouchSolver:
                 return problem.posterior(found, standing)
         begun = [problem.unknowns(one) for one in starts.best(signals, count, standing)]
         if len(begun) > followed > 1:
-            brief = [problem.descend(signals, one, standing, _BRIEF) for one in begun]
+            brief = problem.descend_all(signals, np.array(begun), standing, _BRIEF)
             begun = [one.unknowns for one in sorted(brief, key=lambda one: one.cost)]
         tried: list[Descent] = []
-        for one in begun:
-            if len(tried) >= followed and 2 * tried[0].cost < good * len(signals):
+        for some in filter(None, (begun[:followed], begun[followed:])):
+            if tried and 2 * tried[0].cost < good * len(signals):
                 break
-            tried.append(problem.descend(signals, one, standing))
+            tried += problem.descend_all(signals, np.array(some), standing)
             tried.sort(key=lambda found: found.cost)
         if tried and (standing is None or 2 * tried[0].cost < fits):
             return problem.posterior(tried[0], standing)

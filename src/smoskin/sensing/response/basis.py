@@ -167,7 +167,7 @@ def touch_arrays(position: ArrayLike, force: ArrayLike) -> tuple[Floats, Floats]
 
 def _line(x: Floats, lines: Floats, radius: float) -> tuple[Floats, Floats]:
     """Shares of the vertices on a line and products of neighbours, with their slopes."""
-    ramps = _ramps((x[..., None] - lines) / radius)
+    ramps = mean_ramps((x[..., None] - lines) / radius)
     ramps[0] *= radius
     # The end vertices carry on as levers: no ramp begins at them.
     ramps[0, ..., 0], ramps[1, ..., 0] = x - lines[0], 1.0
@@ -183,7 +183,7 @@ def _line(x: Floats, lines: Floats, radius: float) -> tuple[Floats, Floats]:
     return np.concatenate([shares, products], axis=-1), np.concatenate([slopes, bends], axis=-1)
 
 
-def _ramps(u: Floats) -> Floats:
+def mean_ramps(u: Floats) -> Floats:
     """Mean of max(u + t, 0) over the coordinate t of a disc of radius 1, and its slope."""
     # A disc's coordinate has the density (2 / pi) sqrt(1 - t^2).
     inside = np.clip(u, -1.0, 1.0)

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from smoskin.arrays import Floats
+from smoskin.arrays import Floats, Ints
 
 _PAD: Final = 1e-12
 """m/N: how much a touch gives way by itself, so that two on one place share what they hold."""
@@ -82,24 +82,27 @@ def coupled(coupling: Floats, shares: Floats, forces: Floats) -> Floats:
 
 
 def coupled_with_slopes(
-    coupling: Floats, rates: Floats, forces: Floats, slopes: Floats
+    coupling: Floats, vertices: Ints, rates: Floats, forces: Floats, slopes: Floats
 ) -> tuple[Floats, Floats]:
-    """The same of one pair, (C,), and its slopes by x, y and press of each touch, (6, C).
+    """The same of B pairs, (B, C), and its slopes by x, y and press of each touch, (B, 6, C).
 
-    `rates`, (2, 3, H), are shares with their slopes along x and y, `slopes`, (6, 2, 3), those of
-    the forces (2, 3).
+    `coupling` is (H, H, 3 3 C) here; `rates`, (B, 2, 3, V), are shares of the V `vertices` (B, 2,
+    V) near each touch with their slopes along x and y, `slopes`, (B, 6, 2, 3), those of the forces
+    (B, 2, 3).
     """
-    near = [np.flatnonzero(part.any(axis=0)) for part in rates]
-    part = coupling[near[0]][:, :, near[1]]
-    first, second = (row[:, at] for row, at in zip(rates, near, strict=True))
-    inner = np.tensordot(first, part, 1)  # (3, 3, G, 3, C)
-    whole = np.tensordot(second, inner, (1, 2))  # slopes of the second first: (3, 3, 3, 3, C)
-    by_other = np.tensordot(forces[1], whole[0], (0, 2))  # (3, 3, C): by rates and force of one
-    by_one = np.tensordot(forces[0], whole[:, 0], (0, 1))  # (3, 3, C)
-    value = forces[0] @ by_other[0]
-    out = slopes[:, 0] @ by_other[0] + slopes[:, 1] @ by_one[0]
-    out[:2] += forces[0] @ by_other[1:]
-    out[3:5] += forces[1] @ by_one[1:]
+    batch, _, _, near = rates.shape
+    part = coupling[vertices[:, 0, :, None], vertices[:, 1, None, :]]
+    inner = (rates[:, 0] @ part.reshape(batch, near, -1)).reshape(batch, 3, near, -1)
+    whole = (rates[:, 1, None] @ inner).reshape(batch, 3, 3, 3, 3, -1)  # by rates, then forces
+    by_other = (forces[:, None, None, None, 1] @ whole[:, :, 0])[..., 0, :]  # (B, 3, 3, C)
+    by_one = (forces[:, None, None, 0] @ whole[:, 0].reshape(batch, 3, 3, -1)).reshape(
+        batch, 3, 3, -1
+    )
+    force = forces[:, :, None]
+    value = (force[:, 0] @ by_other[:, 0])[:, 0]
+    out = slopes[:, :, 0] @ by_other[:, 0] + slopes[:, :, 1] @ by_one[:, 0]
+    out[:, :2] += (force[:, None, 0] @ by_other[:, 1:])[:, :, 0]
+    out[:, 3:5] += (force[:, None, 1] @ by_one[:, 1:])[:, :, 0]
     return value, out
 
 
