@@ -35,6 +35,7 @@ SCRIPTS: Final = (
     "figure_s16",
     "beyond.displacement_field",
     "beyond.attenuation_fit",
+    "beyond.device_search",
     "beyond.touch_bound",
     "beyond.touch_pairs",
     "beyond.calibration_touches",

@@ -9,12 +9,13 @@ SI's assumptions are granted to the whole sheet one after the other, and its col
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 
+from paper.models.press_energy import EnergyShares, energy_shares
 from paper.models.reduction import (
     LEAST_ATTENUATION,
     Reduction,
@@ -49,9 +50,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.mechanics.reduced.stiffness import column_stiffness
 from smoskin.mechanics.sheet.lattice import Lattice, Springs, build_lattice, springs_of
 from smoskin.mechanics.sheet.model import BarHinge
-from smoskin.mechanics.sheet.tangent import Tangent
-from smoskin.mechanics.sheet.touches import Covered, Grip, Sticking, Touches
-from smoskin.origami.geometry import geometry
+from smoskin.mechanics.sheet.touches import Covered, Grip, Sticking
 
 AXIALLY_RIGID: Final = 1e4
 """Factor on the columns' axial stiffness at which they hardly sink any more."""
@@ -66,10 +65,6 @@ COLUMN_SIZES: Final = (
     (4.5e-3, 5e-3),
 )
 """m: radius and height of columns that a mould could make, the designed ones first."""
-_LIGHT: Final = 5e-3
-"""N: a press of a linear sheet."""
-_POINT: Final = 1e-6
-"""m: radius of a touch that presses one vertex."""
 _TOUCHING: Final = 1e-9
 """m: sway over which a frame without clearance sets in."""
 
@@ -130,19 +125,8 @@ class Assumptions:
     folding_sheared: tuple[float, ...]
     """The same with columns that shear and do not bend (S21)."""
     sizes: tuple[ColumnSize, ...]
-    energy: "EnergyShares"
+    energy: EnergyShares
     """As built, vertices guided along z."""
-
-
-class EnergyShares(NamedTuple):
-    """Shares of a press's energy, mean over the cells."""
-
-    panels: float
-    creases: float
-    sway: float
-    """The columns' share, sideways."""
-    sink: float
-    """The columns' share, along z."""
 
 
 def assumptions(design: SkinDesign) -> Assumptions:
@@ -173,7 +157,7 @@ def assumptions(design: SkinDesign) -> Assumptions:
         folding=tuple(_folding(design, _axially(springs, k)) for k in AXIAL_FACTORS),
         folding_sheared=tuple(_folding(design, _axially(sheared, k)) for k in AXIAL_FACTORS),
         sizes=tuple(_column_size(design, radius, height) for radius, height in COLUMN_SIZES),
-        energy=_energy_shares(design),
+        energy=energy_shares(BarHinge(design, grip=Covered())),
     )
 
 
@@ -181,20 +165,6 @@ def _touching(lattice: Lattice) -> Lattice:
     """A lattice whose frame has no clearance."""
     near = np.full(len(lattice.stops.free), _TOUCHING)
     return replace(lattice, stops=replace(lattice.stops, free=0 * near, rounding=near))
-
-
-def _energy_shares(design: SkinDesign) -> EnergyShares:
-    """Halves of forces times motions, by the parts that put up the forces."""
-    sheet, tops = BarHinge(design, grip=Covered()), geometry(design).tops.reshape(-1, 1, 2)
-    push = np.broadcast_to([0.0, 0.0, -_LIGHT], (len(tops), 1, 3))
-    pressed = sheet.press(Touches(position=tops, force=push, radius=_POINT), tolerance=1e-5)
-    tangent, shares = Tangent(sheet.lattice, sheet.board), []
-    for moved in pressed.displacements:
-        work = tangent.blocks(moved, np.zeros(6)).pushes * moved
-        bars, bends, creases, columns, _ = work.sum(axis=1)
-        parts = np.array([(bars + bends).sum(), creases.sum(), columns[:2].sum(), columns[2]])
-        shares.append(parts / parts.sum())
-    return EnergyShares(*np.mean(shares, axis=0).tolist())
 
 
 def _axially(springs: Springs, factor: float) -> Springs:
