@@ -1,11 +1,15 @@
 """The device that the paper built, as an inverse problem: which unprinted numbers explain it.
 
 Decides which numbers are free and between which ends, and how designs are compared: by how many
-observations they meet, and by how little they miss the others. Hides the search.
+observations they meet, and by how little they miss the others. Hides the search, which takes over
+an hour: ``python -m paper.models.device`` runs it and writes what the figure draws.
 """
 
+import json
+import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,6 +17,7 @@ from scipy.optimize import Bounds, differential_evolution
 from scipy.stats import qmc
 
 from paper.models.observations import misses
+from smoskin import __version__
 from smoskin.arrays import Bools, Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
@@ -56,6 +61,12 @@ def device(design: SkinDesign, values: Sequence[float] | Floats) -> SkinDesign:
     )
 
 
+NEAR: Final = 0.25
+"""Cost over the best, in observations, up to which designs count as nearly as good."""
+STUDY: Final = Path(__file__).with_name("device.json")
+"""File of the study that the figure draws."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trials:
     """Designs that were tried, and what each misses."""
@@ -75,7 +86,7 @@ class Trials:
     @property
     def cost(self) -> Floats:
         """(T,): between 0, all met with room to spare, and the number of observations."""
-        return np.asarray(cost(self.misses))
+        return cost(self.misses)
 
     @property
     def best(self) -> int:
@@ -83,15 +94,69 @@ class Trials:
         return int(np.argmin(self.cost))
 
     @property
-    def together(self) -> Floats:
-        """(O, O): designs that meet both observations; on the diagonal, that meet the one."""
-        met = self.met.astype(np.float64)
-        return np.asarray(met.T @ met)
+    def nearest(self) -> Floats:
+        """(O, O), in tolerances: how near any design comes to two observations at once.
+
+        The larger of the two misses, at the design where it is least; on the diagonal, the one
+        observation's least miss. Two that are each met but not together exclude each other.
+        """
+        return np.asarray(self._larger_misses().min(axis=0))
 
     def spread(self, within: float) -> Floats:
         """Ends of each unknown among designs that cost little more than the best, (U, 2)."""
         near = self.values[self.cost <= self.cost.min() + within]
         return np.stack([near.min(axis=0), near.max(axis=0)], axis=-1)
+
+    def telling(self) -> Floats:
+        """Numbers of the designs that the best, `spread` and `nearest` are read off."""
+        near = np.flatnonzero(self.cost <= self.cost.min() + NEAR)
+        return np.unique([*near, *self._larger_misses().argmin(axis=0).ravel()])
+
+    def _larger_misses(self) -> Floats:
+        """Larger of two misses, (T, O, O)."""
+        return np.maximum(self.misses[:, :, None], self.misses[:, None, :])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Study:
+    """A search, as it is kept: how it was run, its counts, and the designs that tell its result."""
+
+    command: str
+    version: str
+    """Version of the package that ran it."""
+    seed: int
+    drawn: int
+    """Designs that were drawn evenly."""
+    tried: int
+    """All designs."""
+    population: int
+    rounds: int
+    met_by_drawn: tuple[float, ...]
+    """Share of the drawn designs that meet each observation."""
+    most_met: int
+    """Observations that the design which meets most meets."""
+    values: tuple[tuple[float, ...], ...]
+    """Of the telling designs, rounded."""
+    misses: tuple[tuple[float, ...], ...]
+
+    @property
+    def trials(self) -> Trials:
+        """Designs that tell the result; none of them counts as drawn."""
+        return Trials(values=np.array(self.values), misses=np.array(self.misses), random=0)
+
+    def write(self, path: Path) -> None:
+        """Write the study, a design a line."""
+        text = json.dumps(asdict(self), indent=1)
+        rows = re.sub(r"\[\s+([^][]+?)\s+\]", lambda list_: f"[{' '.join(list_[1].split())}]", text)
+        path.write_text(rows + "\n", encoding="utf-8")
+
+    @classmethod
+    def read(cls, path: Path = STUDY) -> "Study":
+        """Read a study that was written."""
+        plain = json.loads(path.read_text(encoding="utf-8"))
+        for name in ("values", "misses"):
+            plain[name] = tuple(tuple(row) for row in plain[name])
+        return cls(**plain | {"met_by_drawn": tuple(plain["met_by_drawn"])})
 
 
 def cost(missed: Floats) -> Floats:
@@ -100,12 +165,43 @@ def cost(missed: Floats) -> Floats:
     return np.asarray((square / (1.0 + square)).sum(axis=-1))
 
 
+class _Trying:
+    """Tries designs once each, and keeps what they miss."""
+
+    def __init__(self, design: SkinDesign, progress: Callable[[str, float], None], whole: int):
+        self._design, self._progress, self._whole = design, progress, whole
+        low, high = (np.log([getattr(u, end) for u in UNKNOWNS]) for end in ("low", "high"))
+        self._low, self._span = low, high - low
+        self.missed: dict[bytes, tuple[float, ...]] = {}
+        self.shares: list[Floats] = []
+
+    def cost(self, share: Floats) -> float:
+        """Cost of a point of the unit cube."""
+        key = _key(share)
+        if key not in self.missed:
+            self.missed[key] = misses(device(self._design, self._values(share)))
+            self.shares.append(share.copy())
+            self._progress("designs of the paper's device", len(self.shares) / self._whole)
+        return float(cost(np.array(self.missed[key])))
+
+    def trials(self, random: int) -> Trials:
+        """All that was tried."""
+        return Trials(
+            values=np.array([self._values(share) for share in self.shares]),
+            misses=np.array([self.missed[_key(share)] for share in self.shares]),
+            random=random,
+        )
+
+    def _values(self, share: Floats) -> Floats:
+        return np.asarray(np.exp(self._low + share * self._span))
+
+
 def seek(
     design: SkinDesign,
     *,
-    drawn: int = 128,
-    population: int = 24,
-    rounds: int = 20,
+    drawn: int = 512,
+    population: int = 40,
+    rounds: int = 45,
     seed: int = 0,
     progress: Callable[[str, float], None] = lambda what, share: None,
 ) -> Trials:
@@ -118,7 +214,7 @@ def seek(
     drawn : int
         Designs that are drawn evenly.
     population, rounds : int
-        Designs that evolve, and for how many rounds.
+        Designs that evolve, and for how many rounds, the first of which is of designs drawn.
 
     Raises
     ------
@@ -127,29 +223,55 @@ def seek(
     """
     if not 5 <= population <= drawn:
         raise ArgumentError(f"population must be 5 to drawn = {drawn}; got {population}")
-    low, high = (np.log([getattr(u, end) for u in UNKNOWNS]) for end in ("low", "high"))
-    values: list[Floats] = []
-    missed: list[tuple[float, ...]] = []
-    whole = drawn + population * rounds
-
-    def judge(share: Floats) -> float:
-        """Cost of a point of the unit cube; kept."""
-        values.append(np.exp(low + share * (high - low)))
-        missed.append(misses(device(design, values[-1])))
-        progress("designs of the paper's device", len(values) / whole)
-        return float(cost(np.array(missed[-1])))
-
+    trying = _Trying(design, progress, drawn + population * (rounds - 1))
     points = qmc.Sobol(len(UNKNOWNS), rng=np.random.default_rng(seed)).random(drawn)
-    costs = [judge(point) for point in points]
-    begin = points[np.argsort(costs)[:population]]
+    costs = [trying.cost(point) for point in points]
     differential_evolution(
-        judge,
+        trying.cost,
         Bounds(np.zeros(len(UNKNOWNS)), np.ones(len(UNKNOWNS))),
-        init=begin,
+        init=points[np.argsort(costs)[:population]],
         maxiter=rounds - 1,
         mutation=(0.4, 0.9),
         polish=False,
         tol=0.0,
         rng=np.random.default_rng(seed),
     )
-    return Trials(values=np.array(values), misses=np.array(missed), random=drawn)
+    return trying.trials(drawn)
+
+
+def study(trials: Trials, *, population: int, rounds: int, seed: int) -> Study:
+    """What a search found, to be kept."""
+    telling = trials.telling()
+    return Study(
+        command="python -m paper.models.device",
+        version=__version__,
+        seed=seed,
+        drawn=trials.random,
+        tried=len(trials.values),
+        population=population,
+        rounds=rounds,
+        met_by_drawn=tuple(trials.met[: trials.random].mean(axis=0).round(4).tolist()),
+        most_met=int(trials.met.sum(axis=1).max()),
+        values=_rounded(trials.values[telling], 6),
+        misses=_rounded(trials.misses[telling], 4),
+    )
+
+
+def _rounded(values: Floats, digits: int) -> tuple[tuple[float, ...], ...]:
+    """Rows of values to so many digits."""
+    return tuple(tuple(float(f"{value:.{digits}g}") for value in row) for row in values.tolist())
+
+
+def _key(share: Floats) -> bytes:
+    """A point, up to the rounding with which the search hands it back."""
+    return np.asarray(share.round(12)).tobytes()
+
+
+if __name__ == "__main__":
+    from smoskin.feasibility import load_design
+
+    found = seek(
+        load_design("planar"),
+        progress=lambda what, share: print(f"\r{what}: {share:.1%}", end="", flush=True),
+    )
+    study(found, population=40, rounds=45, seed=0).write(STUDY)

@@ -10,7 +10,7 @@ from smoskin.errors import ArgumentError, DesignError
 pytest.importorskip("jax")
 from paper.models import device as search
 from paper.models import observations
-from paper.models.device import UNKNOWNS, Trials, cost, device, seek
+from paper.models.device import NEAR, UNKNOWNS, Study, Trials, cost, device, seek, study
 from paper.models.observations import OBSERVATIONS, misses, press_all
 
 
@@ -118,12 +118,13 @@ def test_the_search_finds_what_it_is_given_to_find(planar, monkeypatch):
     monkeypatch.setattr(search, "misses", off)
     trials = seek(planar, drawn=64, population=32, rounds=40, seed=3)
     assert trials.random == 64
-    assert len(trials.values) == 64 + 32 * 40
+    assert len(trials.values) == 64 + 32 * 39
+    assert len(np.unique(trials.values, axis=0)) == len(trials.values)
     best = trials.values[trials.best]
     assert trials.cost.min() < trials.cost[:64].min()
     assert np.abs(np.log(best / aim)).max() < 1.0
     again = seek(planar, drawn=64, population=32, rounds=2, seed=3)
-    np.testing.assert_array_equal(again.values[:64], trials.values[:64])
+    np.testing.assert_allclose(again.values[:64], trials.values[:64], rtol=1e-12)
     low, high = trials.spread(0.2).T
     assert ((low <= best) & (best <= high)).all()
     for values in trials.values[:64]:
@@ -132,13 +133,45 @@ def test_the_search_finds_what_it_is_given_to_find(planar, monkeypatch):
         seek(planar, drawn=10, population=20)
 
 
-def test_what_is_met_together_is_counted():
-    missed = np.array([[0.0, 0.5, 3.0], [0.9, 2.0, 0.0], [1.0, 1.0, 9.0]])
-    trials = Trials(values=np.ones((3, 9)), misses=missed, random=3)
-    np.testing.assert_array_equal(trials.together, [[3, 2, 1], [2, 2, 0], [1, 0, 1]])
+def test_what_excludes_what_is_told_by_the_nearest_design():
+    missed = np.array([[0.0, 0.5, 3.0], [0.9, 2.0, 0.0], [1.0, 1.0, 9.0], [1.4, 9.0, 9.0]])
+    trials = Trials(values=np.ones((4, 9)), misses=missed, random=4)
+    np.testing.assert_array_equal(trials.nearest, [[0, 0.5, 0.9], [0.5, 0.5, 2], [0.9, 2, 0]])
     assert trials.best == 0
+    assert trials.telling().tolist() == [0, 1]
     assert cost(np.zeros(3)) == 0.0
     assert cost(np.ones(3)) == pytest.approx(1.5)
+
+
+def test_a_study_keeps_what_the_figure_draws(tmp_path):
+    rng = np.random.default_rng(2)
+    trials = Trials(
+        values=rng.uniform(1, 2, (300, 9)), misses=rng.uniform(0, 4, (300, 11)), random=100
+    )
+    kept = study(trials, population=5, rounds=41, seed=7)
+    kept.write(tmp_path / "study.json")
+    again = Study.read(tmp_path / "study.json")
+    assert again == kept
+    assert (again.drawn, again.tried, again.seed) == (100, 300, 7)
+    assert again.most_met == trials.met.sum(axis=1).max()
+    few = again.trials
+    assert len(few.values) < 200
+    np.testing.assert_allclose(few.nearest, trials.nearest, rtol=1e-3)
+    np.testing.assert_allclose(few.spread(NEAR), trials.spread(NEAR), rtol=1e-5)
+    np.testing.assert_allclose(few.values[few.best], trials.values[trials.best], rtol=1e-5)
+
+
+@pytest.mark.slow
+def test_designs_of_the_kept_study_show_what_it_says(planar):
+    """The closest design, those nearest to each observation, and those drawn first."""
+    kept = Study.read()
+    trials = kept.trials
+    first = {trials.best, *trials.misses.argmin(axis=0).tolist()}
+    for number in sorted(first):
+        shown = misses(device(planar, trials.values[number]))
+        np.testing.assert_allclose(shown, trials.misses[number], rtol=0.02, atol=0.02)
+    assert trials.met[trials.best].sum() == kept.most_met
+    assert kept.drawn < kept.tried
 
 
 def test_a_device_is_the_design_with_other_sizes(planar):
