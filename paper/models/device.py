@@ -136,7 +136,7 @@ class Study:
     most_met: int
     """Observations that the design which meets most meets."""
     values: tuple[tuple[float, ...], ...]
-    """Of the telling designs, rounded."""
+    """Numbers of the telling designs, rounded."""
     misses: tuple[tuple[float, ...], ...]
 
     @property

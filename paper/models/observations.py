@@ -64,7 +64,7 @@ class Pressing(NamedTuple):
     softening: float
     """Stiffness of cell (1,1) under a light press over its secant at 1 N, for the softer grip."""
     energy: EnergyShares
-    """Of guided presses."""
+    """Shares of energy in guided presses."""
     margin: float
     """Least buckling margin on cells (1,1), (2,2) and (3,3) under 1 N with a drag of as much; 0
     where a touch has no equilibrium."""

@@ -1,4 +1,4 @@
-"""Where the energy of a small press goes on the whole sheet: panels, creases and columns."""
+"""Shares of a small press's energy on the whole sheet: panels, creases and columns."""
 
 from typing import Final, NamedTuple
 

@@ -132,6 +132,23 @@ def test_the_fit_is_drawn_with_its_numbers(found):
     assert "Not in the paper" in plate.caption
 
 
+def test_the_search_for_the_device_is_drawn_with_what_it_met(planar):
+    from paper.beyond.device_search import draw
+    from paper.models.device import Study
+    from paper.models.observations import OBSERVATIONS
+
+    study = Study.read()
+    plate = draw(planar, study)
+    written, nearest = texts(plate.figure), study.trials.nearest
+    unmet = plate.caption.partition("Met by none: ")[2].partition(". (b)")[0].split("; ")
+    for line, item in enumerate(OBSERVATIONS):
+        assert item.name in written
+        assert (item.name in unmet) == (nearest[line, line] > 1.0)
+        assert f"{nearest[line].max():.1f}" in written
+    assert f"meets {study.most_met} of {len(OBSERVATIONS)}, no design more" in plate.caption
+    assert f"{study.tried} designs" in plate.caption
+
+
 # The displacement field
 
 
