@@ -45,7 +45,7 @@ def draw(design: SkinDesign, study: Study) -> Plate:
     trials = study.trials
     with styled():
         figure = canvas(7.2, 7.6)
-        above, below = figure.subfigures(2, 1, height_ratios=(1, 1.15))
+        above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=(1, 1.15))[:, 0]
         _draw_observations(above.subplots(), design, study)
         left, right = below.subplots(1, 2, width_ratios=(1.25, 1))
         _draw_nearest(left, trials)
