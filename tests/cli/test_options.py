@@ -19,7 +19,7 @@ from smoskin.cli import app
 USUAL = {
     "board": {"virtual": "planar", "wire": "smoskin", "rate": 100.0, "seed": 0, "hand": True},
     "calibrate": {"rig": "virtual", "out": "skin.table"},
-    "convert": {},
+    "convert": {"rate": 30, "task": "touch", "window": 4},
     "demo": {"rate": 100.0, "seed": 0, "touches": 15, "port": 0},
     "doctor": {"seconds": 5.0, "moving": 0.0},
     "fit-paper": {"out": "calibration.toml"},

@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from typer import Argument, Option
@@ -57,22 +57,34 @@ def new_design(
         "convert touch.mcap touch.csv",
         "convert touch.mcap touch.h5",
         "convert mine.csv mine.mcap --design planar",
+        "convert touch.mcap touch-set --to lerobot --rate 30 --window 4",
     )
 )
 def convert(
     source: Annotated[Path, Argument(help="Recording (MCAP), or readings as a table (CSV).")],
-    out: Annotated[Path, Argument(help="File to write: .csv or .h5 of a recording, else .mcap.")],
+    out: Annotated[Path, Argument(help="File to write: .csv, .h5 or .mcap; else a folder.")],
     design: Annotated[
         str, Option(help="Design of the skin whose readings a table holds.")
     ] = "planar",
+    to: Annotated[
+        Literal["lerobot"] | None, Option(help="A folder for robot learning: LeRobot v3.0.")
+    ] = None,
+    rate: Annotated[int, Option(help="Frames a second of a LeRobot data set.")] = 30,
+    window: Annotated[int, Option(help="Latest readings in each of its frames.")] = 4,
+    task: Annotated[str, Option(help="What was done, in words, for its frames.")] = "touch",
     force: Force = False,
 ) -> None:
     """Turn a recording into a table for any program, or a table of readings into a recording.
 
     Tables have SI units: time_s, chip0_x_T and so on for each chip, status, contact0_x_m and so on.
+    With --to lerobot the recording becomes one episode of observation.tactile.* in a folder.
     """
-    from smoskin.service.exchange import export_recording, import_readings
+    from smoskin.service.exchange import export_lerobot, export_recording, import_readings
 
+    if to == "lerobot":
+        frames = export_lerobot(source, out, rate=rate, window=window, task=task, force=force)
+        typer.echo(f"{frames} frames in {out}")
+        return
     if out.suffix == ".mcap":
         count = import_readings(source, load_design(design), out, force=force)
     else:

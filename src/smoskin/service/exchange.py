@@ -1,11 +1,12 @@
 """Recordings as tables that any program opens, CSV and HDF5, and readings of CSV as recordings.
 
 Decides the columns: SI units, their names and those of chips and contacts as in a recording's
-topics, and every number to its last bit.
+topics, and every number to its last bit; and what of a recording robot learning gets in a frame.
 """
 
 import csv
 import io
+import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from smoskin.arguments import typed
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import ArgumentError, RecordingError, require
+from smoskin.errors import ArgumentError, FileError, RecordingError, require
 from smoskin.outputs import check_output, read_text, write_output
 from smoskin.records import Reading
 from smoskin.service.recorder import Recorder
@@ -32,6 +33,12 @@ _PARTS: Final[dict[str, tuple[str, ...]]] = {
 """Names of a column's parts in CSV, for each chip or contact."""
 _LARGEST: Final = 1 << 30
 """Bytes of a table that is read, at most."""
+_LEROBOT_INFO: Final = "meta/info.json"
+_LEROBOT_DATA: Final = "data/chunk-000/file-000.parquet"
+_LEROBOT_EPISODES: Final = "meta/episodes/chunk-000/file-000.parquet"
+_LEROBOT_FILES: Final = frozenset(
+    (_LEROBOT_INFO, _LEROBOT_DATA, _LEROBOT_EPISODES, "meta/stats.json", "meta/tasks.parquet")
+)
 
 
 def columns_of(recording: Recording) -> dict[str, NDArray[Any]]:
@@ -204,3 +211,212 @@ def _reading(row: dict[str, str], chips: int) -> Reading:
         temperature=numbers("temperature_degC"),
         flags=[int(row.get(f"chip{k}_flags") or 0) for k in range(chips)],
     )
+
+
+@typed
+def export_lerobot(
+    source: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    rate: int = 30,
+    window: int = 4,
+    task: str = "touch",
+    force: bool = False,
+) -> int:
+    """Write a recording as a data set of LeRobot's format v3.0, one episode; how many frames.
+
+    Frame k is at k / `rate` s after the first moment at which each chip has given a field and
+    `window` readings are there. It has the latest `window` readings, the oldest first, as one
+    vector ``observation.tactile.field`` (T; chip by chip, x, y, z); for the latest of them
+    ``temperature`` (degC), ``missing``, 1 for a chip without a field, whose last one stands there,
+    and ``age``, s since that reading; and for its contacts ``contact``, 1 where there is one,
+    ``position`` (m) and ``force`` (N), zero where there is none. There is no action: that is
+    the robot's.
+
+    Raises
+    ------
+    ArgumentError
+        If rate or window is below 1 or the task is empty.
+    FileError
+        If the folder cannot be written, or holds anything and is not to be replaced by `force`.
+    RecordingError
+        If the recording cannot be read, its times do not rise, or it gives no frame.
+    MissingExtraError
+        If the library of recordings or pyarrow is not installed.
+    """
+    for name, value in (("rate", rate), ("window", window)):
+        if value < 1:
+            raise ArgumentError(f"{name} must be at least 1; got {value}")
+    if not task.strip():
+        raise ArgumentError("task must be a sentence; got nothing")
+    require("a LeRobot data set", "lerobot", "pyarrow")
+    recording = open_recording(source)
+    features, named = _frames(columns_of(recording), rate, window)
+    folder = _emptied(Path(out), force)
+    count = len(features["timestamp"])
+    stats = {name: _stats(values) for name, values in features.items()}
+    info = {
+        "codebase_version": "v3.0",
+        "robot_type": recording.description.design,
+        "total_episodes": 1,
+        "total_frames": count,
+        "total_tasks": 1,
+        "chunks_size": 1000,
+        "data_files_size_in_mb": 100,
+        "video_files_size_in_mb": 200,
+        "fps": rate,
+        "splits": {"train": "0:1"},
+        "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
+        "video_path": None,
+        "features": {
+            name: {
+                "dtype": str(values.dtype),
+                "shape": [values.shape[1]],
+                "names": named.get(name),
+            }
+            for name, values in features.items()
+        },
+    }
+    _write_parquets(folder, features, stats, task)
+    write_output(folder / "meta/stats.json", json.dumps(stats, indent=4).encode())
+    write_output(folder / _LEROBOT_INFO, json.dumps(info, indent=4).encode())
+    return count
+
+
+def _emptied(folder: Path, force: bool) -> Path:
+    """The folder of a data set, in which there is none yet."""
+    check_output(folder, folder=True)
+    inside = {str(p.relative_to(folder)) for p in folder.rglob("*") if not p.is_dir()}
+    if inside and not force:
+        raise FileError(f"{folder} is not empty; choose another name or --force (force=True)")
+    if inside - _LEROBOT_FILES:
+        raise FileError(f"{folder} holds what is not replaced: {min(inside - _LEROBOT_FILES)}")
+    for name in sorted(_LEROBOT_FILES):
+        (folder / name).unlink(missing_ok=True)
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def _held(values: NDArray[Any]) -> NDArray[Any]:
+    """Values (N, ...) in whose rows a NaN is what was there before, where anything was."""
+    rows = np.arange(len(values)).reshape(-1, *[1] * (values.ndim - 1))
+    last = np.maximum.accumulate(np.where(np.isnan(values), 0, rows), axis=0)
+    return np.take_along_axis(values, last, axis=0)
+
+
+def _frames(
+    columns: dict[str, NDArray[Any]], rate: int, window: int
+) -> tuple[dict[str, NDArray[Any]], dict[str, list[str]]]:
+    """Features of K frames, (K, width), and the names of their parts."""
+    time, field = columns["time_s"], columns["field_T"]
+    if np.any(np.diff(time) <= 0):
+        raise RecordingError("the times of a recording's readings must rise for frames of one rate")
+    held, chips = _held(field), field.shape[1]
+    whole = np.flatnonzero(np.isfinite(held).all(axis=(1, 2)))
+    if len(whole) == 0 or whole[0] + window > len(time):
+        raise RecordingError(f"a frame must have {window} readings of every chip; none has")
+    start = time[whole[0] + window - 1]
+    count = int((time[-1] - start) * rate + 1e-6) + 1
+    moment = start + np.arange(count) / rate
+    latest = np.searchsorted(time, moment + 1e-9, side="right") - 1
+    rows = latest[:, None] + np.arange(1 - window, 1)
+    tactile = {
+        "field": held[rows],
+        "missing": np.isnan(field[latest]).any(axis=2),
+        "age": np.maximum(moment - time[latest], 0.0),
+    }
+    parts = [f"chip{k}_{end}" for k in range(chips) for end in _PARTS["field_T"]]
+    named = {
+        "field": [f"reading{n}_{part}" for n in range(1 - window, 1) for part in parts],
+        "missing": [f"chip{k}" for k in range(chips)],
+        "age": ["age_s"],
+    }
+    temperature = _held(columns["temperature_degC"])[latest]
+    if np.isfinite(temperature).all():
+        tactile["temperature"] = temperature
+        named["temperature"] = [f"chip{k}_temperature_degC" for k in range(chips)]
+    contacts = range(columns["force_N"].shape[1])
+    if contacts:
+        tactile["contact"] = np.isfinite(columns["force_N"][latest]).all(axis=2)
+        named["contact"] = [f"contact{c}" for c in contacts]
+        for name in ("position_m", "force_N"):
+            tactile[name[:-2]] = np.nan_to_num(columns[name][latest])
+            named[name[:-2]] = [f"contact{c}_{end}" for c in contacts for end in _PARTS[name]]
+    frame, nothing = np.arange(count)[:, None], np.zeros((count, 1), np.int64)
+    features = {
+        f"observation.tactile.{name}": values.reshape(count, -1).astype(np.float32)
+        for name, values in tactile.items()
+    } | {
+        "timestamp": (frame / rate).astype(np.float32),
+        "frame_index": frame,
+        "episode_index": nothing,
+        "index": frame,
+        "task_index": nothing,
+    }
+    return features, {f"observation.tactile.{name}": names for name, names in named.items()}
+
+
+def _stats(values: NDArray[Any]) -> dict[str, list[float]]:
+    """Statistics of a feature, (K, width), that LeRobot normalises by."""
+    exact = values.astype(float)
+    quantiles = {
+        f"q{p:02d}": np.quantile(exact, p / 100, axis=0).tolist() for p in (1, 10, 50, 90, 99)
+    }
+    return {
+        "min": values.min(axis=0).tolist(),
+        "max": values.max(axis=0).tolist(),
+        "mean": exact.mean(axis=0).tolist(),
+        "std": exact.std(axis=0).tolist(),
+        "count": [len(values)],
+        **quantiles,
+    }
+
+
+def _write_parquets(
+    folder: Path,
+    features: dict[str, NDArray[Any]],
+    stats: dict[str, dict[str, list[float]]],
+    task: str,
+) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    def write(name: str, table: Any) -> None:
+        write_output(folder / name, lambda part: pq.write_table(table, part))
+
+    flat = {
+        # A feature of one part is a number in LeRobot's tables.
+        name: values[:, 0]
+        if values.shape[1] == 1
+        else pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), values.shape[1])
+        for name, values in features.items()
+    }
+    write(_LEROBOT_DATA, pa.table(flat))
+    episode: dict[str, Any] = {
+        "episode_index": 0,
+        "tasks": [task],
+        "length": len(features["timestamp"]),
+        "data/chunk_index": 0,
+        "data/file_index": 0,
+        "dataset_from_index": 0,
+        "dataset_to_index": len(features["timestamp"]),
+        "meta/episodes/chunk_index": 0,
+        "meta/episodes/file_index": 0,
+    }
+    for name, numbers in stats.items():
+        episode |= {f"stats/{name}/{kind}": values for kind, values in numbers.items()}
+    write(_LEROBOT_EPISODES, pa.table({name: [value] for name, value in episode.items()}))
+    # The task is pandas' index of that table, which is told in its metadata.
+    kinds = (("task_index", "int64", "int64"), ("task", "unicode", "object"))
+    about = {
+        "index_columns": ["task"],
+        "column_indexes": [],
+        "columns": [
+            {"name": n, "field_name": n, "pandas_type": p, "numpy_type": t, "metadata": None}
+            for n, p, t in kinds
+        ],
+        "creator": {"library": "pyarrow", "version": pa.__version__},
+        "pandas_version": "2.0.0",
+    }
+    tasks = pa.table({"task_index": [0], "task": [task]})
+    write("meta/tasks.parquet", tasks.replace_schema_metadata({"pandas": json.dumps(about)}))
