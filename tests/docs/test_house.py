@@ -52,7 +52,7 @@ def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # 345 bend a skin round a limb: places, axes, the shell on its pillars, and the page;
     # 108 let all starts of a search for touches go on together;
     # 220 write recordings as episodes for robot learning.
-    assert sum(text.count("\n") for text in FILES.values()) <= 46_853
+    assert sum(text.count("\n") for text in FILES.values()) <= 46_857
 
 
 def test_no_file_has_over_450_lines():

@@ -191,3 +191,8 @@ def test_a_data_set_is_replaced_only_when_told_and_nothing_else_is(tmp_path: Pat
     with pytest.raises(RecordingError, match="none has"):
         export_lerobot(source, tmp_path / "other", window=10)
     assert not (tmp_path / "other").exists()
+
+
+def test_what_goes_with_a_folder_for_robot_learning_is_refused_without_it(tmp_path):
+    answer = CliRunner().invoke(app, ["convert", "a.mcap", str(tmp_path / "a.csv"), "--rate", "10"])
+    assert "must go with --to lerobot" in str(answer.exception or answer.output)

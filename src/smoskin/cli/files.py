@@ -8,6 +8,7 @@ import typer
 from typer import Argument, Option
 
 from smoskin.cli.frame import Force, Json, Text, app, examples
+from smoskin.errors import ArgumentError
 from smoskin.feasibility import load_design
 from smoskin.outputs import check_output, write_output
 
@@ -85,6 +86,8 @@ def convert(
         frames = export_lerobot(source, out, rate=rate, window=window, task=task, force=force)
         typer.echo(f"{frames} frames in {out}")
         return
+    if (rate, window, task) != (30, 4, "touch"):
+        raise ArgumentError("rate, window and task must go with --to lerobot; got no --to")
     if out.suffix == ".mcap":
         count = import_readings(source, load_design(design), out, force=force)
     else:
