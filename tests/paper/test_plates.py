@@ -149,6 +149,30 @@ def test_the_search_for_the_device_is_drawn_with_what_it_met(planar):
     assert f"{study.tried} designs" in plate.caption
 
 
+def test_the_errata_say_what_the_search_for_the_device_found(planar):
+    from paper.models.device import Study, device
+    from paper.models.observations import press_all
+    from paper.models.reduction import fit_magnets, fit_stiffness
+
+    study = Study.read()
+    trials = study.trials
+    shown = press_all(device(planar, trials.values[trials.best])).guided
+    stiffness = shown.stiffness.diagonal()[:3] / shown.stiffness[0, 0]
+    ratio = f"1 : {stiffness[1]:.2f} : {stiffness[2]:.2f}"
+    motions = " and ".join(f"{one:.2f}" for one in fit_magnets(shown).attenuation)
+    entry = next(one for one in errata(planar) if one.number == "U5")
+    for text in (
+        f"Of {study.tried} designs",
+        f"more than {study.most_met} of {len(trials.nearest)} statements",
+        f"{100 * shown.folding.mean():.0f} % folds, and its magnets' v_a is {motions}",
+        f"stiffness {ratio} fits no v_a",
+    ):
+        assert text in entry.tried
+    assert fit_stiffness(shown).attenuation[0] < 2 * LEAST_ATTENUATION
+    assert (trials.misses[trials.best, :2] == 0.0).all()  # all signs, all names
+    assert (np.flatnonzero(trials.nearest.diagonal() > 1.0) == [2, 3, 4, 8]).all()
+
+
 # The displacement field
 
 
