@@ -10,9 +10,11 @@ pytest.importorskip("typer")
 
 from typer.testing import CliRunner
 
+import rigs
 from smoskin.cli import app
 from smoskin.measurement import TouchTable, read_touches, write_touches
 from smoskin.sensing.learned.gaussian_process import Metric
+from smoskin.service.guided import grid_plan
 
 
 class Worked:
@@ -134,6 +136,38 @@ def test_a_rig_makes_a_plan_and_goes_on_with_what_it_has_made(monkeypatch, folde
         assert done.stderr.endswith("Now: smoskin learn made.csv --out own.model\n")
     assert given == [(3, None), (3, 2)]
     assert rigs == 2 * ["virtual?seed=3", "optimised", "closed"]
+
+
+def test_a_stage_and_a_gauge_make_a_plan(monkeypatch, folder):
+    pytest.importorskip("serial")
+    import smoskin.service.source as sources
+
+    world = rigs.World()
+    stage, gauge, asked = rigs.FakeStage(world), rigs.FakeGauge(world), []
+    monkeypatch.setattr(
+        sources, "open_source", lambda url: (asked.append(url), rigs.Skin(world))[1]
+    )
+    write_touches(folder / "plan.csv", grid_plan(20e-3, 20e-3, 2, force=0.3))
+    origin = ",".join(f"{1e3 * part:.4f}" for part in rigs.ORIGIN)
+    words = ["touches", "press", "--plan", "plan.csv", "--out", "made.csv", "--source", "skin"]
+    words += ["--stage", f"serial://{stage.port}", "--stiffness-N-per-mm", "2.5"]
+    try:
+        lost = invoke(*words, "--gauge", f"serial://{gauge.port}")
+        assert "must come together" in str(lost.exception)
+        words += ["--gauge", f"serial://{gauge.port}"]
+        wrong = invoke(*words, "--origin-mm=1,2")
+        assert "--origin-mm must be three numbers" in str(wrong.exception)
+        done = invoke(*words, f"--origin-mm={origin}")
+        assert done.exit_code == 0, done.output
+    finally:
+        stage.close()
+        gauge.close()
+    made = read_touches(folder / "made.csv")[0]
+    plan = read_touches(folder / "plan.csv")[0]
+    assert asked == ["skin"]
+    np.testing.assert_allclose(made.position[1::2], plan.position, atol=2e-6)
+    np.testing.assert_allclose(made.force[1::2, 2], -0.3, atol=0.02)
+    np.testing.assert_allclose(-1e3 * made.field[1::2, :, 2], made.force[1::2, [2, 2]], atol=5e-3)
 
 
 @pytest.mark.parametrize("recording", [None, "some.mcap"])

@@ -51,8 +51,9 @@ def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # 70 judge learned models by touches of other days and runs;
     # 345 bend a skin round a limb: places, axes, the shell on its pillars, and the page;
     # 108 let all starts of a search for touches go on together;
-    # 220 write recordings as episodes for robot learning.
-    assert sum(text.count("\n") for text in FILES.values()) <= 46_857
+    # 220 write recordings as episodes for robot learning; 1,000 press real skins by a stage and
+    # a gauge.
+    assert sum(text.count("\n") for text in FILES.values()) <= 47_857
 
 
 def test_no_file_has_over_450_lines():

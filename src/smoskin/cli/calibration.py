@@ -25,6 +25,7 @@ from smoskin.errors import ArgumentError, CalibrationError, SourceError, require
 from smoskin.feasibility import load_design
 from smoskin.measurement import TouchTable, read_touches, write_touches
 from smoskin.outputs import check_output
+from smoskin.roles import Rig as AnyRig
 from smoskin.sensing.response.table import ResponseTable, load_response_table
 from smoskin.twin.rig import open_rig
 
@@ -259,13 +260,33 @@ def press_touches(
     out: Annotated[
         Path, Option(help="Sheet (CSV) to write, or to go on with.", dir_okay=False)
     ] = Path("touches.csv"),
+    source: Annotated[Text, Option(help="Readings of a real skin, as of smoskin run.")] = None,
+    stage: Annotated[Text, Option(help="Stage (GRBL): serial:///dev/ttyUSB0.")] = None,
+    gauge: Annotated[Text, Option(help="Force gauge: serial:///dev/ttyUSB1.")] = None,
+    origin: Annotated[
+        Text, Option("--origin-mm", help="Stage's X,Y,Z with the probe over the skin's origin, mm.")
+    ] = None,
+    limit: Annotated[float, Option("--limit-N", help="Force that breaks a touch off.")] = 1.5,
+    stiffness: Annotated[
+        float, Option("--stiffness-N-per-mm", help="Stiffness of the skin's stiffest place.")
+    ] = 2.0,
+    reach: Annotated[
+        float, Option("--reach-mm", help="How far below the origin the probe may go.")
+    ] = 10.0,
 ) -> None:
     """Let a rig make the touches of a plan, each once.
 
     What has been made is in the file, at most five seconds late; the same command goes on with it,
-    whatever has interrupted it.
+    whatever has interrupted it. With --source, --stage, --gauge and --origin-mm the rig is a real
+    one, which presses straight.
     """
     from smoskin.service.campaign import press_plan
+
+    parts = (source, stage, gauge, origin)
+    if any(part is not None for part in parts) and (None in parts or rig != "virtual"):
+        raise ArgumentError(
+            "--source, --stage, --gauge and --origin-mm must come together, and without --rig"
+        )
 
     wanted, made = read_touches(plan)[0], read_touches(out)[0] if out.exists() else None
     if made is None:
@@ -274,10 +295,44 @@ def press_touches(
     def keep(table: TouchTable) -> None:
         write_touches(out, table)
 
-    with progress_bar() as bar, open_rig(rig, load_design(design)) as presser:
+    opened: AnyRig
+    if source is not None and stage is not None and gauge is not None and origin is not None:
+        sizes = {"limit": limit, "stiffness": 1e3 * stiffness, "reach": 1e-3 * reach}
+        opened = _real_rig(source, stage, gauge, origin=_place(origin), **sizes)
+    else:
+        opened = open_rig(rig, load_design(design))
+    with progress_bar() as bar, opened as presser:
         done = press_plan(presser, wanted, made=made, keep=keep, progress=bar)
     typer.echo(f"{len(done.contacts)} touches in {out}")
     typer.echo(f"Now: smoskin learn {out} --out own.model", err=True)
+
+
+def _place(text: str) -> list[float]:
+    """The place that three numbers with commas name in mm, m."""
+    try:
+        x, y, z = (1e-3 * float(part) for part in text.split(","))
+    except ValueError as error:
+        raise ArgumentError(
+            f"--origin-mm must be three numbers such as -120,-80,-5; got {text!r}"
+        ) from error
+    return [x, y, z]
+
+
+def _real_rig(source: str, stage: str, gauge: str, **options: Any) -> AnyRig:
+    """A rig of these parts, all open or none."""
+    from contextlib import ExitStack
+
+    from smoskin.hardware.rig.gauge import open_gauge
+    from smoskin.hardware.rig.press import PressRig
+    from smoskin.hardware.rig.stage import open_stage
+    from smoskin.service.source import open_source
+
+    with ExitStack() as parts:
+        carrier = parts.enter_context(open_stage(stage))
+        feeler = parts.enter_context(open_gauge(gauge))
+        rig = PressRig(parts.enter_context(open_source(source)), carrier, feeler, **options)
+        parts.pop_all()
+        return rig
 
 
 @app.command("fit-paper", epilog=examples("fit-paper touches.csv --out calibration.toml"))

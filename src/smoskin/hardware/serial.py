@@ -208,18 +208,7 @@ class SerialSource(Source):
 
     def _opened(self) -> Any:
         """The port, open, with what is to be said to the board sent."""
-        import serial
-
-        device = device_of(self._place)
-        try:
-            port = serial.Serial(
-                device, self._baud, timeout=_LOOK, write_timeout=1.0, exclusive=True
-            )
-        except (OSError, ValueError) as error:
-            raise SourceError(f"{self._place} cannot be opened: {_reason(error)}") from error
-        # Only some drivers hold bytes back, and can be told not to.
-        with suppress(AttributeError, OSError, ValueError):
-            port.set_low_latency_mode(True)
+        port = open_port(self._place, self._baud, _LOOK)
         try:
             port.write(self._greeting)
             self._greeted = time.monotonic() - self._start
@@ -381,6 +370,25 @@ def heard_on(device: str, seconds: float) -> bytes:
             return bytes(port.read(_HEARD))
     except (OSError, ValueError) as error:
         raise SourceError(f"it cannot be opened: {_reason(error)}") from error
+
+
+def open_port(place: str, baud: int, timeout: float) -> Any:
+    """A serial port, for this process alone, whose reads wait for so many seconds.
+
+    The place is a device or ``usb:SERIAL``. It raises a `SourceError` that says what keeps the port
+    from being opened.
+    """
+    import serial
+
+    device = device_of(place)
+    try:
+        port = serial.Serial(device, baud, timeout=timeout, write_timeout=1.0, exclusive=True)
+    except (OSError, ValueError) as error:
+        raise SourceError(f"{place} cannot be opened: {_reason(error)}") from error
+    # Only some drivers hold bytes back, and can be told not to.
+    with suppress(AttributeError, OSError, ValueError):
+        port.set_low_latency_mode(True)
+    return port
 
 
 def device_of(place: str) -> str:
