@@ -33,7 +33,10 @@ USUAL = {
         "count": 15, "force": 0.8, "drag": 0.0, "place_mm": 0.5, "force_mn": 10.0,
         "out": "touches.csv",
     },
-    "press": {"rig": "virtual", "plan": "plan.csv", "out": "touches.csv"},
+    "press": {
+        "rig": "virtual", "plan": "plan.csv", "out": "touches.csv",
+        "limit": 1.5, "reach": 10.0, "stiffness": 2.0,
+    },
     "record": {"plan": "plan.csv", "out": "touches.csv"},
     "run": {"source": "twin://planar", "zero": True, "port": 0},
     "score": {
