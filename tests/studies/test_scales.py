@@ -44,6 +44,8 @@ def test_vertices_take_what_the_facets_feel(cover):
 
 def test_a_cover_loads_the_sheet_as_bilinear_shares_do(planar):
     fit = fit_law(Sheet(planar), "inside", 2e-3, 3e-3, fineness=3)
+    # Columns that bend turn a cover's moments on its facets into a tenth of the magnets' motion,
+    # which no shares of vertices write: 0.12 inside, 0.15 and 0.26 at the rims.
     assert fit.missed <= fit.missed_bilinear < 0.12
 
 
@@ -54,7 +56,7 @@ def test_the_law_converges_with_the_mesh(planar):
     spreads = [1e3 * fit.spread for fit in fits]
     assert abs(spreads[2] - spreads[1]) < max(0.5, abs(spreads[1] - spreads[0]))
     assert abs(fits[2].missed_bilinear - fits[1].missed_bilinear) < 0.003
-    for region, (low, high) in zip(REGIONS[1:], ((1.0, 1.2), (0.8, 1.0)), strict=True):
+    for region, (low, high) in zip(REGIONS[1:], ((0.6, 0.8), (0.9, 1.05)), strict=True):
         rims = [fit_law(sheet, region, 4e-3, 4e-3, fineness=n).rim for n in (4, 6)]
         assert abs(rims[1] - rims[0]) < 0.05
         assert low < rims[1] < high

@@ -115,7 +115,8 @@ def geometry(design: SkinDesign) -> Geometry:
 
     Notes
     -----
-    A magnet that no chip watches lies as high as one of its mount that is watched.
+    A magnet that no chip watches lies as high as one of its mount that is watched, or as the chips
+    on its side of the board.
 
     Examples
     --------
@@ -147,7 +148,8 @@ def geometry(design: SkinDesign) -> Geometry:
         chips[s] = *middles[magnet.name], upper if on_sheet else lower
         rest[s, 2] = -reach if on_sheet else reach
         heights[magnet.name] = chips[s, 2] - rest[s, 2]
-    by_mount = {design.magnet(name).mount: height for name, height in heights.items()}
+    by_mount = {"sheet": upper, "base": lower}
+    by_mount |= {design.magnet(name).mount: height for name, height in heights.items()}
     magnets = np.array(
         [
             [*middles[magnet.name], heights.get(magnet.name, by_mount[magnet.mount])]
