@@ -69,7 +69,9 @@ def test_a_file_of_another_design_is_refused(kind, planar, tmp_path):
     path = save(kind, other, tmp_path / "file")
     with pytest.raises(ModelError, match="file must be of the design 'planar'"):
         load_estimator(path, planar)
-    with pytest.raises(ModelError, match=r"file: design must be given: .* \(curved, optimised, planar\)"):
+    with pytest.raises(
+        ModelError, match=r"file: design must be given: .* \(curved, optimised, planar\)"
+    ):
         load_estimator(path)
     assert load_estimator(path, other).design is other
 
