@@ -9,6 +9,10 @@ import argparse
 import json
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from smoskin.commands.score import ScoreSheet
 
 FIGURES = Path(__file__).parent / "trust.json"
 PAGE = Path(__file__).parent / "trust.md"
@@ -37,6 +41,7 @@ TOLD = {
     "arrival": "readings 5 ms late, 5 % lost",
     "hard without gravity": "all of the hard world but the skin's weight",
     "hard": "the hard world",
+    "hard, network": "the same, read by networks trained on each skin's table (`train --arm`)",
 }
 """What each row is, in the page's order."""
 TOUCHES = (8, 15, 30, 60, 120)
@@ -90,12 +95,35 @@ def page(text: str, figures: dict[str, dict[str, float]]) -> str:
     return text
 
 
+def networks(skins: list[int], count: int) -> dict[str, float]:
+    """Figures of networks in the hard world, each trained on the table of one skin there."""
+    import numpy as np
+
+    import smoskin as smo
+    from smoskin.commands.score import Exam, candidate
+    from smoskin.twin.world.worlds import HARD
+
+    design, table = smo.load_design("planar"), smo.load_response_table("planar")
+    subject = candidate(table, design, Exam(world=HARD))
+    each = []
+    for skin in skins:
+        rng = np.random.default_rng([skin, 0])
+        own, _ = subject.enter(HARD.skin(design, skin, None), rng, HARD)
+        assert own is not None
+        network = smo.train(own, arm=True).model
+        each.append(told(smo.score(network, skins=[skin], count=count), [skin], count))
+    mean = {name: round(float(np.mean([one[name] for one in each])), 3) for name in each[0]}
+    return mean | {"skins": len(skins), "touches": 10 * count * len(skins)}
+
+
 def measure(name: str, skins: list[int], count: int) -> dict[str, float]:
     """Figures of the shipped table in a world, or in that of one effect."""
     import smoskin as smo
     from smoskin.twin.world.effect import World
     from smoskin.twin.world.worlds import EFFECTS, HARD, PLAIN, world_of
 
+    if name == "hard, network":
+        return networks(skins, count)
     name, _, touches = name.partition("@")
     worlds = {one.name: one for one in (PLAIN, HARD)}
     if name == "hard without gravity":
@@ -104,6 +132,11 @@ def measure(name: str, skins: list[int], count: int) -> dict[str, float]:
     world = worlds.get(name) or world_of(effect=name)
     table = smo.load_response_table("planar")
     judged = smo.score(table, skins=skins, count=count, world=world, touches=int(touches or 60))
+    return told(judged, skins, count)
+
+
+def told(judged: "ScoreSheet", skins: list[int], count: int) -> dict[str, float]:
+    """What the page says of a score."""
     case = judged.case("straight")
     assert case is not None
     chief = case.headline

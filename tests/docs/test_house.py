@@ -48,12 +48,12 @@ def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # 1,360 bend columns under load, stop them and tilt the board;
     # 4,090 draw patterns, moulds and the process sheet of a workshop;
     # 2,610 lay out its boards, check them and write what a board house needs;
-    # 70 judge learned models by touches of other days and runs;
+    # 70 judge learned models by touches of other days and runs; 88 train networks for arms;
     # 345 bend a skin round a limb: places, axes, the shell on its pillars, and the page;
     # 108 let all starts of a search for touches go on together;
     # 220 write recordings as episodes for robot learning; 1,000 press real skins by a stage and
     # a gauge.
-    assert sum(text.count("\n") for text in FILES.values()) <= 47_857
+    assert sum(text.count("\n") for text in FILES.values()) <= 47_945
 
 
 def test_no_file_has_over_450_lines():

@@ -83,6 +83,7 @@ Text = str | None
 Whole = int | None
 """Values of options that may be left out."""
 
+Carried = Annotated[bool, Option("--arm", help="An arm turns the skin: its weight moves it.")]
 Json = Annotated[bool, Option("--json", help="Print JSON for machines.")]
 Force = Annotated[bool, Option("--force", help="Replace files that exist already.")]
 Design = Annotated[str, Argument(help="A shipped design or the path of a TOML document.")]

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from smoskin.cli.frame import Design, File, Force, Json, Number, Text, app, examples, tell
+from smoskin.cli.frame import Carried, Design, File, Force, Json, Number, Text, app, examples, tell
 from smoskin.feasibility import load_design
 from smoskin.hardware.wire.packet import Format
 from smoskin.sensing.response.table import load_response_table
@@ -20,7 +20,6 @@ Zeroed = Annotated[
     bool,
     Option("--zero/--no-zero", help="Take the first 20 readings as those of the untouched skin."),
 ]
-Carried = Annotated[bool, Option("--arm", help="An arm turns the skin: its weight moves it.")]
 Paged = Annotated[
     bool,
     Option(

@@ -11,6 +11,7 @@ from typer import Argument, Option
 
 from smoskin.cli.ending import if_stopped
 from smoskin.cli.frame import (
+    Carried,
     Design,
     File,
     Force,
@@ -111,6 +112,7 @@ def train(
     drag: Annotated[
         float, Option(min=0.0, help="Largest drag that it shall tell, N; 0: none.")
     ] = 0.0,
+    arm: Carried = False,
     members: Annotated[Whole, Option(min=1, max=100, help="Networks of the ensemble.")] = None,
     minutes: Annotated[Number, Option(min=0.01, help="Longest time of the training.")] = None,
     start: Annotated[File, Option(help="A model to go on from.")] = None,
@@ -147,6 +149,7 @@ def train(
             design=skin,
             chips=None if chips is None else training.parse_chips(chips),
             drag=drag,
+            arm=arm,
             members=members,
             minutes=minutes,
             seed=seed,

@@ -39,6 +39,7 @@ def train(
     design: SkinDesign | str | None = None,
     chips: Sequence[int] | None = None,
     drag: float = 0.0,
+    arm: bool = False,
     members: int | None = None,
     effort: TrainingEffort | None = None,
     start: NetworkModel | Path | str | None = None,
@@ -63,6 +64,8 @@ def train(
         Chips that the network reads; all of the table by default.
     drag : float
         Largest drag that it shall tell, N; 0: touches are straight.
+    arm : bool
+        Whether an arm turns the skin, so that its zero is known less well.
     effort : TrainingEffort, optional
         Sizes and lengths.
     start : NetworkModel or path, optional
@@ -98,7 +101,7 @@ def train(
     return train_network(
         skin,
         whole if chips is None else whole.of_chips(chips),
-        spread=TouchSpread(drag=drag),
+        spread=TouchSpread(drag=drag, arm=arm),
         creep=elastomer_prony(skin.columns.material),
         effort=work,
         start=load_network(start) if isinstance(start, (str, Path)) else start,

@@ -11,12 +11,14 @@ from safetensors.numpy import load_file, save_file
 
 from networks import random_network, tiny_network
 from smoskin.errors import ArgumentError, ModelError
+from smoskin.magnetics.nonlinearity import Bend, field_curvature
 from smoskin.mechanics.viscoelasticity import ELASTIC
 from smoskin.records import Contact, Reading, Status
 from smoskin.sensing.learned.gaussian_process import Prediction
 from smoskin.sensing.learned.inputs import direction_and_strength
 from smoskin.sensing.network.estimator import NetworkEstimator
 from smoskin.sensing.network.model import Ensemble, Layer, load_network
+from smoskin.sensing.signals.loops import Loops
 from smoskin.twin.reduced import ReducedTwin
 from tables_of_response import plain
 
@@ -244,6 +246,25 @@ def test_readings_are_believed_up_to_a_novelty_of_one(skin, monkeypatch):
         estimate = estimator.step(reading)
         assert estimate.status is status
         assert len(estimate.contacts) == (status is Status.CONTACT)
+
+
+def test_hysteresis_of_its_skin_is_undone(skin, tmp_path):
+    reading, bend = ReducedTwin(skin, seed=None).read([TOUCH]), Bend(field_curvature(skin))
+    elastic = zeroed(skin, tiny_network(skin))
+    straight = bend.straightened(elastic._signals.step(reading).values.ravel())
+    # A touch far past all plays draws each along, a play behind it.
+    loops = Loops(weights=[0.06, 0.08], plays=[0.1, 0.3], reach=np.abs(straight) / 2)
+    model = replace(tiny_network(skin), loops=loops)
+    whole = bend.bent((1 + (0.06 * 0.1 + 0.08 * 0.3) / 2) * straight)
+    expected = model.predict(whole[None]).values[0]
+    model.save(tmp_path / "looped")
+    kept = load_network(tmp_path / "looped")
+    assert kept.loops.as_json() == loops.as_json()
+    (contact,) = zeroed(skin, kept).step(reading).contacts
+    assert [*contact.position, *contact.force] == pytest.approx(expected, rel=1e-6)
+    assert contact.normal_force > -1.01 * model.predict(bend.bent(straight)[None]).values[0, 4]
+    with pytest.raises(ModelError, match="network: loops must be of its 9 signals; got 6"):
+        replace(model, loops=loops.of_signals(list(range(6))))
 
 
 def test_numbers_that_are_none_are_no_answer(skin, monkeypatch):

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from smoskin.errors import ArgumentError
+from smoskin.magnetics.nonlinearity import cross_signals, field_curvature
 from smoskin.mechanics.viscoelasticity import Prony
-from smoskin.sensing.network.samples import TouchSource, TouchSpread
+from smoskin.sensing.network.samples import TouchSource, TouchSpread, Turns
 from smoskin.sensing.signals.signals import signal_noise
+from smoskin.sensing.signals.turning import turning
 from tables_of_response import plain, table_with_modes
 
 QUIET = {"drift": 0.0, "temperatures": (25.0, 25.0)}
@@ -81,6 +83,28 @@ def test_their_scatter_is_that_of_skins_misfit_and_noise(table, planar):
     assert together > 0.05
 
 
+def test_a_skin_on_an_arm_adds_what_its_zero_lacks_and_what_it_bends_amiss(table, planar):
+    noise, curvature = 0.01 * signal_noise(planar), field_curvature(planar)
+    exact, pattern = without_scatter(table), turning(planar).whole
+    turns = Turns(pattern, curvature)
+    source = TouchSource(exact, noise, TouchSpread(margin=0.0, **QUIET), None, turns)
+    drawn = source.draw(np.random.default_rng(1), 2000, 6)
+    signals = exact.signals(drawn.values[:, :2], drawn.values[:, 2:].astype(float))
+    # A turn of random size moves along its pattern; a quarter of what it adds is amiss, alike
+    # along a chip's three axes.
+    rng, amiss = np.random.default_rng(2), np.zeros((len(signals), 9))
+    for moved in rng.multivariate_normal(np.zeros(9), pattern, 200):
+        added = cross_signals(curvature, np.broadcast_to(moved, signals.shape), signals)
+        each = (added.reshape(-1, 3, 3) ** 2).mean(axis=2).repeat(3, axis=1)
+        amiss += 0.25**2 * each / 200
+    spread = noise + 0.01**2 * pattern + amiss[:, :, None] * np.eye(9)
+    apart = drawn.signals - signals
+    squared = np.einsum("bi,bij,bj->b", apart, np.linalg.inv(spread), apart)
+    assert squared.mean() == pytest.approx(9, rel=0.1)
+    known = np.linalg.inv(noise + 0.01**2 * pattern)
+    assert np.einsum("bi,ij,bj->b", apart, known, apart).mean() > 2 * 9
+
+
 def test_they_lie_where_they_are_told_to(table):
     spread = TouchSpread(drag=0.5, straight=0.25, margin=2e-3)
     drawn = TouchSource(table, np.eye(9) * 1e-12, spread).draw(np.random.default_rng(2), 100, 64)
@@ -104,9 +128,10 @@ def test_the_same_seed_draws_the_same_and_the_hash_tells_what_was_drawn_from(tab
         TouchSource(table, np.eye(9) * 1e-12, TouchSpread(drag=0.1)),
         TouchSource(replace(table, mean=1.001 * table.mean), np.eye(9) * 1e-12),
         TouchSource(table, np.eye(9) * 1e-12, None, Prony(moduli=[0.2], times=[1.0])),
+        TouchSource(table, np.eye(9) * 1e-12, TouchSpread(arm=True)),
     ]
     assert TouchSource(table, np.eye(9) * 1e-12).sha256() == source.sha256()
-    assert len({one.sha256() for one in (source, *others)}) == 5
+    assert len({one.sha256() for one in (source, *others)}) == 6
 
 
 @pytest.mark.parametrize(

@@ -37,6 +37,7 @@ from smoskin.sensing.response.calibrate import Target, TouchPlanner, calibrate_t
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.estimator import FOLLOWING, ON_AN_ARM
 from smoskin.sensing.signals.signals import signal_noise
+from smoskin.sensing.signals.zero import ZeroTracking
 from smoskin.twin.whole import Twin
 from smoskin.twin.world.effect import World
 from smoskin.twin.world.worlds import PLAIN, world_of
@@ -175,7 +176,7 @@ class Candidate:
                 seed=bench,
             )
             table = calibrate_touches(table, labels, signal_noise(twin.design, table.chips))
-        tracking = ON_AN_ARM if world.on_arm else FOLLOWING
+        tracking = _tracking(world)
         no_drags = TouchPriors(drag_spread=0.0)
         straight = BayesEstimator(twin.design, table, priors=no_drags, tracking=tracking)
         return table, (straight, BayesEstimator(twin.design, table, tracking=tracking))
@@ -186,7 +187,10 @@ def candidate(given: Scored, design: SkinDesign, exam: Exam) -> Candidate:
     digest = ""
     if isinstance(given, (Path, str)):
         path, given = Path(given), load_estimator(given, design, uncalibrated=True)
-        given = given.table if isinstance(given, BayesEstimator) else given
+        if isinstance(given, BayesEstimator):
+            given = given.table
+        elif isinstance(given, NetworkEstimator):
+            given = given.model
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
     if isinstance(given, ResponseTable):
         design.check_own("table", given.design_hash)
@@ -197,13 +201,18 @@ def candidate(given: Scored, design: SkinDesign, exam: Exam) -> Candidate:
             kind="response table", chips=table.chips, reader=table, plan=plan, file_sha256=digest
         )
     if isinstance(given, NetworkModel):
-        given = NetworkEstimator(design, given)
+        given = NetworkEstimator(design, given, tracking=_tracking(exam.world))
     elif isinstance(given, LearnedModel):
         given = LearnedEstimator(given)
     kind, chips = _kind(given, design)
     if exam.chips not in (None, chips):
         raise ArgumentError(f"chips must be those of the {kind}, {chips}; got {exam.chips}")
     return Candidate(kind=kind, chips=chips, reader=given, file_sha256=digest)
+
+
+def _tracking(world: World) -> ZeroTracking:
+    """How zeros are followed in a world."""
+    return ON_AN_ARM if world.on_arm else FOLLOWING
 
 
 def _kind(reader: Estimator, design: SkinDesign) -> tuple[str, tuple[int, ...]]:

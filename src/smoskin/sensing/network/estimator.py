@@ -58,6 +58,7 @@ class NetworkEstimator(SignalEstimator):
             false_alarms=false_alarms,
             tracking=tracking,
             most=model.forces[1],
+            loops=model.loops,
         )
         self.model = model
         self._ensemble = Ensemble(model)

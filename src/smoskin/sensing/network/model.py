@@ -20,6 +20,7 @@ from smoskin.errors import ModelError
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.sensing.files import NETWORK, TensorFile, check_filled, check_within, freeze_model
 from smoskin.sensing.learned.gaussian_process import Metric, Prediction
+from smoskin.sensing.signals.loops import Loops
 
 Singles: TypeAlias = NDArray[np.float32]
 
@@ -101,6 +102,8 @@ class NetworkModel:
     """How held-out touches were chosen, in words."""
     metrics: tuple[Metric, ...]
     """Figures on them."""
+    loops: Loops | None = None
+    """Hysteresis of the skin's signals, undone before they are read; none is known by default."""
 
     def __post_init__(self) -> None:
         inputs, outputs = 3 * len(self.chips) + 1, len(self.rows)
@@ -128,6 +131,10 @@ class NetworkModel:
             check_within("network: weights", part, -_HEAVIEST, _HEAVIEST)
         if not self.forces[0] < self.forces[1]:
             raise ModelError(f"network: forces must rise from above 0; got {self.forces} N")
+        if self.loops is not None and len(self.loops.reach) != inputs - 1:
+            raise ModelError(
+                f"network: loops must be of its {inputs - 1} signals; got {len(self.loops.reach)}"
+            )
         assign(self, layers=layers)
 
     @property
@@ -179,6 +186,7 @@ class NetworkModel:
             "data_sha256": self.data_sha256,
             "split": self.split,
             "metrics": [metric._asdict() for metric in self.metrics],
+            "loops": self.loops and self.loops.as_json(),
         }
         _FILE.write(path, arrays, header)
 
@@ -303,6 +311,7 @@ def _network(arrays: dict[str, NDArray[Any]], header: dict[str, Any]) -> Network
         data_sha256=str(header["data_sha256"]),
         split=str(header["split"]),
         metrics=tuple(Metric(**metric) for metric in header["metrics"]),
+        loops=Loops.from_json(header.get("loops")),
         **{name: arrays[name] for name in _TENSORS},
     )
 

@@ -21,12 +21,16 @@ from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.sensing.learned.inputs import direction_and_strength
 from smoskin.sensing.network.model import Layer, NetworkModel, Singles
 from smoskin.sensing.response.table import ResponseTable
+from smoskin.sensing.signals.signals import bent_amiss
 
 _FLOOR: Final = 1e-6  # T; added to the signals' length in quadrature, a fraction of their noise
 _SKINS: Final = 128  # of each held-out set
 _TOUCHES: Final = 96  # of each of these skins
 _FEW: Final = 16  # skins whose touches are laid out at once
 _KEPT: Final = ("layers", "centre", "scale", "middle", "size")  # what a training goes on from
+_UNFOLLOWED: Final = 0.01
+"""Turn that the zero of a skin on an arm has not followed, rad. Where touches come between turns,
+its own uncertainty is 5 mrad in the median and up to three times as much."""
 _NOTHING: Final = 1e-9  # share of a vertex in a touch that is none
 
 
@@ -49,6 +53,9 @@ class TouchSpread:
     """Range of temperatures, degC, even."""
     drift: float = 0.5e-6
     """Standard deviation on each axis of the zero that has not been followed, T."""
+    arm: bool = False
+    """Whether an arm turns the skin: its zero is known less well, and its weight bends its fields
+    otherwise than the design's."""
 
     def __post_init__(self) -> None:
         for name in ("margin", "drag", "drift"):
@@ -70,6 +77,31 @@ class Drawn(NamedTuple):
     """(B, 5): x, y, m, and Fx, Fy, Fz, N, as rubber at reference temperature would need them."""
 
 
+class Turns(NamedTuple):
+    """What becomes of a skin's signals as it turns, and how much of that is not known."""
+
+    pattern: Floats
+    """Covariance of the change by a radian, (C, C), T^2."""
+    curvature: Floats
+    """Curvature of its chips' fields, (S, 3, 3, 3), 1/T."""
+
+    @property
+    def unfollowed(self) -> Floats:
+        """Covariance of what a zero has not followed, (C, C), T^2."""
+        return _UNFOLLOWED**2 * self.pattern
+
+    def missed(self, rng: np.random.Generator, signals: Singles) -> Singles:
+        """What is read amiss of touches of one skin each, (skins, touches, C), T.
+
+        A skin stands turned by a random angle, so that its weight has moved its magnets.
+        """
+        root = np.linalg.cholesky(self.pattern)
+        moved = rng.standard_normal((len(signals), 1, len(root))) @ root.T
+        read = signals.astype(np.float64)
+        size = bent_amiss(self.curvature, np.broadcast_to(moved, read.shape), read)
+        return (size * rng.standard_normal(signals.shape)).astype(np.float32)
+
+
 class TouchSource:
     """Touches of skins of a table: of all that a design gives, or what is open of a calibrated one.
 
@@ -79,7 +111,7 @@ class TouchSource:
     drawn evenly about none, over as much as the rubber creeps (`creep`, where that is undone).
 
     `noise` is the covariance of the signals' noise, (C, C), T^2
-    (`smoskin.sensing.signals.signals.signal_noise`).
+    (`smoskin.sensing.signals.signals.signal_noise`); `turns` are those of a skin on an arm.
     """
 
     def __init__(
@@ -88,11 +120,15 @@ class TouchSource:
         noise: Floats,
         spread: TouchSpread | None = None,
         creep: Prony | None = None,
+        turns: Turns | None = None,
     ) -> None:
         self.table = table
         self.spread = spread or TouchSpread()
         self._creep = 0.0 if creep is None else float(creep.retardation_shares.sum())
         self._noise = noise + self.spread.drift**2 * np.eye(table.count)
+        self._turns = turns
+        if turns is not None:
+            self._noise = self._noise + turns.unfollowed
         self._noise_root = np.linalg.cholesky(self._noise).astype(np.float32)
         # What the table misses may be nothing at all, which has no Cholesky factor.
         power, modes = np.linalg.eigh(table.misfit)
@@ -142,6 +178,9 @@ class TouchSource:
         size = np.linalg.norm(push, axis=1, keepdims=True).astype(np.float32)
         for root, scale in ((self._noise_root, np.float32(1.0)), (self._misfit_root, size)):
             signals += scale * (rng.standard_normal(signals.shape, dtype=np.float32) @ root.T)
+        if self._turns is not None:
+            missed = self._turns.missed(rng, signals.reshape(skins, touches, -1))
+            signals += missed.reshape(signals.shape)
         return Drawn(signals, np.concatenate([where, push], axis=1).astype(np.float32))
 
     def sha256(self) -> str:
@@ -255,6 +294,7 @@ class Lessons:
             split=f"skins of their own: {_SKINS} to end training, {_SKINS} for the spread, "
             f"{_SKINS} for the figures, of {_TOUCHES} touches each",
             metrics=(),
+            loops=source.table.loops,
             **learned,
         )
         """The network that training starts from, without spread, reach and figures."""

@@ -19,6 +19,7 @@ from scipy.stats import chi2
 from smoskin.arrays import Bools, Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import MissingExtraError, ModelError
+from smoskin.magnetics.nonlinearity import field_curvature
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.origami.geometry import places_to_the_rim
 from smoskin.outputs import write_output
@@ -26,9 +27,17 @@ from smoskin.roles import Progress, stopwatch, unheard
 from smoskin.sensing.files import TensorFile
 from smoskin.sensing.learned.gaussian_process import Metric, Prediction
 from smoskin.sensing.network.model import SPREADS, Layer, NetworkModel, Singles
-from smoskin.sensing.network.samples import Drawn, Lessons, TouchSource, TouchSpread, TrainingEffort
+from smoskin.sensing.network.samples import (
+    Drawn,
+    Lessons,
+    TouchSource,
+    TouchSpread,
+    TrainingEffort,
+    Turns,
+)
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.signals import signal_noise
+from smoskin.sensing.signals.turning import turning
 
 try:
     import jax
@@ -149,7 +158,12 @@ def train_network(
     clock = clock or stopwatch()
     effort = effort or TrainingEffort()
     design.check_own("table", table.design_hash)
-    source = TouchSource(table, signal_noise(design, table.chips), spread, creep)
+    spread, noise = spread or TouchSpread(), signal_noise(design, table.chips)
+    turns = None
+    if spread.arm:
+        curvature = field_curvature(design)[list(table.chips)]
+        turns = Turns(turning(design, table.chips).whole, curvature)
+    source = TouchSource(table, noise, spread, creep, turns)
     before = clock()
     lessons = Lessons(design, source, effort, start)
     finishing = _FINISHING * (clock() - before)
@@ -168,7 +182,8 @@ def train_network(
         coming.cancel()
         progress(f"stopped: {ended}", 1.0)
         finished, held_out = _finished(lessons, course.best)
-        attainable = _attainable(table, signal_noise(design, table.chips), finished)
+        unknown = noise if turns is None else noise + turns.unfollowed
+        attainable = _attainable(table, unknown, finished)
         return Trained(finished, tuple(course.curve), ended, attainable, held_out)
 
 

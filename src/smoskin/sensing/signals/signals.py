@@ -16,7 +16,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393, sector
 from smoskin.magnetics.inversion import rest_cross_talk
-from smoskin.magnetics.nonlinearity import Bend, field_curvature
+from smoskin.magnetics.nonlinearity import Bend, cross_signals, field_curvature
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, temperature_factor
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.origami.geometry import geometry
@@ -141,8 +141,9 @@ class Signals:
         self._given = zeroed
         self._tracking, self._idle = tracking or ZeroTracking(), idle
         self._settling = None if creep is None or not len(creep.times) else Settling(creep)
-        self._bend = Bend(field_curvature(design))
         self._chips = list(range(len(self.rest_field)) if chips is None else chips)
+        curvature = field_curvature(design)
+        self._bend, self._curvature = Bend(curvature), curvature[self._chips]
         prompt = 1.0 if creep is None else 1 - float(creep.retardation_shares.sum())
         self.noise = signal_noise(design, self._chips) / prompt**2
         """Covariance N of these chips' signals untouched, (C, C), T^2: undoing creep raises what
@@ -181,14 +182,10 @@ class Signals:
         A skin's weight moves magnets over chips as far as touches do, and made skins' fields bend
         otherwise than the designed ones.
         """
-        size = len(signals)
         if not self._tracking.arm:
-            return np.zeros((size, size))
-        moved = self._of_all(self._zero.drift)
-        felt = self._bend.straightened(self._of_all(signals))
-        both = self._bend.bent(moved + felt) - self._bend.bent(moved) - self._bend.bent(felt)
-        variance = _BENT_AMISS**2 / 3 * (both[self._chips] ** 2).sum(axis=1)
-        return np.diag(np.repeat(variance, 3))
+            return np.zeros_like(self.noise)
+        felt = self._bend.straightened(self._of_all(signals))[self._chips].ravel()
+        return np.diag(bent_amiss(self._curvature, self._zero.drift, felt) ** 2)
 
     def reset(self) -> None:
         """Return to the zero of the start and forget earlier readings."""
@@ -361,6 +358,16 @@ def rest_field(design: SkinDesign) -> Floats:
             for site, rest in zip(design.halls, geometry(design).rest, strict=True)
         ]
     )
+
+
+def bent_amiss(curvature: Floats, moved: Floats, felt: Floats) -> Floats:
+    """Deviations (..., C), T, of what two motions add to each other's linear signals (..., C).
+
+    Made skins differ so from the curvature (S, 3, 3, 3), 1/T, of the design's fields.
+    """
+    added = cross_signals(curvature, moved, felt).reshape(*felt.shape[:-1], -1, 3)
+    size = np.sqrt((added * added).sum(axis=-1) / 3)
+    return np.asarray(_BENT_AMISS * np.repeat(size, 3, axis=-1))
 
 
 def chip_noise(design: SkinDesign) -> Floats:

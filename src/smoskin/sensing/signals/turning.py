@@ -12,7 +12,7 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.sector import field_and_gradient
 from smoskin.mechanics.board import board_of, carried, turned
-from smoskin.mechanics.weight import sags
+from smoskin.mechanics.weight import Sags, sags
 from smoskin.origami.geometry import geometry
 
 EARTH: Final = 100e-6
@@ -55,7 +55,8 @@ def turning(
     field = uniform_covariance(geometry(design).chip_axes[list(used)], EARTH)
     if not weight:
         return Turning(field, field)
-    parts = [_change(design, chip) for chip in used]
+    sagged = sags(design)
+    parts = [_change(design, chip, sagged) for chip in used]
     alike = np.concatenate(parts)
     whole = field + alike @ alike.T
     for row, part in enumerate(parts):
@@ -64,10 +65,10 @@ def turning(
     return Turning(field, whole)
 
 
-def _change(design: SkinDesign, chip: int) -> Floats:
+def _change(design: SkinDesign, chip: int, sagged: Sags) -> Floats:
     """Change U_s of a chip's own field, (3, 3), T, by 1 g along x, y and z."""
     site, places = design.halls[chip], geometry(design)
-    magnet, sagged = design.magnet(site.magnet), sags(design)
+    magnet = design.magnet(site.magnet)
     field, gradient = field_and_gradient(magnet, places.rest[chip])
     if magnet.mount == "sheet":
         return np.asarray(-gradient * sagged.sheet @ places.chip_axes[chip].T)
