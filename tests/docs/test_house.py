@@ -103,3 +103,26 @@ def test_the_package_stands_alone():
         if name.split(".")[0] in ("paper", "studies", "tests")
     ]
     assert outside == []
+
+
+def loaded(body: list[ast.stmt]) -> set[str]:
+    """Modules that must be there before a file's own names are: not those of its functions."""
+    names: set[str] = set()
+    for node in body:
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            names |= imported(ast.unparse(node))
+        elif isinstance(node, ast.Try):
+            names |= loaded(node.body) | loaded([s for h in node.handlers for s in h.body])
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" not in ast.unparse(node.test):
+            names |= loaded(node.body) | loaded(node.orelse)
+    return names
+
+
+def test_no_two_modules_wait_for_each_other():
+    waits = {module(p): loaded(ast.parse(text).body) - {module(p)} for p, text in FILES.items()}
+    waits = {name: needs & set(waits) for name, needs in waits.items()}
+    while free := [name for name, needs in waits.items() if not needs]:
+        for name in free:
+            del waits[name]
+        waits = {name: needs - set(free) for name, needs in waits.items()}
+    assert sorted(waits) == []

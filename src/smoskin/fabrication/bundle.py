@@ -14,7 +14,7 @@ from smoskin.arguments import typed
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import DesignError, require
 from smoskin.fabrication.artifact import Artifact
-from smoskin.fabrication.boards import board_files
+from smoskin.fabrication.boards.files import board_files
 from smoskin.fabrication.materials import Item, bill, bill_csv
 from smoskin.fabrication.moulds.files import solid_files
 from smoskin.fabrication.pattern.files import pattern_files

@@ -7,8 +7,8 @@ import pytest
 
 from fabrication.boards.designs import CURVED, PLANAR
 from fabrication.boards.seeds import SEEDS
-from smoskin.fabrication.boards import layouts_of
 from smoskin.fabrication.boards.check import layout_faults
+from smoskin.fabrication.boards.files import layouts_of
 from smoskin.fabrication.boards.layout import Layout
 
 PLANAR_SKIN = layouts_of(PLANAR)[0]

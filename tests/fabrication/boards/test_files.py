@@ -13,8 +13,8 @@ import sexpdata
 from fabrication.boards.designs import CURVED, PLANAR
 from fabrication.boards.gerbers import area
 from smoskin.errors import FileError
-from smoskin.fabrication.boards import board_files, layouts_of, write
 from smoskin.fabrication.boards.circuit import Circuit
+from smoskin.fabrication.boards.files import board_files, layouts_of, write
 from smoskin.fabrication.layout import board_box
 
 FILES = {file.path: file.content.decode() for file in board_files(PLANAR)}

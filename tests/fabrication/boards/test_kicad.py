@@ -12,9 +12,9 @@ import pytest
 from fabrication.boards.designs import CURVED, MANY, PLANAR, random_design
 from fabrication.boards.gerbers import area_apart
 from fabrication.boards.seeds import SEEDS
-from smoskin.fabrication.boards import layouts_of, write
 from smoskin.fabrication.boards.check import layout_faults
 from smoskin.fabrication.boards.circuit import skin_circuit
+from smoskin.fabrication.boards.files import layouts_of, write
 from smoskin.fabrication.boards.kicad import board_file
 from smoskin.fabrication.boards.layout import Layout
 from smoskin.fabrication.boards.rules import project_file, rule_file

@@ -8,8 +8,8 @@ import pytest
 from fabrication.boards.designs import CURVED, LOWER, PLANAR, UPPER, arranged, random_design
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import DesignError
-from smoskin.fabrication.boards import layouts_of
 from smoskin.fabrication.boards.check import layout_faults
+from smoskin.fabrication.boards.files import layouts_of
 from smoskin.fabrication.boards.parts import MLX90393
 from smoskin.fabrication.boards.template import skin_layout
 from smoskin.origami.geometry import geometry
