@@ -1,10 +1,14 @@
 """Opens pages in the system's Chromium with the network off."""
 
 import shutil
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
@@ -112,3 +116,22 @@ def open_page(url: str, *, deadline: float = 60.0) -> Iterator[OpenPage]:
             browser.close()
     assert not opened.outside, f"the page asked for {opened.outside}"
     assert not opened.errors, f"the page raised {opened.errors}"
+
+
+class _Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, *args: object) -> None:
+        pass
+
+
+@contextmanager
+def open_file(path: Path) -> Iterator[OpenPage]:
+    """A page on the disk, as `open_page` opens one."""
+    serve = partial(_Quiet, directory=str(path.parent))
+    server = ThreadingHTTPServer(("127.0.0.1", 0), serve)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        with open_page(f"http://127.0.0.1:{server.server_port}/{path.name}") as opened:
+            yield opened
+    finally:
+        server.shutdown()
+        server.server_close()

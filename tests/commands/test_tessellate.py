@@ -6,16 +6,22 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from chromium import open_file
 from smoskin.cli import app
 from smoskin.commands.tessellate import numbers, tessellate_surface
 from smoskin.commands.tessellate.surfaces import named_surface
+from smoskin.design.document import read_design
 from smoskin.errors import ArgumentError, FileError
+from smoskin.feasibility import load_design
+from smoskin.origami.geometry import geometry
 from smoskin.origami.surface.analytic import Bump, Cone, Cylinder, Plane
 from smoskin.origami.surface.surface import curvatures, forms
+from smoskin.origami.tessellation.hinges import laid_onto
 from triangle_meshes import meshed
 
 RUN = CliRunner()
-SOUND = {"validity.json", "sheet.svg", "sheet.fold", "pattern.fold", "sheet.obj", "pattern.svg"}
+ALWAYS = {"validity.json", "report.html", "fold.html", "sheet.svg"}
+SOUND = {*ALWAYS, "sheet.fold", "pattern.fold", "sheet.obj", "sheet.stl", "pattern.svg"}
 
 
 def test_a_cylinder_gets_all_files_and_a_second_run_asks_first(tmp_path):
@@ -26,6 +32,8 @@ def test_a_cylinder_gets_all_files_and_a_second_run_asks_first(tmp_path):
     told = json.loads(ran.stdout)
     assert told["holds"]
     assert told["folds"]
+    # Magnets of a skin this small stand too near each other.
+    assert "geometry alone: magnets" in told["sensing"]
     assert {file.name for file in out.iterdir()} == SOUND
     assert told["files"] == [str(out / name) for name in told_names(told)]
     assert json.loads((out / "validity.json").read_text())["fold_share"] == told["fold_share"]
@@ -42,10 +50,74 @@ def test_no_pattern_is_left_of_a_sheet_that_must_not_be_cut(planar, tmp_path):
     (tmp_path / "pattern.fold").write_text("an older one")
     report = tessellate_surface("sphere:100", planar, (6, 6), tmp_path, time_limit=1e-3, force=True)
     assert not report.made.holds
-    assert {file.name for file in tmp_path.iterdir()} == {"validity.json", "sheet.svg"}
+    assert {file.name for file in tmp_path.iterdir()} == ALWAYS
+    page = (tmp_path / "report.html").read_text()
+    assert "This sheet must not be cut: the search came 0 % of the way" in page
+    assert page.count('class="NO"') == sum(not gate.holds for gate in report.made.gates) > 0
     told = json.loads((tmp_path / "validity.json").read_text())
     assert told["holds"] is False
     assert told["advice"].endswith("there was no time left to look for what would fit")
+
+
+def test_a_cylinder_gives_a_design_whose_skin_is_that_sheet(planar, tmp_path):
+    report = tessellate_surface("cylinder:80", planar, (6, 6), tmp_path)
+    assert {file.name for file in tmp_path.iterdir()} == {*SOUND, "design.toml"}
+    skin = load_design(tmp_path / "design.toml")
+    assert skin == report.skin
+    assert skin.content_hash == read_design("curved").content_hash
+    assert skin.provenance["limb.skin_radius"].reason == "a sheet on cylinder:80"
+    sheet = geometry(skin).sheet.vertices
+    np.testing.assert_allclose(
+        laid_onto(report.made.sheet.vertices, sheet), sheet, atol=1e-9, rtol=0
+    )
+    assert json.loads((tmp_path / "validity.json").read_text())["sensing"] == "design.toml"
+
+
+def test_a_plane_gives_the_planar_skin_again(planar, tmp_path):
+    report = tessellate_surface("plane", planar, planar.cells, tmp_path)
+    assert report.skin.content_hash == planar.content_hash
+
+
+def test_more_cells_take_their_magnets_along(planar, tmp_path):
+    report = tessellate_surface("cylinder:150", planar, (9, 9), tmp_path)
+    corners = [magnet.corner for magnet in report.skin.magnets]
+    assert corners == [(6, 6), (6, 3), (3, 6)]
+
+
+def test_elsewhere_there_is_geometry_alone_and_an_older_design_goes(planar, tmp_path):
+    (tmp_path / "design.toml").write_text("of another sheet")
+    report = tessellate_surface("cone:60,80,150", planar, (2, 2), tmp_path, force=True)
+    assert report.made.holds
+    assert {file.name for file in tmp_path.iterdir()} == SOUND
+    told = json.loads((tmp_path / "validity.json").read_text())["sensing"]
+    assert told == "geometry alone: skins are sensed on planes and cylinders"
+    assert told in (tmp_path / "report.html").read_text()
+
+
+def test_pages_show_every_gate_and_ask_for_nothing_outside(planar, tmp_path):
+    report = tessellate_surface("cylinder:100", planar, (2, 2), tmp_path)
+    page = (tmp_path / "report.html").read_text()
+    for gate in report.made.gates:
+        assert f"<td>{gate.name}</td><td>{gate.value:.4g}</td>" in page
+    assert 'class="NO"' not in page
+    assert 'href="fold.html"' in page
+    for name in ("report.html", "fold.html"):
+        text = (tmp_path / name).read_text()
+        assert 'src="http' not in text
+        assert 'href="http' not in text
+
+
+def test_the_folded_mesh_is_the_sheet_in_millimetres(planar, tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    report = tessellate_surface("cylinder:100", planar, (2, 2), tmp_path)
+    read = trimesh.load_mesh(tmp_path / "sheet.stl")
+    np.testing.assert_allclose(
+        np.ptp(read.vertices, axis=0), 1e3 * np.ptp(report.made.sheet.vertices, axis=0), rtol=1e-6
+    )
+    panels = report.made.sheet.vertices[report.made.sheet.facets]
+    areas = np.cross(panels[:, 2] - panels[:, 0], panels[:, 3] - panels[:, 1]) / 2
+    assert read.area == pytest.approx(1e6 * np.linalg.norm(areas, axis=1).sum(), rel=1e-6)
+    assert (read.face_normals @ [0, 0, 1] > 0).all()
 
 
 def test_the_exit_code_tells_of_a_gate_that_fails(tmp_path):
@@ -98,3 +170,33 @@ def test_wrong_arguments_are_refused_by_name(planar, tmp_path):
     with pytest.raises(FileError, match=r"a\.stl cannot be read"):
         tessellate_surface("a.stl", planar, (1, 1), tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+def test_the_slider_folds_the_sheet_and_lowers_it_on_to_its_surface(planar, tmp_path):
+    made = tessellate_surface("cylinder:80", planar, (3, 3), tmp_path).made
+    with open_file(tmp_path / "fold.html") as opened:
+
+        def corners(share):
+            """Panels' corners at a place of the slider, mm."""
+            opened.page.locator("#fold").fill(str(share))
+            places = opened.page.evaluate("Array.from(groups[0].now)")
+            return np.reshape(places, (-1, 4, 3))
+
+        facets = made.sheet.facets
+        np.testing.assert_allclose(corners(1), 1e3 * made.sheet.vertices[facets], atol=1e-4)
+        flat = corners(0)
+        assert np.linalg.matrix_rank(flat.reshape(-1, 3) - flat[0, 0], tol=1e-2) == 2
+        spans = np.linalg.norm(flat[:, 2] - flat[:, 0], axis=1)
+        pattern = 1e3 * made.pattern[facets]
+        aim = np.linalg.norm(pattern[:, 2] - pattern[:, 0], axis=1)
+        np.testing.assert_allclose(spans, aim, atol=1e-3)
+        half = corners(0.5)
+        assert np.abs(half - flat).max() > 3
+        assert np.abs(half - corners(1)).max() > 3
+        before = opened.page.screenshot()
+        opened.page.locator("input[type=radio]").nth(2).check()
+        assert opened.page.screenshot() != before
+        assert opened.page.locator("input[type=radio]").count() == 4
+        assert "most now" in opened.page.locator("form").text_content()

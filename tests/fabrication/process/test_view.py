@@ -1,24 +1,16 @@
 """The page that takes an assembled skin apart, in a browser."""
 
-import threading
 from dataclasses import replace
-from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 import pytest
 
-from chromium import open_page
+from chromium import open_file
 from smoskin.fabrication.moulds.solids import joined_mesh, triangles_of
 from smoskin.fabrication.pattern.flat import flat_sheet
 from smoskin.fabrication.process.pictures import whole_skin
 from smoskin.fabrication.process.view import view
 from smoskin.fabrication.workshop import Workshop
-
-
-class Quiet(SimpleHTTPRequestHandler):
-    def log_message(self, *args):
-        pass
 
 
 @pytest.fixture(scope="module")
@@ -49,8 +41,6 @@ def test_the_page_asks_for_nothing_outside(parts):
 @pytest.mark.browser
 def test_the_slider_takes_the_skin_apart(parts, tmp_path):
     (tmp_path / "assembly.html").write_bytes(view(parts, "a skin"))
-    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(tmp_path)))
-    threading.Thread(target=server.serve_forever, daemon=True).start()
 
     def inked(opened):
         """Share of the canvas that is not background, and its rows."""
@@ -70,20 +60,16 @@ def test_the_slider_takes_the_skin_apart(parts, tmp_path):
             }"""
         )
 
-    try:
-        with open_page(f"http://127.0.0.1:{server.server_port}/assembly.html") as opened:
-            closed = inked(opened)
-            assert 0.05 < closed[0] < 0.9
-            opened.page.locator("#apart").fill("1")
-            apart = inked(opened)
-            assert apart[1] > closed[1]
-            boxes = opened.page.locator("input[type=checkbox]")
-            assert boxes.count() == 12
-            for k in range(12):
-                boxes.nth(k).uncheck()
-            assert inked(opened)[0] == 0
-            assert not opened.errors
-            assert [a for a in opened.outside if "favicon" not in a] == []
-    finally:
-        server.shutdown()
-        server.server_close()
+    with open_file(tmp_path / "assembly.html") as opened:
+        closed = inked(opened)
+        assert 0.05 < closed[0] < 0.9
+        opened.page.locator("#apart").fill("1")
+        apart = inked(opened)
+        assert apart[1] > closed[1]
+        boxes = opened.page.locator("input[type=checkbox]")
+        assert boxes.count() == 12
+        for k in range(12):
+            boxes.nth(k).uncheck()
+        assert inked(opened)[0] == 0
+        assert not opened.errors
+        assert [a for a in opened.outside if "favicon" not in a] == []

@@ -6,18 +6,24 @@ should cut it.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from smoskin.arguments import typed
+from smoskin.commands.tessellate.pages import fold_page, report_page
+from smoskin.commands.tessellate.skin import skin_on
 from smoskin.commands.tessellate.surfaces import named_surface
+from smoskin.design.document import format_design
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, require
 from smoskin.mechanics.sheet.foldability import fold_shares
 from smoskin.mechanics.sheet.lattice import springs_of
 from smoskin.origami.surface.analytic import Plane
+from smoskin.origami.surface.mesh import format_stl, halved
+from smoskin.origami.surface.surface import Surface
 from smoskin.origami.tessellation import documents
 from smoskin.origami.tessellation.tessellate import Tessellation, tessellate
 from smoskin.outputs import check_output, write_output
@@ -26,9 +32,11 @@ from smoskin.roles import Progress
 if TYPE_CHECKING:
     from rich.table import Table
 
-_ALWAYS: Final = ("validity.json", "sheet.svg")
-_SOUND: Final = ("sheet.fold", "pattern.fold", "sheet.obj", "pattern.svg")
+_ALWAYS: Final = ("validity.json", "report.html", "fold.html", "sheet.svg")
+_SOUND: Final = ("sheet.fold", "pattern.fold", "sheet.obj", "sheet.stl", "pattern.svg")
 """Files of a sheet that passes every gate."""
+_DESIGN: Final = "design.toml"
+"""File of a sheet that a skin can be sensed on with."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,6 +52,10 @@ class TessellationReport:
     """The same of the planar sheet of the same cells."""
     roughness: float
     """m: what a mesh departs from its chart; 0 for closed forms."""
+    skin: SkinDesign | None
+    """The design of a skin on this sheet."""
+    without_skin: str
+    """Why there is none; empty otherwise."""
     files: tuple[Path, ...]
 
     def as_json(self) -> dict[str, Any]:
@@ -59,33 +71,50 @@ class TessellationReport:
             "planar_fold_share": self.planar_fold_share,
             "mesh_roughness_mm": 1e3 * self.roughness,
             "advice": made.advice,
+            "sensing": self.without_skin or _DESIGN,
             "files": [str(file) for file in self.files],
         }
 
-    def tables(self) -> "list[Table]":
-        """Gates, and how the sheet folds."""
-        from rich.table import Table
-
+    @property
+    def sections(self) -> list[tuple[str, list[list[str]]]]:
+        """Tables with their titles, the first row of each its head: gates, and how it folds."""
         made = self.made
-        gates = Table("gate", "value", "limit", "unit", "holds", title=f"Sheet on {self.surface}")
+        gates = [["gate", "value", "limit", "unit", "holds"]]
         for gate in made.gates:
             holds = "yes" if gate.holds else "NO"
-            gates.add_row(gate.name, f"{gate.value:.4g}", f"{gate.limit:.4g}", gate.unit, holds)
-        rows = Table("how it folds", "value", title="What follows")
-        rows.add_row("folds by its creases alone", "yes" if made.folds else "no: it is locked")
-        rows.add_row("lowest singular values", " and ".join(f"{v:.2g}" for v in made.rigidity))
-        shares = f"{self.fold_share:.3f}, planar {self.planar_fold_share:.3f}"
-        rows.add_row("share of a press that folds its cell", shares)
+            gates.append([gate.name, f"{gate.value:.4g}", f"{gate.limit:.4g}", gate.unit, holds])
+        lowest = " and ".join(f"{value:.2g}" for value in made.rigidity)
+        rows = [
+            ["how it folds", "value"],
+            ["folds by its creases alone", "yes" if made.folds else "no: it is locked"],
+            ["lowest singular values", lowest],
+            [
+                "share of a press that folds its cell",
+                f"{self.fold_share:.3f}, planar {self.planar_fold_share:.3f}",
+            ],
+        ]
         if made.folding is not None:
-            rows.add_row("largest strain from flat to folded", f"{made.folding.strain:.2g}")
-            rows.add_row(
-                "largest panel twist on the way, deg", f"{np.degrees(made.folding.twist):.2g}"
-            )
+            twist = np.degrees(made.folding.twist)
+            rows.append(["largest strain from flat to folded", f"{made.folding.strain:.2g}"])
+            rows.append(["largest panel twist on the way, deg", f"{twist:.2g}"])
         longest = 1e3 * np.abs(made.lifts).max()
-        rows.add_row("columns longer or shorter by up to, mm", f"{longest:.2g}")
+        rows.append(["columns longer or shorter by up to, mm", f"{longest:.2g}"])
         if self.roughness:
-            rows.add_row("mesh off its chart, mm rms", f"{1e3 * self.roughness:.3g}")
-        return [gates, rows]
+            rows.append(["mesh off its chart, mm rms", f"{1e3 * self.roughness:.3g}"])
+        rows.append(["a skin on it", self.without_skin or f"{_DESIGN} may be sensed on"])
+        return [(f"Sheet on {self.surface}", gates), ("What follows", rows)]
+
+    def tables(self) -> "list[Table]":
+        """The sections for a terminal."""
+        from rich.table import Table
+
+        shown = []
+        for title, (head, *rows) in self.sections:
+            table = Table(*head, title=title)
+            for row in rows:
+                table.add_row(*row)
+            shown.append(table)
+        return shown
 
 
 @typed
@@ -104,6 +133,9 @@ def tessellate_surface(
     progress: Progress | None = None,
 ) -> TessellationReport:
     """Tessellate a surface with a design's cells and write the sheet's files into a folder.
+
+    On a plane or a cylinder, whose radius is that on which the bottom vertices lie, the design of
+    a skin on the sheet is among them.
 
     Parameters
     ----------
@@ -131,7 +163,7 @@ def tessellate_surface(
         raise ArgumentError(f"cells must be at least 1 1; got {cells[0]} {cells[1]}")
     require("drawing a sheet", "plots", "matplotlib")
     check_output(out, folder=True)
-    for name in (*_ALWAYS, *_SOUND):
+    for name in (*_ALWAYS, *_SOUND, _DESIGN):
         check_output(out / name, force=force)
     cell = replace(
         design.cell, panel_a=scale * design.cell.panel_a, panel_b=scale * design.cell.panel_b
@@ -142,6 +174,10 @@ def tessellate_surface(
     made = tessellate(shape, cell, cells, own_columns=own_columns, progress=progress, **arguments)
     planar = tessellate(Plane(), cell, cells, refold=False, **arguments)
     shares = [_share(sheet, design) for sheet in (made, planar)]
+    skin, without = skin_on(shape, surface, design, cell, made)
+    if not made.holds:
+        skin, without = None, "geometry alone: the sheet fails a gate"
+    sound = (*_SOUND, *((_DESIGN,) if skin else ())) if made.holds else ()
     report = TessellationReport(
         surface=surface,
         cells=cells,
@@ -149,9 +185,11 @@ def tessellate_surface(
         fold_share=shares[0],
         planar_fold_share=shares[1],
         roughness=roughness,
-        files=tuple(out / name for name in (*_ALWAYS, *(_SOUND if made.holds else ()))),
+        skin=skin,
+        without_skin=without,
+        files=tuple(out / name for name in (*_ALWAYS, *sound)),
     )
-    _write(report, out)
+    _write(report, out, shape, plate)
     return report
 
 
@@ -170,31 +208,43 @@ def _share(made: Tessellation, design: SkinDesign) -> float:
     return float(fold_shares(made.sheet, made.normals, springs_of(design)).mean())
 
 
-def _write(report: TessellationReport, out: Path) -> None:
-    """Write the files of a report."""
-    from smoskin.plots import draw_sheet, save_figure
-
+def _write(report: TessellationReport, out: Path, shape: Surface, plate: float) -> None:
+    """Write the files of a report, and take away those of an older one that no longer hold."""
     made = report.made
     title = f"{report.cells[0]} x {report.cells[1]} cells on {report.surface}"
-    figures = {
-        "surface": report.surface,
-        "cells": list(report.cells),
-        "fold_share": report.fold_share,
-        "planar_fold_share": report.planar_fold_share,
-        "mesh_roughness_mm": 1e3 * report.roughness,
+    told = ("surface", "cells", "fold_share", "planar_fold_share", "mesh_roughness_mm", "sensing")
+    values = report.as_json()
+    picture = _picture(made, title)
+    verdict = f"This sheet must not be cut: {made.advice}." if made.advice else "Every gate holds."
+    names = [file.name for file in report.files]
+    contents: dict[str, bytes | str] = {
+        "validity.json": documents.validity(made, **{name: values[name] for name in told}),
+        "report.html": report_page(title, verdict, report.sections, names, picture),
+        "fold.html": fold_page(made, shape, plate, title),
+        "sheet.svg": picture,
     }
-    texts = {"validity.json": documents.validity(made, **figures)}
     if made.holds:
-        texts |= {
+        contents |= {
             "sheet.fold": documents.folded_form(made, title),
             "pattern.fold": documents.crease_pattern(made, title),
             "sheet.obj": documents.mesh_text(made, title),
+            "sheet.stl": format_stl(made.sheet.vertices, halved(made.sheet.facets), title),
             "pattern.svg": documents.drawing(made, title),
         }
-    else:
-        for name in _SOUND:
+    if report.skin is not None:
+        contents[_DESIGN] = format_design(report.skin)
+    for name in (*_SOUND, _DESIGN):
+        if name not in contents:
             (out / name).unlink(missing_ok=True)
-    for name, text in texts.items():
-        write_output(out / name, text.encode())
+    for name, content in contents.items():
+        write_output(out / name, content.encode() if isinstance(content, str) else content)
+
+
+def _picture(made: Tessellation, title: str) -> bytes:
+    """The sheet, folded and flat, as SVG."""
+    from smoskin.plots import draw_sheet
+
+    stream = BytesIO()
     figure = draw_sheet(made.sheet, made.pattern, title)
-    save_figure(figure, out / "sheet.svg", metadata={"Date": None, "Title": title})
+    figure.savefig(stream, format="svg", metadata={"Date": None, "Title": title})
+    return stream.getvalue()

@@ -4,7 +4,6 @@ Hides the solid modeller, and the formats STL and 3MF; lengths are metres here, 
 """
 
 import io
-import struct
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from shapely import Point, Polygon
 
 from smoskin.arrays import Floats, Ints
 from smoskin.errors import DesignError, require
+from smoskin.origami.surface.mesh import format_stl
 
 SEGMENTS: Final = 72
 """Sides of a circle."""
@@ -168,16 +168,7 @@ def joined_mesh(parts: Sequence[Part]) -> tuple[Floats, Ints]:
 
 def stl(part: Part) -> bytes:
     """A part as a binary STL file, millimetres."""
-    vertices, triangles = triangles_of(part.solid)
-    corners = (1e3 * vertices)[triangles].astype("<f4")
-    sides = corners[:, 1:] - corners[:, :1]
-    normals = np.cross(sides[:, 0], sides[:, 1])
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals = (normals / np.where(lengths > 0, lengths, 1.0)).astype("<f4")
-    rows = np.zeros(len(triangles), dtype=[("f", "<f4", 12), ("end", "<u2")])
-    rows["f"] = np.concatenate([normals, corners.reshape(-1, 9)], axis=1)
-    head = f"smoskin {part.name}, mm".encode().ljust(80)
-    return head + struct.pack("<I", len(rows)) + rows.tobytes()
+    return format_stl(*triangles_of(part.solid), f"smoskin {part.name}, mm")
 
 
 def three_mf(parts: list[Part], title: str) -> bytes:

@@ -3,17 +3,12 @@
 Decides which parts move together and in which order they come apart, that of assembly.
 """
 
-import base64
-import json
 from collections.abc import Sequence
-from html import escape
-from importlib import resources
-from typing import Any, Final
-
-import numpy as np
+from typing import Final
 
 from smoskin.fabrication.moulds.solids import Part, joined_mesh
 from smoskin.fabrication.process.pictures import COLOURS
+from smoskin.space import Body, page
 
 _LEVELS: Final = (
     ("base", -2.0, ("base", "plug")),
@@ -36,25 +31,23 @@ LARGEST: Final = 150
 
 def view(parts: Sequence[Part], title: str) -> bytes:
     """The page of an assembled skin."""
-    groups: list[dict[str, Any]] = []
+    bodies = []
     floor = min(float(p.solid.bounding_box()[2]) for p in parts if p.name.startswith("pillar"))
     for name, level, kinds in _LEVELS:
         mine = [part for part in parts if _kind(part, floor) in kinds]
         if not mine:
             continue
         vertices, triangles = joined_mesh(mine)
-        groups.append(
-            {
-                "name": name,
-                "level": level,
-                "colour": COLOURS[kinds[0]],
-                "vertices": _packed((1e3 * vertices).astype("<f4")),
-                "triangles": _packed(triangles.astype("<u4")),
-            }
+        bodies.append(
+            Body(
+                name=name,
+                level=level,
+                colour=COLOURS[kinds[0]],
+                frames=vertices[None],
+                triangles=triangles,
+            )
         )
-    page = resources.files("smoskin.fabrication.process").joinpath("view.html")
-    text = page.read_text(encoding="utf-8").replace("TITLE", escape(title))
-    return text.replace("GROUPS", json.dumps(groups)).encode()
+    return page(bodies, title, "apart")
 
 
 def _kind(part: Part, floor: float) -> str:
@@ -62,8 +55,3 @@ def _kind(part: Part, floor: float) -> str:
     kind = part.name.split("_")[0]
     sunk = kind == "magnet" and float(part.solid.bounding_box()[5]) <= floor + 1e-9
     return "sunk" if sunk else kind
-
-
-def _packed(numbers: Any) -> str:
-    """Numbers as a page carries them."""
-    return base64.b64encode(np.ascontiguousarray(numbers).tobytes()).decode()

@@ -1,9 +1,10 @@
-"""Triangle meshes as files hold them, checked.
+"""Triangle meshes as files hold them, checked, and the STL files of what is made.
 
 Decides which meshes are surfaces at all: finite, with one orientation, no edge with over two
 triangles, and few enough. Where a sheet lies on one, `smoskin.origami.surface.chart` looks closer.
 """
 
+import struct
 from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
@@ -138,6 +139,24 @@ def read_mesh(path: str | PathLike[str]) -> Mesh:
     if len(triangles) <= LARGEST and np.isfinite(vertices).all():
         vertices, triangles = _merged(vertices, triangles)
     return Mesh(1e-3 * vertices, triangles)
+
+
+def halved(facets: Ints) -> Ints:
+    """Two triangles for each quadrilateral (F, 4)."""
+    return np.concatenate([facets[:, [0, 1, 2]], facets[:, [0, 2, 3]]])
+
+
+def format_stl(vertices: Floats, triangles: Ints, title: str) -> bytes:
+    """A binary STL file, mm, of vertices (V, 3), m, and triangles (T, 3)."""
+    corners = (1e3 * vertices)[triangles].astype("<f4")
+    sides = corners[:, 1:] - corners[:, :1]
+    normals = np.cross(sides[:, 0], sides[:, 1])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = (normals / np.where(lengths > 0, lengths, 1.0)).astype("<f4")
+    rows = np.zeros(len(triangles), dtype=[("f", "<f4", 12), ("end", "<u2")])
+    rows["f"] = np.concatenate([normals, corners.reshape(-1, 9)], axis=1)
+    head = title.encode()[:80].ljust(80)
+    return head + struct.pack("<I", len(rows)) + rows.tobytes()
 
 
 def _merged(vertices: Floats, triangles: Ints) -> tuple[Floats, Ints]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.origami.sheet import Sheet
+from smoskin.origami.tessellation.hinges import laid_onto
 from smoskin.origami.tessellation.tessellate import Tessellation
 
 _COLOURS: Final = {"M": "#ff0000", "V": "#0000ff", "B": "#000000"}
@@ -80,11 +81,7 @@ def validity(made: Tessellation, **more: Any) -> str:
 def refolding_error(made: Tessellation) -> float:
     """Root mean square by which the refolded pattern misses the sheet, m, moved on to it."""
     assert made.folding is not None
-    refolded = made.folding.steps[-1] - made.folding.steps[-1].mean(axis=0)
-    aim = made.sheet.vertices - made.sheet.vertices.mean(axis=0)
-    left, _, right = np.linalg.svd(refolded.T @ aim)
-    mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    off = refolded @ (left @ mirror @ right) - aim
+    off = laid_onto(made.folding.steps[-1], made.sheet.vertices) - made.sheet.vertices
     return float(np.sqrt((off**2).sum(axis=1).mean()))
 
 

@@ -125,6 +125,14 @@ def fold(flat: Floats, frame: Frame, angles: Floats) -> Folding:
     return Folding(steps=np.array(steps), strain=strain, twist=twist)
 
 
+def laid_onto(places: Floats, aim: Floats) -> Floats:
+    """Places (V, 3) moved as a rigid body, nearest to others in the sense of least squares."""
+    arms = places - places.mean(axis=0)
+    left, _, right = np.linalg.svd(arms.T @ (aim - aim.mean(axis=0)))
+    mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+    return np.asarray(arms @ (left @ mirror @ right) + aim.mean(axis=0))
+
+
 def _towards(places: Floats, frame: Frame, lengths: Floats, aim: Floats) -> Floats:
     """Gauss-Newton's step towards lengths, plane panels and fold angles."""
     spans = places[frame.bars[:, 0]] - places[frame.bars[:, 1]]
