@@ -22,7 +22,7 @@ def main() -> None:
     from smoskin.fabrication.workshop import Workshop
 
     design, shop = read_design("planar"), Workshop()
-    page = view(whole_skin(design, flat_sheet(design, shop), shop), "planar")
+    page = view(whole_skin(design, flat_sheet(design, shop), shop), "planar", ["M1"])
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as driver:
         place = Path(folder) / "assembly.html"
         place.write_bytes(page)

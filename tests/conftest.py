@@ -26,6 +26,12 @@ def planar() -> SkinDesign:
 
 
 @pytest.fixture(scope="session")
+def curved() -> SkinDesign:
+    """The reference design's cells on a forearm."""
+    return load_design("curved")
+
+
+@pytest.fixture(scope="session")
 def long_planar(planar: SkinDesign) -> SkinDesign:
     """A skin of other numbers of cells than the reference, 4 x 5, with its magnets inside."""
     corners = {"M1": (2, 2), "M2": (3, 2), "M3": (1, 3)}

@@ -86,6 +86,17 @@ def test_what_cannot_be_made_is_refused_before_any_file(planar):
 
 
 @pytest.mark.slow
+def test_a_skin_on_a_limb_is_made_in_bounded_time_with_the_same_bytes(curved):
+    began = time.process_time()
+    bundle = make_bundle(curved)
+    assert time.process_time() - began < 20
+    paths = {file.path for file in bundle.files}
+    assert paths >= {"parts/shell.stl", "pattern/upper.dxf", "boards/skin/skin.kicad_pcb"}
+    assert {"assembly.html", "process.html"} <= paths
+    assert make_bundle(replace(curved)).manifest == bundle.manifest
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("cells", "seconds"), [((6, 6), 20.0), ((24, 24), 120.0)])
 def test_a_bundle_is_made_in_bounded_time(planar, cells, seconds):
     began = time.process_time()

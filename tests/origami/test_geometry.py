@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from smoskin.origami.geometry import geometry, middles_of_fields, places_to_the_rim
+from smoskin.origami.geometry import Roll, geometry, middles_of_fields, places_to_the_rim
 
 
 @pytest.mark.parametrize("skin", ["planar", "long_planar"])
@@ -75,3 +75,11 @@ def test_grids_of_places():
     assert_array_equal(rim[:2, 0], 0.0)
     middles = middles_of_fields(extent, (2, 2))
     assert_allclose(middles * 1e3, [[30, 40], [30, 120], [90, 40], [90, 120]])
+
+
+@pytest.mark.parametrize("curvature", [0.0, 0.5, 12.5, -10.0])
+def test_developed_places_come_back_from_the_skins_frame(curvature):
+    roll = Roll(curvature=curvature, middle=0.08)
+    rng = np.random.default_rng(4)
+    places = rng.uniform([-0.1, -0.05, -0.02], [0.1, 0.2, 0.02], size=(50, 3))
+    assert_allclose(roll.developed(roll.places(places)), places, atol=1e-12)

@@ -12,7 +12,7 @@ from typing import Final
 
 from smoskin.arguments import typed
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import DesignError, require
+from smoskin.errors import require
 from smoskin.fabrication.artifact import Artifact
 from smoskin.fabrication.boards.files import board_files
 from smoskin.fabrication.materials import Item, bill, bill_csv
@@ -72,11 +72,6 @@ def make_bundle(
     """
     require("making a skin's files", "fabrication", "ezdxf", "shapely", "manifold3d")
     shop = workshop or Workshop()
-    if design.limb is not None:
-        raise DesignError(
-            "design must be planar to be made so; for a limb's sheet and its flat pattern: smoskin "
-            f"tessellate cylinder:{1e3 * design.limb.skin_radius:g}"
-        )
     check_process(design, shop)
     tell = progress or (lambda what, share: None)
     tell("patterns", 0.1)

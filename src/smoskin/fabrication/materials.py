@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass, fields
 from typing import Final
 
 from smoskin.design.skin import SkinDesign
-from smoskin.fabrication.layout import board_box, column_places
-from smoskin.fabrication.moulds.assembly import scale
+from smoskin.fabrication.layout import board_box, circuit_thickness, column_places
+from smoskin.fabrication.moulds.sheet import scale
 from smoskin.fabrication.moulds.solids import Part
 from smoskin.fabrication.pattern.flat import flat_sheet
 from smoskin.fabrication.pattern.sheets import carrier_size, panels
@@ -185,14 +185,15 @@ def _magnets(design: SkinDesign) -> list[Item]:
 
 def _electronics(design: SkinDesign) -> list[Item]:
     """Board and chips."""
-    size, thick = board_box(design).size, design.board.thickness
+    size, thick = board_box(design).size, circuit_thickness(design)
+    rigid = design.limb is None
     volume = size[0] * size[1] * thick
     return [
         Item(
-            part="circuit board",
+            part="circuit board" if rigid else "flexible circuit",
             quantity=1,
             unit="pieces",
-            material="FR-4",
+            material="FR-4" if rigid else "polyimide with copper",
             mass_g=_grams(volume, "board"),
             note=f"{1e3 * size[0]:.1f} x {1e3 * size[1]:.1f} mm, {1e3 * thick:g} mm",
         ),

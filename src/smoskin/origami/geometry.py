@@ -50,6 +50,16 @@ class Roll:
         across = y + away * (whole - 1.0) + z * np.sin(angle)
         return np.stack([x, across, z * np.cos(angle) - away * (angle * half**2 / 2)], axis=-1)
 
+    def developed(self, places: ArrayLike) -> Floats:
+        """Developed places of places in the skin's frame, both (..., 3), m: undoes `places`."""
+        x, y, z = np.moveaxis(np.asarray(places, dtype=np.float64), -1, 0)
+        away, below = y - self.middle, 1.0 + self.curvature * z
+        if self.curvature == 0.0:
+            return np.stack([x, y, z], axis=-1)
+        angle = np.arctan2(self.curvature * away, below)
+        height = (np.hypot(self.curvature * away, below) - 1.0) / self.curvature
+        return np.stack([x, self.middle + angle / self.curvature, height], axis=-1)
+
     def axes(self, y: ArrayLike) -> Floats:
         """Local axes at such places: columns along x, along the arc and normal, (..., 3, 3)."""
         angle = self.curvature * (np.asarray(y, dtype=np.float64) - self.middle)

@@ -37,6 +37,26 @@ def test_chips_lie_where_and_as_the_design_says(turn: int) -> None:
         assert chip.component.address == site.address
 
 
+def test_a_limbs_circuit_is_laid_out_as_its_shell_is_long(curved: SkinDesign) -> None:
+    """Arcs on the shell are shorter than on the skin, by the ratio of the radii."""
+    layout = skin_layout(curved)
+    assert layout.flexible
+    assert not layout_faults(layout)
+    radius = curved.columns.height + layout.thickness * 1e-3 / 2
+    share = 1 - radius * curved.curvature
+    middle = geometry(curved).roll.middle
+    chips = [p for p in layout.placed if p.component.part is MLX90393]
+    places = geometry(curved).roll.developed(geometry(curved).chips)
+    for chip, place in zip(chips, places, strict=True):
+        assert chip.x == pytest.approx(1e3 * place[0], abs=1e-3)
+        assert chip.y == pytest.approx(1e3 * (middle + share * (place[1] - middle)), abs=1e-3)
+    feet = np.array([(k.x, k.y) for k in layout.keep_outs if k.what == "a column's foot"])
+    assert np.ptp(feet[:, 1]) == pytest.approx(
+        1e3 * share * np.ptp(geometry(curved).developed[geometry(curved).sheet.columns][..., 1]),
+        abs=1e-3,
+    )
+
+
 def test_axes_of_this_test_cover_every_turn() -> None:
     assert len({axes[0] for axes in UPPER}) == len({axes[0] for axes in LOWER}) == 4
 

@@ -8,7 +8,9 @@ import pytest
 from smoskin.errors import DesignError
 from smoskin.fabrication.layout import column_places
 from smoskin.fabrication.moulds import assembly
-from smoskin.fabrication.moulds.solids import Part
+from smoskin.fabrication.moulds.holders import holders
+from smoskin.fabrication.moulds.sheet import folded_panels
+from smoskin.fabrication.moulds.solids import Part, disc, prism
 from smoskin.fabrication.moulds.tools import fold_jig
 from smoskin.fabrication.pattern.flat import flat_sheet
 from smoskin.fabrication.pattern.sheets import panels
@@ -18,8 +20,7 @@ from solid_overlaps import overlaps
 
 
 def sheet_parts(design, shop, **more):
-    solids = assembly.folded_panels(design, flat_sheet(design, shop), shop, **more)
-    return [Part(name=f"panel_{k}", title="", solid=solid) for k, solid in enumerate(solids)]
+    return folded_panels(design, flat_sheet(design, shop), shop, **more)
 
 
 @pytest.fixture(scope="module")
@@ -38,17 +39,15 @@ def test_panels_in_narrower_gaps_would_run_into_each_other(planar, bend):
     shop = Workshop(bend=bend)
     sheet = flat_sheet(planar, shop)
     thick = replace(planar, panels=replace(planar.panels, thickness=3.6e-3))
-    solids = assembly.folded_panels(thick, sheet, shop)
-    parts = [Part(name=str(k), title="", solid=solid) for k, solid in enumerate(solids[:60])]
-    assert overlaps(parts)
+    assert overlaps(folded_panels(thick, sheet, shop)[:60])
 
 
 def test_folded_panels_are_those_that_are_cut(planar):
     shop = Workshop()
     sheet = flat_sheet(planar, shop)
-    solids = assembly.folded_panels(planar, sheet, shop)
+    parts = folded_panels(planar, sheet, shop)
     areas = [panels(sheet, shop, upper=upper).area for upper in (True, False)]
-    volume = sum(solid.volume() for solid in solids)
+    volume = sum(part.solid.volume() for part in parts)
     assert volume == pytest.approx(sum(areas) * planar.panels.thickness / 2, rel=1e-5)
 
 
@@ -57,8 +56,8 @@ def test_film_joins_folded_panels_in_the_length_that_it_has(planar):
     shop = Workshop()
     sheet = flat_sheet(planar, shop)
     thin = replace(planar, panels=replace(planar.panels, thickness=1e-6))
-    solids = assembly.folded_panels(thin, sheet, replace(shop, adhesive=0.0))
-    upper = solids[: len(sheet.facets)]
+    parts = folded_panels(thin, sheet, replace(shop, adhesive=0.0))
+    upper = [part.solid for part in parts[: len(sheet.facets)]]
     folded = geometry(planar).sheet.vertices
     beside = {}
     for k, facet in enumerate(sheet.facets.tolist()):
@@ -101,26 +100,26 @@ def test_magnets_clear_their_chips_by_the_gap(planar):
     for site in planar.halls:
         gap = chips[site.name].solid.min_gap(magnets[site.magnet].solid, 0.02)
         assert gap == pytest.approx(site.gap - (1e-3 - sensing), abs=1e-6)
-    for part in assembly.holders(planar, Workshop()):
+    for part in holders(planar, Workshop()):
         assert min(part.solid.min_gap(chip.solid, 0.02) for chip in chips.values()) > 1e-3
 
 
 def test_a_column_on_the_holder_reaches_up_to_the_sheet_and_clears_it(planar):
     magnets = tuple(replace(magnet, driver="column") for magnet in planar.magnets)
     design, shop = replace(planar, magnets=magnets), Workshop()
-    parts = assembly.holders(design, shop)
+    parts = holders(design, shop)
     assert len(parts) == 6
     assert overlaps([*parts, *sheet_parts(design, shop)]) == {}
     drivers = [part for part in parts if part.name.startswith("holder_driver")]
-    solids = assembly.folded_panels(design, flat_sheet(design, shop), shop)
+    panels_there = sheet_parts(design, shop)
     for part in drivers:
-        assert min(part.solid.min_gap(solid, 5e-3) for solid in solids) < 2e-3
+        assert min(part.solid.min_gap(panel.solid, 5e-3) for panel in panels_there) < 2e-3
 
 
 def test_holders_leave_columns_their_play(planar):
     shop = Workshop()
     columns = assembly.columns(planar, shop)
-    for part in assembly.holders(planar, shop)[::2]:
+    for part in holders(planar, shop)[::2]:
         assert part.name.startswith("holder_M")
         nearest = min(part.solid.min_gap(column.solid, 2e-3) for column in columns)
         assert nearest == pytest.approx(planar.magnets[1].play, abs=0.05e-3)
@@ -134,9 +133,7 @@ def test_rim_columns_meet_the_frame_after_their_clearance(planar):
     for line in (grid[0], grid[-1], grid[:, 0], grid[:, -1]):
         for vertex in line:
             [place] = [p for p in column_places(planar) if np.allclose(p, stands[vertex, :2])]
-            column = assembly.prism(
-                assembly.disc(place, planar.columns.radius), -planar.columns.height, 0.0
-            )
+            column = prism(disc(place, planar.columns.radius), -planar.columns.height, 0.0)
             gap = column.min_gap(frame, 0.02)
             assert gap == pytest.approx(planar.frame.clearance, abs=0.02e-3)
 
@@ -148,9 +145,13 @@ def test_the_fold_jig_closes_round_the_sheet_without_touching_it(planar, whole):
     # As it is made it lies on its head.
     turn = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, top]])
     there = Part(name="jig", title="", solid=jig.transform(turn))
-    held = [part for part in whole if part.name.startswith(("panel", "column", "frame", "board"))]
+    held = [
+        part
+        for part in whole
+        if part.name.startswith(("upper", "lower", "column", "frame", "board"))
+    ]
     assert overlaps([there, *held]) == {}
-    panels_only = [part for part in held if part.name.startswith("panel")]
+    panels_only = [part for part in held if part.name.startswith(("upper", "lower"))]
     nearest = min(there.solid.min_gap(part.solid, 0.02) for part in panels_only[:40])
     assert nearest == pytest.approx(shop.fit, abs=0.02e-3)
 
@@ -164,7 +165,7 @@ def test_parts_that_cannot_be_made_are_refused_with_their_measure(planar):
         assembly.frame(tight)
     sites = tuple(replace(site, gap=0.9e-3) for site in planar.halls)
     with pytest.raises(DesignError, match=r"'M2'.* 0.65 mm above its chip's package; got -0.30 mm"):
-        assembly.holders(replace(planar, halls=sites), shop)
+        holders(replace(planar, halls=sites), shop)
     with pytest.raises(
         DesignError, match=r"'M1' must lie below the base's face.*2.40 mm; got 0.90"
     ):

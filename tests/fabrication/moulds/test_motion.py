@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from smoskin.fabrication.moulds import assembly
+from smoskin.fabrication.moulds.holders import holders
+from smoskin.fabrication.moulds.sheet import folded_panels
 from smoskin.fabrication.moulds.solids import Part
 from smoskin.fabrication.pattern.flat import flat_sheet
 from smoskin.fabrication.workshop import Workshop
@@ -33,17 +35,16 @@ def test_presses_of_1_n_bring_no_two_parts_together(planar, cell):
     assert motion.valid.all()
     sunk = geometry(planar).sheet.vertices[:, 2] - vertices[:, 2]
     assert sunk.max() > 0.1e-3
-    solids = assembly.folded_panels(planar, flat_sheet(planar, shop), shop, vertices=vertices)
-    parts = [Part(name=f"panel_{k}", title="", solid=solid) for k, solid in enumerate(solids)]
+    parts = folded_panels(planar, flat_sheet(planar, shop), shop, vertices=vertices)
     hung = {}
     for magnet, place, way in zip(
         planar.magnets, geometry(planar).magnets, motion.magnets, strict=True
     ):
         hung[magnet.name] = place, way
-    for part in [*assembly.holders(planar, shop), *assembly.magnets(planar)]:
+    for part in [*holders(planar, shop), *assembly.magnets(planar)]:
         place, way = hung[part.name.split("_")[-1]]
         parts.append(moved(part, way[:3], way[3:], place))
-    fixed = [*assembly.chips(planar), assembly.board(planar), assembly.frame(planar)]
+    fixed = [*assembly.chips(planar), *assembly.board(planar, shop), assembly.frame(planar)]
     found = overlaps([*parts, *fixed])
     inside = {
         pair: shared

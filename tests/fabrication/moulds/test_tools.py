@@ -9,18 +9,9 @@ import trimesh
 
 from smoskin.errors import DesignError
 from smoskin.fabrication.moulds.solids import stl
-from smoskin.fabrication.moulds.tools import (
-    FOLD_STAGES,
-    column_mould,
-    creasing_moulds,
-    magnet_moulds,
-    scale_mould,
-    stage_cell,
-    tools,
-)
-from smoskin.fabrication.pattern.flat import bend_allowance, flat_sheet
+from smoskin.fabrication.moulds.tools import column_mould, magnet_moulds, scale_mould, tools
+from smoskin.fabrication.pattern.flat import flat_sheet
 from smoskin.fabrication.workshop import Workshop
-from smoskin.origami.cell import dihedral_angles, size
 from smoskin.origami.geometry import geometry
 
 
@@ -64,35 +55,6 @@ def test_what_the_column_mould_casts_is_the_columns_volume(planar, made):
     assert cast == pytest.approx(91 * one, rel=5e-3)
 
 
-def test_a_die_follows_the_sheet(planar):
-    shop = Workshop(bend="sharp")
-    parts = creasing_moulds(planar, shop)
-    assert len(parts) == 2 * len(FOLD_STAGES)
-    length, width, height = (float(v) for v in size(planar.cell))
-    area = planar.cells[0] * planar.cells[1] * length * width
-    # The sheet's middle height is half of its own: every panel climbs evenly from edge to edge.
-    die = next(part for part in parts if part.name == "crease_die_3")
-    assert read(die).volume == pytest.approx(1e9 * area * (3e-3 + height / 2), rel=5e-3)
-
-
-def test_stages_follow_the_film_that_bends_evenly(planar):
-    """At every stage the panels between the creases' arcs are the same."""
-    shop, gap = Workshop(), planar.creases.gap
-    for share in FOLD_STAGES:
-        cell = stage_cell(planar, shop, share)
-        fold_a, fold_b = (float(np.pi - angle) for angle in dihedral_angles(cell))
-        final_a, final_b = (float(np.pi - angle) for angle in dihedral_angles(planar.cell))
-        sine = np.sin(cell.sector_angle)
-        for edge, own, now, final in (
-            (cell.panel_a, planar.cell.panel_a, fold_b, final_b),
-            (cell.panel_b, planar.cell.panel_b, fold_a, final_a),
-        ):
-            assert edge * sine - bend_allowance(gap, now) == pytest.approx(
-                own * sine - bend_allowance(gap, final)
-            )
-    assert float(size(cell).height) == pytest.approx(float(size(planar.cell).height), rel=0.02)
-
-
 def test_sectors_are_quarters_of_the_magnets(planar):
     mould, jig = magnet_moulds(planar, Workshop())
     mesh = read(mould)
@@ -116,7 +78,7 @@ def test_no_mould_of_silicone_is_printed_in_resin(made):
 def test_scales_are_cast_whole(planar):
     mould = scale_mould(planar, Workshop())
     shape = np.prod(mould.size) - mould.solid.volume()
-    from smoskin.fabrication.moulds.assembly import scale
+    from smoskin.fabrication.moulds.sheet import scale
 
     one = scale(planar, Workshop()).volume()
     assert shape == pytest.approx(12 * one, rel=1e-6)

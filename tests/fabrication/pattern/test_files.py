@@ -47,6 +47,21 @@ def test_the_pattern_folds_to_the_designed_sheet(planar, documents):
     assert mountains == ["M" if m else "V" for m in geometry(planar).sheet.mountain]
 
 
+def test_a_limbs_pattern_folds_round_it(curved):
+    [pattern] = [f for f in fold_files(curved, Workshop()) if f.path == "pattern/pattern.fold"]
+    read = json.loads(pattern.content)
+    flat = np.array(read["vertices_coords"])[:, :2] * 1e-3
+    edges = zip(read["edges_vertices"], read["edges_foldAngle"], strict=True)
+    folded = [(pair, angle) for pair, angle in edges if angle is not None]
+    frame = frame_of(
+        np.pad(flat, ((0, 0), (0, 1))),
+        np.array(read["faces_vertices"]),
+        np.array([pair for pair, _ in folded]),
+    )
+    sheet = fold(flat, frame, np.radians([angle for _, angle in folded])).steps[-1]
+    assert missed(sheet, geometry(curved).sheet.vertices) < 1e-6
+
+
 def test_frames_lead_from_flat_to_folded(planar, documents):
     sheet = json.loads(documents["sheet.fold"])
     aim = geometry(planar).sheet.vertices

@@ -8,13 +8,17 @@ import pytest
 from smoskin.errors import DesignError
 from smoskin.fabrication.pattern.flat import (
     bend_allowance,
+    crease_folds,
     crease_gaps,
     flat_sheet,
     needed_gap,
     outlines,
+    within_edges,
 )
 from smoskin.fabrication.workshop import Workshop
 from smoskin.origami.cell import dihedral_angles, size
+from smoskin.origami.geometry import geometry
+from smoskin.origami.tessellation.unfold import lengths_of
 
 
 def corner_of_plate(gap, free, thickness, fold):
@@ -85,6 +89,38 @@ def test_panels_lie_half_a_gap_from_their_creases(planar):
             ]
             gap = kinds.convex if bool(ridge) == is_upper else kinds.concave
             assert sum(near) == pytest.approx(gap, rel=1e-9)
+
+
+def test_a_limbs_sheet_lies_flat_with_every_length_kept(curved):
+    sheet, folded = flat_sheet(curved, Workshop(bend="sharp")), geometry(curved).sheet
+    pairs = lengths_of(sheet.facets)
+    flat, space = (
+        np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
+        for places in (sheet.vertices, folded.vertices)
+    )
+    assert flat == pytest.approx(space, abs=1e-12)
+    folds = crease_folds(curved)
+    assert np.degrees(np.unique(folds.round(9))) == pytest.approx([52.15, 71.25, 84.85], abs=0.01)
+    assert sheet.at_b.concave == pytest.approx(
+        needed_gap(Workshop().plate(curved), float(folds.max()), Workshop())
+    )
+
+
+def test_a_limbs_finished_panels_are_those_between_its_folded_creases(curved):
+    """Flat panels within their gaps are the folded ones within gaps and what film bends by."""
+    sheet, folded = flat_sheet(curved, Workshop()), geometry(curved).sheet.vertices
+    flat = outlines(sheet, sheet.upper)
+    corners = folded[sheet.facets]
+    along = corners[:, 1] - corners[:, 0]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    normal = np.cross(along, corners[:, 3] - corners[:, 0])
+    across = np.cross(normal / np.linalg.norm(normal, axis=1, keepdims=True), along)
+    arms = corners - corners[:, :1]
+    plane = np.stack([np.einsum("fkd,fd->fk", arms, axis) for axis in (along, across)], axis=-1)
+    space = within_edges(plane, sheet.upper + sheet.allowances)
+    for first, second in ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3)):
+        lengths = [np.linalg.norm(c[:, first] - c[:, second], axis=1) for c in (flat, space)]
+        assert lengths[0] == pytest.approx(lengths[1], abs=1e-12)
 
 
 def test_gaps_wider_than_panels_are_refused(planar):

@@ -31,7 +31,7 @@ def test_parts_are_joined_one_after_another(parts):
 
 
 def test_the_page_asks_for_nothing_outside(parts):
-    page = view(parts, "a <skin>").decode()
+    page = view(parts, "a <skin>", ["M1"]).decode()
     assert "a &lt;skin&gt;" in page
     assert "http" not in page
     assert page.count('"name"') == 12
@@ -40,7 +40,7 @@ def test_the_page_asks_for_nothing_outside(parts):
 @pytest.mark.slow
 @pytest.mark.browser
 def test_the_slider_takes_the_skin_apart(parts, tmp_path):
-    (tmp_path / "assembly.html").write_bytes(view(parts, "a skin"))
+    (tmp_path / "assembly.html").write_bytes(view(parts, "a skin", ["M1"]))
 
     def inked(opened):
         """Share of the canvas that is not background, and its rows."""

@@ -31,8 +31,13 @@ from smoskin.fabrication.boards.layout import (
     other,
     rounded,
 )
-from smoskin.fabrication.layout import board_box, column_places, pillar_places
-from smoskin.origami.geometry import geometry
+from smoskin.fabrication.layout import (
+    board_box,
+    chip_places,
+    circuit_thickness,
+    column_places,
+    pillar_places,
+)
 
 _RINGS: Final = {"TRIG": 2.4, "SDA": 3.0, "SCL": 3.6, "+3V3": 4.3, "GND": 4.95}
 """mm: half the side of each net's ring, from the innermost."""
@@ -87,7 +92,7 @@ def skin_layout(design: SkinDesign) -> Layout:
         if no choice of the template keeps the rules; the message names the first broken one with
         its measure and limit.
     """
-    thickness = round(design.board.thickness * 1e3, 6)
+    thickness = round(circuit_thickness(design) * 1e3, 6)
     if FLEXIBLE < thickness < THINNEST:
         raise DesignError(
             f"board.thickness must be at most {FLEXIBLE} mm, a flexible circuit, or at least "
@@ -105,7 +110,7 @@ def skin_layout(design: SkinDesign) -> Layout:
 
 def _crowded(design: SkinDesign) -> str:
     """Two chips whose modules overlap, in a sentence; empty where there are none."""
-    chips = geometry(design).chips[:, :2] * 1e3
+    chips = chip_places(design) * 1e3
     names = [site.name for site in design.halls]
     for i, j in combinations(range(len(names)), 2):
         apart = float(np.abs(chips[i] - chips[j]).max())
@@ -201,7 +206,7 @@ class _Router:
 
     def layout(self, thickness: float) -> Layout:
         """The board of this choice, whether or not it keeps the rules."""
-        chips = geometry(self._design).chips * 1e3
+        chips = chip_places(self._design) * 1e3
         for k, site in enumerate(self._design.halls):
             face: Face = "F" if self._design.magnet(site.magnet).mount == "sheet" else "B"
             x, y = (round(float(c), 4) for c in chips[k, :2])

@@ -1,15 +1,14 @@
 """Files of the solid parts: an STL each, split for the printer's bed, and 3MF files of all."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass
 
 from smoskin.design.skin import SkinDesign
 from smoskin.fabrication.artifact import Artifact
 from smoskin.fabrication.layout import column_places
 from smoskin.fabrication.moulds import assembly
-from smoskin.fabrication.moulds.solids import Part, stl, three_mf
+from smoskin.fabrication.moulds.holders import holders
+from smoskin.fabrication.moulds.solids import Part, laid, stl, three_mf
 from smoskin.fabrication.moulds.split import split
 from smoskin.fabrication.moulds.tools import tools
 from smoskin.fabrication.pattern.flat import flat_sheet
@@ -58,17 +57,12 @@ def printed_parts(design: SkinDesign, workshop: Workshop) -> list[Part]:
     """Parts that stay in the skin, each on z = 0."""
     parts = [
         assembly.frame(design),
-        *assembly.holders(design, workshop),
+        *(part for part in assembly.board(design, workshop) if part.name == "shell"),
+        *holders(design, workshop),
         *assembly.base(design, workshop),
     ]
     # Rubber columns on holders are cast, or cut from a rod.
-    return [_laid(part) for part in parts if not part.name.startswith("holder_driver")]
-
-
-def _laid(part: Part) -> Part:
-    """A part on z = 0."""
-    low = float(np.array(part.solid.bounding_box())[2])
-    return replace(part, solid=part.solid.translate((0.0, 0.0, -low)))
+    return [laid(part) for part in parts if not part.name.startswith("holder_driver")]
 
 
 def _written(folder: str, pieces: Sequence[Part]) -> list[Artifact]:

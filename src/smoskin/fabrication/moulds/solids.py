@@ -6,7 +6,7 @@ Hides the solid modeller, and the formats STL and 3MF; lengths are metres here, 
 import io
 import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 from xml.sax.saxutils import escape
 
@@ -48,6 +48,16 @@ STUFFS: Final = {
 curing, so that no SLA print may touch it."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Slab:
+    """What is over an outline between two heights."""
+
+    outline: Any
+    """A shapely polygon, or several, m."""
+    low: float
+    high: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Part:
     """A solid as it is made, standing on z = 0, or as it stands in the skin."""
@@ -56,6 +66,10 @@ class Part:
     title: str
     solid: Any
     """A `manifold3d.Manifold`, m."""
+    slabs: tuple[Slab, ...] = ()
+    """Slabs whose union it is, before it was posed; empty where it is none."""
+    pose: Floats | None = None
+    """(3, 4): where its slabs went, if they were moved."""
     quantity: int = 1
     heat: float = 25.0
     """degC that it must stand."""
@@ -87,6 +101,30 @@ class Part:
             raise DesignError(
                 f"{self.name} must be made of one of {', '.join(self.made_of)}; got {material}"
             )
+
+
+def extruded(
+    name: str, title: str, *slabs: Slab, pose: Floats | None = None, silicone: bool = False
+) -> Part:
+    """The union of slabs, which overlap, put where a pose (3, 4) says."""
+    solid = prism(slabs[0].outline, slabs[0].low, slabs[0].high)
+    for slab in slabs[1:]:
+        solid = solid + prism(slab.outline, slab.low, slab.high)
+    if pose is not None:
+        solid = solid.transform(pose)
+    return Part(name=name, title=title, solid=solid, slabs=slabs, pose=pose, silicone=silicone)
+
+
+def laid(part: Part, *, upside_down: bool = False) -> Part:
+    """A part on z = 0 as it is made: upright as it was drawn, or on its head."""
+    solid = part.solid
+    if part.pose is not None:
+        turn, middle = part.pose[:, :3].T, part.pose[:, 3]
+        solid = solid.transform(np.concatenate([turn, -(turn @ middle)[:, None]], axis=1))
+    if upside_down:
+        solid = solid.transform(np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0]]))
+    low = float(np.array(solid.bounding_box())[2])
+    return replace(part, solid=solid.translate((0.0, 0.0, -low)), slabs=(), pose=None)
 
 
 def prism(outline: Any, low: float, high: float) -> Any:

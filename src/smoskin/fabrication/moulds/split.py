@@ -14,6 +14,8 @@ _PIN: Final = 1.1e-3
 """m: radius of the holes for pins of 2 mm across a joint."""
 _DEEP: Final = 8e-3
 """m: depth of such a hole on either side."""
+_WITHIN: Final = 0.9
+"""Least share of such a hole that lies in the part."""
 _STEP: Final = 0.5e-3
 """m: between places where a cut is tried."""
 
@@ -98,7 +100,8 @@ def _pinned(solid: Any, cuts: list[list[float]], axis: int) -> Any:
                 place[axis], place[other] = float(cut), float(first + share * (last - first))
                 holes.append(pin.translate(tuple(place)))
     for pin in holes:
-        solid = solid - pin
+        if (solid ^ pin).volume() > _WITHIN * pin.volume():  # a rolled part has nothing there
+            solid = solid - pin
     return solid
 
 

@@ -4,7 +4,6 @@ Decides that every mould is open enough to be emptied: columns are pushed out of
 both ends, so that they need no taper, which would cost lateral stiffness.
 """
 
-from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -13,26 +12,35 @@ import shapely.affinity
 from shapely import MultiPoint, Polygon
 
 from smoskin.arrays import Floats
-from smoskin.design.skin import MiuraCell, SkinDesign
+from smoskin.design.skin import SkinDesign
 from smoskin.errors import DesignError
-from smoskin.fabrication.layout import column_places, frame_box
-from smoskin.fabrication.moulds.assembly import (
-    cast_height,
-    folded_panels,
-    frame_opening,
-    scale,
+from smoskin.fabrication.layout import (
+    across,
+    chip_places,
+    column_places,
+    frame_box,
+    frame_level,
+    level_of,
 )
-from smoskin.fabrication.moulds.solids import Part, box, disc, prism, triangles_of, under_surface
-from smoskin.fabrication.pattern.flat import FlatSheet, bend_allowance
+from smoskin.fabrication.moulds.assembly import frame_opening
+from smoskin.fabrication.moulds.creasing import creasing_moulds
+from smoskin.fabrication.moulds.roll import rolled
+from smoskin.fabrication.moulds.sheet import cast_height, folded_panels, scale
+from smoskin.fabrication.moulds.solids import (
+    Part,
+    Slab,
+    box,
+    disc,
+    extruded,
+    laid,
+    prism,
+    triangles_of,
+)
+from smoskin.fabrication.pattern.flat import FlatSheet
 from smoskin.fabrication.pattern.sheets import carrier_size, pin_places
 from smoskin.fabrication.workshop import MAGNET_TEMPERATURE, Workshop
-from smoskin.origami.cell import dihedral_angles, fold_angle, size
 from smoskin.origami.geometry import geometry
-from smoskin.origami.sheet import build_sheet
 
-FOLD_STAGES: Final = (0.4, 0.7, 1.0)
-"""Shares of the way from flat to folded in height, a pair of creasing moulds each; the sheet draws
-in between them, so that no stroke tears it."""
 _RIM: Final = 4e-3
 """m: mould round its outermost cavity."""
 _FLOOR: Final = 3e-3
@@ -55,7 +63,7 @@ def tools(design: SkinDesign, workshop: Workshop, sheet: FlatSheet) -> list[Part
         *column_mould(design, workshop),
         foot_jig(design, workshop),
         fold_jig(design, workshop, sheet),
-        *creasing_moulds(design, workshop),
+        *creasing_moulds(design, workshop, sheet),
         laminating_plate(workshop, sheet),
         scale_mould(design, workshop),
         *magnet_moulds(design, workshop),
@@ -70,7 +78,7 @@ def column_mould(design: SkinDesign, workshop: Workshop) -> list[Part]:
     DesignError
         If the walls between columns are too thin.
     """
-    places, radius = column_places(design), design.columns.radius
+    places, radius = column_places(design, 0.0), design.columns.radius
     apart = np.linalg.norm(places[:, None] - places[None], axis=2)
     thin = float(apart[~np.eye(len(places), dtype=bool)].min()) - 2 * radius
     if thin < workshop.wall:
@@ -102,19 +110,22 @@ def column_mould(design: SkinDesign, workshop: Workshop) -> list[Part]:
 
 def foot_jig(design: SkinDesign, workshop: Workshop) -> Part:
     """A plate on the board that places the columns' feet, chips in its windows."""
-    outline = frame_opening(design).buffer(-workshop.fit, join_style="mitre")
+    edge, own = frame_level(design), level_of(design)
+    opening = shapely.transform(
+        frame_opening(design),
+        lambda at: np.stack([at[:, 0], across(design, at[:, 1], edge, own)], axis=-1),
+    )
+    outline = opening.buffer(-workshop.fit, join_style="mitre")
     reach = design.columns.radius + workshop.fit
     windows: list[Any] = [disc(place, reach) for place in column_places(design)]
-    for place in geometry(design).chips:
-        windows.append(Polygon(place[:2] + 3e-3 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])))
+    for place in chip_places(design):
+        windows.append(Polygon(place + 3e-3 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])))
     outline = outline.difference(shapely.union_all(windows))
     outline = max(getattr(outline, "geoms", [outline]), key=lambda piece: piece.area)
-    return Part(
-        name="foot_jig",
-        title="jig of the columns' feet, within the frame; lift it off before holders go in",
-        solid=prism(outline, 0.0, min(_FLOOR, design.columns.height / 3)),
-        silicone=True,
-    )
+    foot = -design.columns.height
+    slab = Slab(outline, foot, foot + min(_FLOOR, design.columns.height / 3))
+    title = "jig of the columns' feet, within the frame; lift it off before holders go in"
+    return laid(rolled(design, extruded("foot_jig", title, slab, silicone=True)))
 
 
 def fold_jig(design: SkinDesign, workshop: Workshop, sheet: FlatSheet) -> Part:
@@ -122,73 +133,27 @@ def fold_jig(design: SkinDesign, workshop: Workshop, sheet: FlatSheet) -> Part:
 
     It closes round the folded sheet in the plane; the frame stays, the jig is lifted off.
     """
-    vertices = geometry(design).sheet.vertices
-    shadows = [Polygon(vertices[f, :2]) for f in geometry(design).sheet.facets]
+    roll, own = geometry(design).roll, geometry(design).developed
+    shadows = [Polygon(own[f, :2]) for f in geometry(design).sheet.facets]
     at_rim = np.asarray(np.isin(sheet.facets, sheet.rim).any(axis=1))
-    for solid in folded_panels(design, sheet, workshop, only=at_rim):
-        shadows.append(MultiPoint(triangles_of(solid)[0][:, :2]).convex_hull)
+    for panel in folded_panels(design, sheet, workshop, only=at_rim):
+        corners = roll.developed(triangles_of(panel.solid)[0])
+        shadows.append(MultiPoint(corners[:, :2]).convex_hull)
     room = shapely.union_all(shadows).buffer(workshop.fit, join_style="mitre")
-    wall = frame_box(design)
+    wall = frame_box(design, 0.0)
     outer = Polygon(wall.wider(workshop.fit + 1.5e-3).corners)
     lip = outer.difference(Polygon(wall.wider(workshop.fit).corners))
     skirt = outer.difference(Polygon(wall.wider(-3e-3).corners))
-    top, bottom = float(vertices[:, 2].max()), _OVER_DRIP
-    rest = design.frame.held_height - design.columns.height
-    ring = prism(outer.difference(room), bottom, top)
+    top, rest = float(own[:, 2].max()), frame_level(design)
     # Solids that are joined overlap: faces that only meet would stay two.
-    solid = ring + prism(skirt, rest, top) + prism(lip, rest - 2e-3, top)
-    turned = solid.transform(np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, top]]))
-    return Part(
-        name="fold_jig", title="jig that holds the folded sheet over its columns", solid=turned
+    slabs = (
+        Slab(outer.difference(room), _OVER_DRIP, top),
+        Slab(skirt, rest, top),
+        Slab(lip, rest - 2e-3, top),
     )
-
-
-def stage_cell(design: SkinDesign, workshop: Workshop, share: float) -> MiuraCell:
-    """The cell at a stage: so high a share of its height, its panels as far apart as film then is.
-
-    Film that bends evenly takes up less length the less it is folded: so do the sheet's panels.
-    """
-    cell = design.cell
-    angle = float(fold_angle(cell, height=share * float(size(cell).height)))
-    if workshop.bend == "sharp":
-        return replace(cell, fold_angle=angle)
-    shorter = [
-        bend_allowance(design.creases.gap, float(np.pi - folded))
-        - bend_allowance(design.creases.gap, float(np.pi - now))
-        for folded, now in zip(dihedral_angles(cell), dihedral_angles(cell, angle), strict=True)
-    ]
-    sine = float(np.sin(cell.sector_angle))
-    return replace(
-        cell,
-        fold_angle=angle,
-        panel_a=cell.panel_a - shorter[1] / sine,
-        panel_b=cell.panel_b - shorter[0] / sine,
-    )
-
-
-def creasing_moulds(design: SkinDesign, workshop: Workshop) -> list[Part]:
-    """A die and a punch for every stage of folding.
-
-    Their faces are the sheet's, moved apart by its panels and the clearance; all panels are equally
-    steep, so that both are the sheet's own shape, moved up and down.
-    """
-    parts = []
-    for number, share in enumerate(FOLD_STAGES, 1):
-        sheet = build_sheet(stage_cell(design, workshop, share), design.cells)
-        sides = sheet.vertices[sheet.facets[0]]
-        normal = np.cross(sides[1] - sides[0], sides[3] - sides[0])
-        steep = float(np.linalg.norm(normal) / normal[2])
-        apart = 2 * (workshop.plate(design) + workshop.fit) * steep
-        height = float(sheet.vertices[:, 2].max())
-        die = under_surface(np.add(sheet.vertices, [0.0, 0.0, _FLOOR]), sheet.facets, 0.0)
-        over = sheet.vertices * [1.0, -1.0, -1.0] + [0.0, 0.0, height + _FLOOR]
-        punch = under_surface(over, sheet.facets[:, ::-1], 0.0)
-        title = f"stage {number} of {len(FOLD_STAGES)}: closes on {1e3 * apart:.2f} mm, upright"
-        parts += [
-            Part(name=f"crease_{name}_{number}", title=f"creasing {name}, {title}", solid=solid)
-            for solid, name in ((die, "die"), (punch, "punch"))
-        ]
-    return parts
+    title = "jig that holds the folded sheet over its columns"
+    ring = rolled(design, extruded("fold_jig", title, *slabs), 0.0)
+    return laid(ring, upside_down=True)
 
 
 def laminating_plate(workshop: Workshop, sheet: FlatSheet) -> Part:

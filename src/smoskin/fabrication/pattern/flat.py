@@ -15,6 +15,7 @@ from smoskin.errors import DesignError
 from smoskin.fabrication.workshop import Workshop
 from smoskin.origami.cell import dihedral_angles
 from smoskin.origami.geometry import geometry
+from smoskin.origami.tessellation.hinges import fold_angles, frame_of
 
 LEAST_PANEL: Final = 2e-3
 """m: width of a panel that can be handled and bonded."""
@@ -43,6 +44,9 @@ class FlatSheet:
     """(F, 4), m: from each of a panel's edges to the crease beside it, on the upper face."""
     lower: Floats
     """(F, 4), m: the same on the lower face."""
+    allowances: Floats
+    """(F, 4), m: by how much less than the folded panel's the distance from each edge to its
+    opposite one is here, as film bends beside that edge."""
     creases: Ints
     """(C, 2)"""
     mountain: Ints
@@ -98,12 +102,29 @@ def bend_allowance(gap: float, fold: float) -> float:
     return gap * float(2 * np.tan(fold / 2) / fold - 1)
 
 
+def crease_folds(design: SkinDesign) -> Floats:
+    """Fold of each crease from flat, (C,), rad, without its sign."""
+    if design.limb is None:
+        at_a, at_b = (float(np.pi - angle) for angle in dihedral_angles(design.cell))
+        return np.where(geometry(design).sheet.along_a, at_a, at_b)
+    sheet = geometry(design).sheet
+    hinges = frame_of(sheet.vertices, sheet.facets, sheet.creases).creases
+    return np.abs(fold_angles(sheet.vertices, hinges))
+
+
+def fold_at_b(design: SkinDesign, *, ridge: bool) -> float:
+    """Fold of the b-creases of the top rows, or of the bottom ones, from flat, rad."""
+    sheet = geometry(design).sheet
+    return float(crease_folds(design)[~sheet.along_a & (sheet.mountain == ridge)].mean())
+
+
 def crease_gaps(design: SkinDesign, workshop: Workshop) -> tuple[Gaps, Gaps]:
-    """Gaps at the a- and the b-creases."""
+    """Gaps at the a- and the b-creases, as wide as those that fold furthest need."""
     free, plate = design.creases.gap, workshop.plate(design)
-    folds = [float(np.pi - angle) for angle in dihedral_angles(design.cell)]
+    folds, along_a = crease_folds(design), geometry(design).sheet.along_a
     at_a, at_b = (
-        Gaps(concave=max(free, needed_gap(plate, fold, workshop)), convex=free) for fold in folds
+        Gaps(concave=max(free, needed_gap(plate, float(fold), workshop)), convex=free)
+        for fold in (folds[along_a].max(), folds[~along_a].max())
     )
     return at_a, at_b
 
@@ -126,8 +147,20 @@ def flat_sheet(design: SkinDesign, workshop: Workshop) -> FlatSheet:
     at_a, at_b = crease_gaps(design, workshop)
     _check_panels(design, at_a, at_b)
     columns, rows = 2 * design.cells[0], 2 * design.cells[1]
-    vertices = _vertices(design, workshop)
     sheet = geometry(design).sheet
+    sides = [[(f[k], f[(k + 1) % 4]) for k in range(4)] for f in sheet.facets.tolist()]
+
+    def beside(of_creases: Floats) -> Floats:
+        """What creases have, at the four edges of each facet; nothing at the rim."""
+        by_crease = dict(zip(map(tuple, sheet.creases.tolist()), of_creases, strict=True))
+        return np.array(
+            [[by_crease.get((min(s), max(s)), 0.0) for s in four] for four in sides], dtype=float
+        )
+
+    even = float(workshop.bend == "even")
+    bent = [even * bend_allowance(design.creases.gap, f) / 2 for f in crease_folds(design)]
+    allowances = beside(np.array(bent))
+    vertices = _vertices(design, allowances)
     index = np.arange((columns + 1) * (rows + 1)).reshape(columns + 1, rows + 1)
     rim = [index[:, 0], index[-1, 1:], index[-2::-1, -1], index[0, -2:0:-1]]
     insets = []
@@ -135,16 +168,13 @@ def flat_sheet(design: SkinDesign, workshop: Workshop) -> FlatSheet:
         # A ridge opens above: the face towards which panels fold is the lower one.
         concave = sheet.mountain != upper
         a, b = (np.where(concave, gap.concave, gap.convex) / 2 for gap in (at_a, at_b))
-        half = dict(
-            zip(map(tuple, sheet.creases.tolist()), np.where(sheet.along_a, a, b), strict=True)
-        )
-        sides = [[(f[k], f[(k + 1) % 4]) for k in range(4)] for f in sheet.facets.tolist()]
-        insets.append([[half.get((min(s), max(s)), 0.0) for s in four] for four in sides])
+        insets.append(beside(np.where(sheet.along_a, a, b)))
     return FlatSheet(
         vertices=vertices,
         facets=sheet.facets,
-        upper=np.array(insets[0]),
-        lower=np.array(insets[1]),
+        upper=insets[0],
+        lower=insets[1],
+        allowances=allowances,
         creases=sheet.creases,
         mountain=sheet.mountain.astype(np.int64),
         rim=np.concatenate(rim),
@@ -157,7 +187,11 @@ def flat_sheet(design: SkinDesign, workshop: Workshop) -> FlatSheet:
 
 def outlines(sheet: FlatSheet, insets: Floats) -> Floats:
     """Corners of the panels within their gaps, (F, 4, 2), m, before vertices are holed."""
-    corners = sheet.vertices[sheet.facets]
+    return within_edges(sheet.vertices[sheet.facets], insets)
+
+
+def within_edges(corners: Floats, insets: Floats) -> Floats:
+    """Corners of quadrilaterals (F, 4, 2) whose edges move inward, (F, 4), m."""
     sides = np.roll(corners, -1, axis=1) - corners
     sides /= np.linalg.norm(sides, axis=2, keepdims=True)
     inward = np.stack([-sides[..., 1], sides[..., 0]], axis=-1)
@@ -168,23 +202,33 @@ def outlines(sheet: FlatSheet, insets: Floats) -> Floats:
     return np.asarray(np.linalg.solve(lines, reaches[..., None])[..., 0])
 
 
-def _vertices(design: SkinDesign, workshop: Workshop) -> Floats:
-    """Crossings of the creases, (V, 2), m."""
-    cell, free = design.cell, design.creases.gap
-    folds = [float(np.pi - angle) for angle in dihedral_angles(cell)]
-    even = float(workshop.bend == "even")
-    by_a, by_b = (even * bend_allowance(free, fold) for fold in folds)
-    steps_x = np.full(2 * design.cells[0], cell.panel_b * np.sin(cell.sector_angle) - by_a)
-    steps_y = np.full(2 * design.cells[1], cell.panel_a - by_b / np.sin(cell.sector_angle))
-    # At the rim there is no crease on the outer side.
-    steps_x[[0, -1]] += by_a / 2
-    steps_y[[0, -1]] += by_b / (2 * np.sin(cell.sector_angle))
-    x, y = (np.concatenate([[0.0], np.cumsum(steps)]) for steps in (steps_x, steps_y))
-    down = np.where(np.arange(len(steps_x)) % 2 == 0, -1.0, 1.0)
-    zigzag = np.concatenate([[0.0], np.cumsum(down * steps_x / np.tan(cell.sector_angle))])
-    zigzag -= zigzag.min()
-    places = np.stack([np.broadcast_to(x[:, None], (len(x), len(y))), zigzag[:, None] + y], axis=-1)
-    return places.reshape(-1, 2)
+def _vertices(design: SkinDesign, allowances: Floats) -> Floats:
+    """Crossings of the creases, (V, 2), m, of the folded panels less their allowances.
+
+    Panels hang together in straight strips: a-creases above each other lie on one line, as vertices
+    fold flat, and panels beside each other are mirror images.
+    """
+    skin = geometry(design)
+    corners = skin.sheet.vertices[skin.sheet.facets]
+    right = corners[:, 1] - corners[:, 0]
+    up = corners[:, 3] - corners[:, 0]
+    along = up / np.linalg.norm(up, axis=1, keepdims=True)
+    across = right - (right * along).sum(axis=1, keepdims=True) * along
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    arms = corners - corners[:, :1]
+    flat = np.stack([np.einsum("fkd,fd->fk", arms, axis) for axis in (across, along)], axis=-1)
+    columns, rows = 2 * design.cells[0], 2 * design.cells[1]
+    panels = within_edges(flat, allowances).reshape(columns, rows, 4, 2)
+    steps_x = panels[:, 0, 1, 0] - panels[:, 0, 0, 0]
+    left = panels[:, :, 3, 1] - panels[:, :, 0, 1]
+    last = panels[-1:, :, 2, 1] - panels[-1:, :, 1, 1]
+    steps_y = np.concatenate([left, last])
+    zigzag = np.concatenate([[0.0], np.cumsum(panels[:, 0, 1, 1] - panels[:, 0, 0, 1])])
+    x = np.concatenate([[0.0], np.cumsum(steps_x)])
+    start = np.zeros((columns + 1, 1))
+    y = np.concatenate([start, np.cumsum(steps_y, axis=1)], axis=1) + zigzag[:, None]
+    places = np.stack([np.broadcast_to(x[:, None], y.shape), y - y.min()], axis=-1)
+    return np.asarray(places.reshape(-1, 2))
 
 
 def _check_panels(design: SkinDesign, at_a: Gaps, at_b: Gaps) -> None:

@@ -44,7 +44,8 @@ def process_files(
     readings = (json.dumps(expected, indent=1) + "\n").encode()
     shown = []
     if design.cells[0] * design.cells[1] <= LARGEST:
-        page = view(parts, f"{design.name} {design.content_hash[:12]}")
+        sunk = [magnet.name for magnet in design.magnets if magnet.mount == "base"]
+        page = view(parts, f"{design.name} {design.content_hash[:12]}", sunk)
         shown.append(Artifact(path="assembly.html", kind="html", units="mm", content=page))
     return [
         *shown,

@@ -9,7 +9,8 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.fabrication.drawing import LAYERS, Drawing
-from smoskin.fabrication.moulds import assembly
+from smoskin.fabrication.moulds.assembly import assembled
+from smoskin.fabrication.moulds.sheet import folded_panels
 from smoskin.fabrication.moulds.solids import Part, disc
 from smoskin.fabrication.moulds.tools import sector
 from smoskin.fabrication.pattern.flat import FlatSheet
@@ -29,6 +30,7 @@ COLOURS: Final = {
     "holder": "#b6d7a8",
     "frame": "#cccccc",
     "board": "#4d7f4d",
+    "shell": "#a9b7c6",
     "chip": "#202020",
     "base": "#dddddd",
     "plug": "#bbbbbb",
@@ -186,20 +188,19 @@ def sectors(design: SkinDesign) -> Picture:
 
 def whole_skin(design: SkinDesign, sheet: FlatSheet, workshop: Workshop) -> list[Part]:
     """Every part of the assembled skin with its panels, for pictures."""
-    solids = assembly.folded_panels(design, sheet, workshop)
-    half = len(solids) // 2
-    folded = [
-        Part(name=f"{'upper' if k < half else 'lower'}_{k % half}", title="panel", solid=solid)
-        for k, solid in enumerate(solids)
-    ]
-    return [*assembly.assembled(design, workshop), *folded]
+    return [*assembled(design, workshop), *folded_panels(design, sheet, workshop)]
+
+
+def across_a_magnet(design: SkinDesign) -> float:
+    """A place along x that cuts the last magnet, columns and panels beside their creases, m."""
+    return float(geometry(design).magnet_places[-1, 0]) + 0.6 * design.columns.radius
 
 
 def through_a_magnet(design: SkinDesign, parts: Sequence[Part]) -> Picture:
     """A section of the assembled skin through a magnet on the sheet."""
     sheet_magnets = [
         (magnet, place)
-        for magnet, place in zip(design.magnets, geometry(design).magnets, strict=True)
+        for magnet, place in zip(design.magnets, geometry(design).magnet_places, strict=True)
         if magnet.mount == "sheet"
     ]
     magnet, place = (
@@ -207,7 +208,7 @@ def through_a_magnet(design: SkinDesign, parts: Sequence[Part]) -> Picture:
         if sheet_magnets
         else (
             design.magnets[0],
-            geometry(design).magnets[0],
+            geometry(design).magnet_places[0],
         )
     )
     picture = section(parts, float(place[1]) + 1e-4, "")

@@ -6,11 +6,18 @@ import numpy as np
 
 from smoskin.design.skin import SkinDesign
 from smoskin.fabrication.drawing import Drawing
-from smoskin.fabrication.layout import board_box, column_places
-from smoskin.fabrication.moulds.assembly import cast_height
+from smoskin.fabrication.layout import (
+    board_box,
+    circuit_thickness,
+    column_places,
+    magnet_height,
+)
+from smoskin.fabrication.moulds.assembly import base_inner_radius
+from smoskin.fabrication.moulds.creasing import FOLD_STAGES
 from smoskin.fabrication.moulds.files import Solids
+from smoskin.fabrication.moulds.roll import developed
+from smoskin.fabrication.moulds.sheet import cast_height
 from smoskin.fabrication.moulds.solids import Part
-from smoskin.fabrication.moulds.tools import FOLD_STAGES
 from smoskin.fabrication.pattern.flat import FlatSheet
 from smoskin.fabrication.process import pictures
 from smoskin.fabrication.process.pictures import Picture
@@ -39,17 +46,18 @@ def steps_of(
     solids: Solids,
     parts: list[Part],
 ) -> tuple[Step, ...]:
-    """Every step in the order of work."""
+    """Every step in the order of work; pictures of a limb's skin lie flat, but for the last."""
+    plain = [developed(design, part) for part in parts]
     return (
         _cut(design, workshop, sheet, drawings[0]),
         _bond(design, workshop, sheet),
         _fold(design, sheet, solids),
         _magnets(design),
         _columns(design, workshop, solids),
-        _base(design, parts),
-        _stand(design, parts),
-        _drip(design, workshop, parts),
-        _scales(workshop, parts),
+        _base(design, workshop, plain),
+        _stand(design, plain),
+        _drip(design, workshop, plain),
+        _scales(design, workshop, parts),
     )
 
 
@@ -122,6 +130,14 @@ def _fold(design: SkinDesign, sheet: FlatSheet, solids: Solids) -> Step:
     fold_a, fold_b = (180 - float(np.degrees(a)) for a in dihedral_angles(design.cell))
     [die] = [part for part in solids.tools if part.name == f"crease_die_{len(FOLD_STAGES)}"]
     heights = ", ".join(f"{share:.0%}" for share in FOLD_STAGES)
+    rows = (
+        (
+            "The sheet curls as it folds: where a mould takes fewer rows of cells than the sheet "
+            "has, begin in the middle and move on by a row at a time.",
+        )
+        if design.limb
+        else ()
+    )
     return Step(
         figure="(1,3)",
         title="Fold in stages",
@@ -131,6 +147,7 @@ def _fold(design: SkinDesign, sheet: FlatSheet, solids: Solids) -> Step:
             f"{1e3 * float(sheet.extent[0] - geometry(design).extent[0]):.0f} mm shorter and "
             f"{_draws_in_y(design, sheet):.0f} mm narrower when it is folded, and one stroke "
             "would tear it.",
+            *rows,
             "Hold the last stage an hour; warm to 60 degC if the film springs back, not more "
             "with acrylic.",
         ),
@@ -151,7 +168,7 @@ def _fold(design: SkinDesign, sheet: FlatSheet, solids: Solids) -> Step:
 
 def _draws_in_y(design: SkinDesign, sheet: FlatSheet) -> float:
     """How much narrower the folded sheet is along y, mm."""
-    y = geometry(design).sheet.vertices[:, 1]
+    y = geometry(design).developed[:, 1]
     return 1e3 * float(sheet.extent[1] - np.ptp(y))
 
 
@@ -213,8 +230,8 @@ def _columns(design: SkinDesign, workshop: Workshop, solids: Solids) -> Step:
 def _level(design: SkinDesign) -> float:
     """A height that cuts the magnets on the sheet, and the frame where it stands as high, m."""
     heights = [
-        (float(place[2]), magnet.height)
-        for magnet, place in zip(design.magnets, geometry(design).magnets, strict=True)
+        (magnet_height(design, magnet), magnet.height)
+        for magnet in design.magnets
         if magnet.mount == "sheet"
     ]
     middle, height = heights[0] if heights else (-design.columns.height / 2, 0.0)
@@ -227,7 +244,7 @@ def _of(parts: list[Part], *kinds: str) -> list[Part]:
     return [part for part in parts if part.name.split("_")[0] in kinds]
 
 
-def _base(design: SkinDesign, parts: list[Part]) -> Step:
+def _base(design: SkinDesign, workshop: Workshop, parts: list[Part]) -> Step:
     """Base, shear layer and board."""
     base_magnets = [m.name for m in design.magnets if m.mount == "base"]
     pillars = _of(parts, "base", "pillar", "plug")
@@ -238,6 +255,7 @@ def _base(design: SkinDesign, parts: list[Part]) -> Step:
         actions=(
             f"Put {', '.join(base_magnets) or 'no magnet'} into the pocket of the base, shims "
             "as measured, plug on top.",
+            *_carrier(design, workshop),
             f"Bond {design.shear_layer.pillars} pillars of {design.shear_layer.material} "
             f"({2e3 * design.shear_layer.radius:g} mm wide, "
             f"{1e3 * design.shear_layer.height:g} mm high) to primed base and board.",
@@ -248,9 +266,24 @@ def _base(design: SkinDesign, parts: list[Part]) -> Step:
         checks=("every chip answers at its address", "the board comes back from 0.3 mm aside"),
         picture=pictures.over(
             pictures.plan(pillars, under, "Pillars on the base with the board's outline"),
-            board_box(design).corners,
+            board_box(design, 0.0).corners,
         ),
     )
+
+
+def _carrier(design: SkinDesign, workshop: Workshop) -> list[str]:
+    """What a limb's skin takes besides: a circuit laid on its shell."""
+    if design.limb is None:
+        return []
+    lower = [site.name for site in design.halls if design.magnet(site.magnet).mount == "base"]
+    inner = base_inner_radius(design, workshop)
+    return [
+        f"Lay the flexible circuit, {1e3 * circuit_thickness(design):g} mm, on the shell on a "
+        f"film of adhesive, from the middle outward: {', '.join(lower) or 'no chip'} with its "
+        "capacitors in the window, stiffeners of the upper chips in the flat pockets; its lengths "
+        "are true on the shell, not on the skin.",
+        f"The limb under the base has a radius of {1e3 * inner:.1f} mm.",
+    ]
 
 
 def _stand(design: SkinDesign, parts: list[Part]) -> Step:
@@ -309,9 +342,15 @@ def _drip(design: SkinDesign, workshop: Workshop, parts: list[Part]) -> Step:
     )
 
 
-def _scales(workshop: Workshop, parts: list[Part]) -> Step:
+def _scales(design: SkinDesign, workshop: Workshop, parts: list[Part]) -> Step:
     """Top scales."""
     top = _of(parts, "scale")
+    if design.limb is None:
+        height = float(np.array(top[0].solid.bounding_box())[5]) - workshop.scale_pad / 2
+        picture = pictures.plan(top, height, "Scales, one a cell")
+    else:
+        at, caption = pictures.across_a_magnet(design), "The finished skin, cut across its limb"
+        picture = pictures.section(parts, at, caption, across_y=False)
     return Step(
         figure="(7)",
         title="Top scales",
@@ -322,9 +361,5 @@ def _scales(workshop: Workshop, parts: list[Part]) -> Step:
             "stiffens rubber: calibrate after it, not before.",
         ),
         checks=("scales do not touch each other when one is pressed by 2 mm",),
-        picture=pictures.plan(
-            top,
-            float(np.array(top[0].solid.bounding_box())[5]) - workshop.scale_pad / 2,
-            "Scales, one a cell",
-        ),
+        picture=picture,
     )

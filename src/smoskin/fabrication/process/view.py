@@ -3,7 +3,7 @@
 Decides which parts move together and in which order they come apart, that of assembly.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Final
 
 from smoskin.fabrication.moulds.solids import Part, joined_mesh
@@ -14,6 +14,7 @@ _LEVELS: Final = (
     ("base", -2.0, ("base", "plug")),
     ("magnets of the base", -1.5, ("sunk",)),
     ("pillars", -1.0, ("pillar",)),
+    ("carrier shell", -0.5, ("shell",)),
     ("board", 0.0, ("board",)),
     ("chips", 0.0, ("chip",)),
     ("frame", 0.6, ("frame",)),
@@ -29,12 +30,11 @@ LARGEST: Final = 150
 """Cells of the largest skin whose page a browser loads at once."""
 
 
-def view(parts: Sequence[Part], title: str) -> bytes:
-    """The page of an assembled skin."""
+def view(parts: Sequence[Part], title: str, sunk: Collection[str] = ()) -> bytes:
+    """The page of an assembled skin; magnets of such names lie in the base."""
     bodies = []
-    floor = min(float(p.solid.bounding_box()[2]) for p in parts if p.name.startswith("pillar"))
     for name, level, kinds in _LEVELS:
-        mine = [part for part in parts if _kind(part, floor) in kinds]
+        mine = [part for part in parts if _kind(part, sunk) in kinds]
         if not mine:
             continue
         vertices, triangles = joined_mesh(mine)
@@ -50,8 +50,7 @@ def view(parts: Sequence[Part], title: str) -> bytes:
     return page(bodies, title, "apart")
 
 
-def _kind(part: Part, floor: float) -> str:
-    """Kind of a part; magnets below the base's face, m, are sunk."""
-    kind = part.name.split("_")[0]
-    sunk = kind == "magnet" and float(part.solid.bounding_box()[5]) <= floor + 1e-9
-    return "sunk" if sunk else kind
+def _kind(part: Part, sunk: Collection[str]) -> str:
+    """Kind of a part; magnets in the base are sunk."""
+    kind, _, name = part.name.partition("_")
+    return "sunk" if kind == "magnet" and name in sunk else kind

@@ -1,0 +1,142 @@
+"""The folded sheet over the columns, and the scales on it, as they stand in the skin.
+
+Decides size and bond of the scales, which the design leaves open.
+"""
+
+from typing import Any, Final
+
+import numpy as np
+import shapely
+
+from smoskin.arrays import Bools, Floats
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import DesignError
+from smoskin.fabrication.layout import pose
+from smoskin.fabrication.moulds.solids import Part, Slab, disc, extruded
+from smoskin.fabrication.pattern.flat import FlatSheet, bend_allowance, fold_at_b, outlines
+from smoskin.fabrication.pattern.sheets import panels
+from smoskin.fabrication.workshop import Workshop
+from smoskin.origami.geometry import geometry
+
+_SCALE_BOSS: Final = 2.0e-3
+"""m: radius of the patch by which a scale is bonded to its top vertex."""
+_SCALE_RISE: Final = 1.5e-3
+"""m: height of that patch."""
+_SCALE_GAP: Final = 1.0e-3
+"""m: between neighbouring scales."""
+
+
+def folded_panels(
+    design: SkinDesign,
+    sheet: FlatSheet,
+    workshop: Workshop,
+    *,
+    vertices: Floats | None = None,
+    only: Bools | None = None,
+) -> list[Part]:
+    """Panels of both faces on the folded sheet, or on one of other vertices (V, 3), m.
+
+    Each is the panel that is cut, carried from the flat sheet to where its film folds it; those of
+    `only` (F,) where it is given.
+    """
+    folded = geometry(design).sheet.vertices if vertices is None else vertices
+    near = design.creases.thickness / 2 + workshop.adhesive
+    thick, shift = design.panels.thickness / 2, workshop.border + workshop.slot
+    parts = []
+    for upper, insets in ((True, sheet.upper), (False, sheet.lower)):
+        shapes = panels(sheet, workshop, upper=upper).shapes
+        flat = outlines(sheet, insets) + shift
+        low, high = (near, near + thick) if upper else (-near - thick, -near)
+        name = "upper" if upper else "lower"
+        for k, (shape, corners) in enumerate(zip(shapes, flat, strict=True)):
+            if only is not None and not only[k]:
+                continue
+            there = _carried(corners, folded[sheet.facets[k]], insets[k] + sheet.allowances[k])
+            parts.append(extruded(f"{name}_{k}", "panel", Slab(shape, low, high), pose=there))
+    return parts
+
+
+def _carried(flat: Floats, folded: Floats, insets: Floats) -> Floats:
+    """The motion (3, 4) of a flat outline to its place within a folded facet's edges."""
+    along = folded[1] - folded[0]
+    along /= np.linalg.norm(along)
+    up = np.cross(along, folded[3] - folded[0])
+    up /= np.linalg.norm(up)
+    across = np.cross(up, along)
+    # The outline's first corner lies its insets from the first and the last edge.
+    side = folded[3] - folded[0]
+    sine = float(side @ across) / float(np.linalg.norm(side))
+    cosine = float(side @ along) / float(np.linalg.norm(side))
+    step = (insets[3] + insets[0] * cosine) / sine
+    corner = folded[0] + step * along + insets[0] * across
+    turn = np.stack([along, across, up], axis=1)
+    line = (flat[1] - flat[0]) / np.linalg.norm(flat[1] - flat[0])
+    back = np.array([[line[0], line[1], 0.0], [-line[1], line[0], 0.0], [0.0, 0.0, 1.0]])
+    turn = turn @ back
+    return np.concatenate([turn, (corner - turn @ np.append(flat[0], 0.0))[:, None]], axis=1)
+
+
+def panel_dip(design: SkinDesign, workshop: Workshop) -> float:
+    """Depth of the lower panels' edges below the bottom vertices at the rim, m."""
+    fold = fold_at_b(design, ridge=False)
+    return workshop.plate(design) * float(np.cos(fold / 2))
+
+
+def cast_height(design: SkinDesign, workshop: Workshop) -> float:
+    """Height to which columns are cast: the drip on them makes up for the panels' plates, m.
+
+    Raises
+    ------
+    DesignError
+        If panels would stand on the columns.
+    """
+    least = panel_dip(design, workshop) + workshop.fit
+    if workshop.drip < least:
+        raise DesignError(
+            f"workshop.drip must be at least {1e3 * least:.2f} mm, so that panels clear the "
+            f"columns; got {1e3 * workshop.drip:.2f} mm"
+        )
+    if (height := design.columns.height - workshop.drip) < 2 * workshop.wall:
+        raise DesignError(
+            f"columns must be cast at least {2e3 * workshop.wall:.2f} mm high under the drip; got "
+            f"{1e3 * height:.2f} mm"
+        )
+    return height
+
+
+def scales(design: SkinDesign, workshop: Workshop) -> list[Part]:
+    """A scale over each cell, bonded to its top vertex by a small patch."""
+    skin = geometry(design)
+    slabs = _scale(design, workshop, float(skin.cell.height) + clear_of_ridge(design, workshop))
+    return [
+        extruded(f"scale_{k + 1}", "top scale", *slabs, pose=pose(design, place))
+        for k, place in enumerate(skin.tops.reshape(-1, 2))
+    ]
+
+
+def clear_of_ridge(design: SkinDesign, workshop: Workshop) -> float:
+    """Height of the panels' outer faces over a top vertex, and what is dripped there, m."""
+    fold = fold_at_b(design, ridge=True)
+    away = design.creases.gap / 2
+    if workshop.bend == "even":
+        away += bend_allowance(design.creases.gap, fold) / 2
+    over = workshop.plate(design) * np.cos(fold / 2) - away * np.sin(fold / 2)
+    return max(float(over), 0.0) + workshop.fit
+
+
+def scale(design: SkinDesign, workshop: Workshop, open_by: float = 0.0) -> Any:
+    """One scale, its patch downward, the patch's face at z = 0; its pad thicker by `open_by`, m."""
+    return extruded("scale", "", *_scale(design, workshop, 0.0, open_by)).solid
+
+
+def _scale(
+    design: SkinDesign, workshop: Workshop, foot: float, open_by: float = 0.0
+) -> tuple[Slab, Slab]:
+    """Patch and pad of a scale whose patch begins at such a height, m."""
+    cell = geometry(design).cell
+    wide = np.array([float(cell.length), float(cell.width)]) / 2 - _SCALE_GAP / 2
+    low = foot + _SCALE_RISE
+    return (
+        Slab(disc((0.0, 0.0), _SCALE_BOSS), foot, low + workshop.scale_pad / 2),
+        Slab(shapely.box(*-wide, *wide), low, low + workshop.scale_pad + open_by),
+    )

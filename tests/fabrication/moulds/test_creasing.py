@@ -1,0 +1,94 @@
+"""The sheet on its way from flat to folded, and the moulds that bring it there."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from smoskin.errors import DesignError
+from smoskin.fabrication.moulds.creasing import (
+    FOLD_STAGES,
+    creasing_moulds,
+    faces,
+    stage_cell,
+    stage_of_limb,
+)
+from smoskin.fabrication.pattern.flat import bend_allowance, flat_sheet
+from smoskin.fabrication.workshop import Workshop
+from smoskin.origami.cell import dihedral_angles, size
+from smoskin.origami.geometry import geometry
+from smoskin.origami.tessellation.unfold import lengths_of
+
+
+def test_a_die_follows_the_sheet(planar):
+    shop = Workshop(bend="sharp")
+    parts = creasing_moulds(planar, shop, flat_sheet(planar, shop))
+    assert len(parts) == 2 * len(FOLD_STAGES)
+    length, width, height = (float(v) for v in size(planar.cell))
+    area = planar.cells[0] * planar.cells[1] * length * width
+    # The sheet's middle height is half of its own: every panel climbs evenly from edge to edge.
+    die = next(part for part in parts if part.name == "crease_die_3")
+    assert die.solid.volume() == pytest.approx(area * (3e-3 + height / 2), rel=5e-3)
+
+
+def test_stages_follow_the_film_that_bends_evenly(planar):
+    """At every stage the panels between the creases' arcs are the same."""
+    shop, gap = Workshop(), planar.creases.gap
+    for share in FOLD_STAGES:
+        cell = stage_cell(planar, shop, share)
+        fold_a, fold_b = (float(np.pi - angle) for angle in dihedral_angles(cell))
+        final_a, final_b = (float(np.pi - angle) for angle in dihedral_angles(planar.cell))
+        sine = np.sin(cell.sector_angle)
+        for edge, own, now, final in (
+            (cell.panel_a, planar.cell.panel_a, fold_b, final_b),
+            (cell.panel_b, planar.cell.panel_b, fold_a, final_a),
+        ):
+            assert edge * sine - bend_allowance(gap, now) == pytest.approx(
+                own * sine - bend_allowance(gap, final)
+            )
+    assert float(size(cell).height) == pytest.approx(float(size(planar.cell).height), rel=0.02)
+
+
+def distances(places, pairs):
+    return np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
+
+
+@pytest.mark.parametrize("share", FOLD_STAGES)
+def test_a_limbs_sheet_keeps_every_length_of_its_panels_at_every_stage(curved, share):
+    shop = Workshop(bend="sharp")
+    sheet = flat_sheet(curved, shop)
+    stage = stage_of_limb(curved, shop, sheet, share)
+    vertices, pairs = stage.vertices(curved.cells), lengths_of(sheet.facets)
+    assert distances(vertices, pairs) == pytest.approx(distances(sheet.vertices, pairs), abs=1e-12)
+    low, high = stage.radii
+    assert high - low == pytest.approx(share * float(size(curved.cell).height), rel=0.01)
+
+
+@pytest.mark.parametrize("bend", ["sharp", "even"])
+def test_the_last_stage_is_the_sheet_of_the_design(curved, bend):
+    shop = Workshop(bend=bend)
+    stage = stage_of_limb(curved, shop, flat_sheet(curved, shop), 1.0)
+    own, pairs = geometry(curved).sheet, np.array(np.triu_indices(169, 1)).T
+    vertices = stage.vertices(curved.cells)
+    assert distances(vertices, pairs) == pytest.approx(distances(own.vertices, pairs), abs=1e-9)
+
+
+@pytest.mark.parametrize("share", FOLD_STAGES)
+def test_a_limbs_die_and_punch_close_on_the_panels(curved, share):
+    """Between their faces lies the room of the panels and a clearance on either side."""
+    shop = Workshop()
+    lower, upper, facets, told = faces(curved, shop, flat_sheet(curved, shop), share)
+    corners = lower[facets]
+    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    apart = np.einsum("fkd,fd->fk", upper[facets] - corners, normals)
+    assert apart == pytest.approx(2 * (shop.plate(curved) + shop.fit), abs=1e-12)
+    assert np.degrees(np.arccos(normals[:, 2])).max() <= 70.0
+    assert ("4 of 6 rows" in told) == (share == 1.0)
+
+
+def test_panels_too_steep_for_a_punch_are_refused(curved):
+    steep = replace(curved, cell=replace(curved.cell, fold_angle=float(np.radians(20))))
+    shop = Workshop(bend="sharp")
+    with pytest.raises(DesignError, match="at most 70 deg steep in a row"):
+        faces(steep, shop, flat_sheet(steep, shop), 1.0)

@@ -1,0 +1,232 @@
+"""A skin on a limb: parts rolled on to each other, all where the design has them."""
+
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+import trimesh
+
+from smoskin.errors import DesignError
+from smoskin.fabrication.layout import (
+    board_box,
+    circuit_thickness,
+    column_places,
+    frame_level,
+    level_of,
+    shell_thickness,
+)
+from smoskin.fabrication.moulds import assembly
+from smoskin.fabrication.moulds.files import solid_files
+from smoskin.fabrication.moulds.holders import holders
+from smoskin.fabrication.moulds.roll import STRIP, cut_across, developed, rolled
+from smoskin.fabrication.moulds.sheet import folded_panels
+from smoskin.fabrication.moulds.solids import Part, Slab, disc, extruded, prism
+from smoskin.fabrication.moulds.tools import fold_jig
+from smoskin.fabrication.pattern.flat import flat_sheet
+from smoskin.fabrication.workshop import Workshop
+from smoskin.origami.geometry import geometry
+from smoskin.records import Contact
+from solid_overlaps import overlaps
+
+SHOP = Workshop()
+
+
+@pytest.fixture(scope="module")
+def whole(curved):
+    sheet = flat_sheet(curved, SHOP)
+    return [*assembly.assembled(curved, SHOP), *folded_panels(curved, sheet, SHOP)]
+
+
+def test_a_mesh_is_cut_along_planes_and_keeps_its_shape():
+    solid = prism(shapely.box(0, 0, 0.01, 0.02).difference(disc((5e-3, 9e-3), 3e-3)), 0.0, 4e-3)
+    mesh = solid.to_mesh64()
+    levels = np.array([2e-3, 9e-3, 9.5e-3, 20e-3])
+    triangles = np.asarray(mesh.tri_verts, dtype=np.int64)
+    vertices, triangles = cut_across(np.asarray(mesh.vert_properties), triangles, levels)
+    cut = trimesh.Trimesh(vertices, triangles, process=False)
+    assert cut.is_watertight
+    assert cut.volume == pytest.approx(solid.volume(), rel=1e-12)
+    corners = vertices[triangles][..., 1]
+    for level in levels:
+        assert not ((corners.min(1) < level - 1e-9) & (corners.max(1) > level + 1e-9)).any()
+
+
+def test_a_rolled_plate_has_the_volume_of_its_arc(curved):
+    outline = shapely.box(0.0, 0.02, 0.05, 0.14)
+    flat = extruded("plate", "", Slab(outline, -2e-3, 1e-3))
+    part = rolled(curved, flat, 0.0)
+    radius = curved.limb.skin_radius
+    ring = 0.12 / radius * ((radius + 1e-3) ** 2 - (radius - 2e-3) ** 2) / 2
+    assert part.solid.volume() == pytest.approx(0.05 * ring, rel=(STRIP / radius) ** 2 / 5)
+    assert developed(curved, part).size == pytest.approx([0.05, 0.12, 3e-3], abs=1e-8)
+
+
+def test_a_planar_skins_parts_are_not_rolled(planar):
+    part = extruded("plate", "", Slab(shapely.box(0, 0, 1, 1), 0.0, 1.0))
+    assert rolled(planar, part) is part
+    assert developed(planar, part) is part
+
+
+def test_a_board_too_thin_for_a_shell_is_refused(curved):
+    thin = replace(curved, board=replace(curved.board, thickness=0.11e-3))
+    with pytest.raises(DesignError, match=r"at least 1.16 mm on a limb.*got 0.11 mm"):
+        assembly.board(thin, SHOP)
+
+
+def test_no_two_parts_of_a_skin_on_a_limb_intersect(whole):
+    assert len(whole) > 400
+    assert overlaps(whole) == {}
+    assert [part.name for part in whole if len(part.solid.decompose()) != 1] == []
+
+
+def test_columns_stand_under_the_bottom_vertices_along_their_normals(curved):
+    skin = geometry(curved)
+    feet = skin.sheet.columns.ravel()
+    parts = assembly.columns(curved, SHOP)
+    assert len(parts) == len(feet)
+    for part, vertex in zip(parts, feet, strict=True):
+        there = np.asarray(part.solid.to_mesh64().vert_properties)[:, :3]
+        away = (there - skin.sheet.vertices[vertex]) @ skin.axes[vertex]
+        assert away[:, :2].mean(axis=0) == pytest.approx([0, 0], abs=1e-5)
+        ends = -curved.columns.height, -SHOP.drip
+        assert (away[:, 2].min(), away[:, 2].max()) == pytest.approx(ends, abs=1e-9)
+        volume = np.pi * curved.columns.radius**2 * (ends[1] - ends[0])
+        assert part.solid.volume() == pytest.approx(volume, rel=5e-3)
+
+
+def test_the_circuit_lies_on_its_shell_and_the_shell_over_the_base(curved, whole):
+    """As thick as the board is designed, the shear layer's height over the base."""
+    box, inner = board_box(curved), -curved.columns.height - curved.board.thickness
+    parts = {part.name: developed(curved, part) for part in whole}
+    for name, low, high in (
+        ("board", -curved.columns.height - circuit_thickness(curved), -curved.columns.height),
+        ("shell", inner, -curved.columns.height - circuit_thickness(curved)),
+    ):
+        ends = np.array(parts[name].solid.bounding_box())[[2, 5]]
+        assert ends == pytest.approx([low, high], abs=2e-5)  # chords of the strips
+    assert np.array(parts["base"].solid.bounding_box())[5] == pytest.approx(
+        assembly.base_top(curved)
+    )
+    middle = (
+        curved.limb.skin_radius + (inner - curved.columns.height - circuit_thickness(curved)) / 2
+    )
+    arc = box.size[1] * middle / (curved.limb.skin_radius + level_of(curved))
+    full = box.size[0] * arc * shell_thickness(curved)
+    [shell] = [part.solid.volume() for part in whole if part.name == "shell"]
+    half = 5.4e-3 + SHOP.fit
+    window = 4 * half**2 * shell_thickness(curved)
+    assert full - 1.5 * window < shell < full - window
+
+
+def test_the_lower_chip_hangs_in_the_shells_window_over_its_magnet(curved, whole):
+    parts = {part.name: part.solid for part in whole}
+    site = next(s for s in curved.halls if curved.magnet(s.magnet).mount == "base")
+    chip, magnet = parts[f"chip_{site.name}"], parts[f"magnet_{site.magnet}"]
+    sensing = curved.board.sensing_height
+    gap = chip.min_gap(magnet, 0.02)
+    assert gap == pytest.approx(site.gap - (1e-3 - sensing), abs=1e-4)
+    # Straight between them is no shell: a rod from chip to magnet meets none.
+    ends = [np.array(solid.bounding_box()).reshape(2, 3).mean(axis=0) for solid in (chip, magnet)]
+    assert parts["shell"].ray_cast(tuple(ends[0]), tuple(ends[1])) == []
+    upper = next(s for s in curved.halls if s is not site)
+    below = geometry(curved).chips[list(curved.halls).index(upper)]
+    axis = geometry(curved).chip_axes[list(curved.halls).index(upper)][:, 2]
+    assert parts["shell"].ray_cast(tuple(below), tuple(below - 5e-3 * axis))
+
+
+def test_upper_chips_and_magnets_stand_where_the_design_has_them(curved, whole):
+    parts = {part.name: part.solid for part in whole}
+    skin = geometry(curved)
+    for k, magnet in enumerate(curved.magnets):
+        if magnet.mount == "base":
+            continue
+        there = np.asarray(parts[f"magnet_{magnet.name}"].to_mesh64().vert_properties)[:, :3]
+        assert there.mean(axis=0) == pytest.approx(skin.magnets[k], abs=1e-6)
+        away = (there - skin.magnets[k]) @ skin.magnet_axes[k]
+        assert np.abs(away[:, 2]) == pytest.approx(magnet.height / 2, abs=1e-9)
+
+
+def test_the_frame_stops_every_rim_column_at_its_upper_edge(curved):
+    edge = developed(curved, assembly.frame(curved)).solid
+    level = frame_level(curved)
+    cut = edge.slice(level - 3e-5)  # under the strips' chords
+    rings = [np.asarray(ring) for ring in cut.to_polygons()]
+    scale = 1 + level * curved.curvature
+    middle = geometry(curved).roll.middle
+    for ring in rings:
+        ring[:, 1] = middle + (ring[:, 1] - middle) * scale
+    walls = shapely.union_all([shapely.LinearRing(ring) for ring in rings])
+    grid = column_places(curved, level).reshape(*geometry(curved).sheet.columns.shape, 2)
+    for line in (grid[0], grid[-1], grid[:, 0], grid[:, -1]):
+        for place in line:
+            gap = walls.distance(shapely.Point(place)) - curved.columns.radius
+            assert gap == pytest.approx(curved.frame.clearance, abs=0.02e-3)
+
+
+def test_holders_leave_leaning_columns_their_play(curved):
+    columns = assembly.columns(curved, SHOP)
+    for part in holders(curved, SHOP)[::2]:
+        nearest = min(part.solid.min_gap(column.solid, 2e-3) for column in columns)
+        assert nearest == pytest.approx(curved.magnets[1].play, abs=0.05e-3)
+
+
+def test_the_fold_jig_closes_round_the_sheet_on_a_limb(curved, whole):
+    jig = fold_jig(curved, SHOP, flat_sheet(curved, SHOP)).solid
+    turned = jig.transform(np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0]]))
+    # As it is made it lies on its head; it goes back by its highest place over the middle.
+    top = float(geometry(curved).developed[:, 2].max())
+    there = turned.translate((0.0, 0.0, top))
+    held = [p for p in whole if p.name.startswith(("upper", "lower", "column", "frame", "board"))]
+    assert overlaps([Part(name="jig", title="", solid=there), *held]) == {}
+
+
+@pytest.mark.slow
+def test_every_solid_of_a_limbs_bundle_is_watertight(curved):
+    solids = solid_files(curved, SHOP)
+    names = {part.name for part in (*solids.parts, *solids.tools)}
+    assert {"shell", "frame", "base", "foot_jig", "fold_jig", "crease_die_1"} <= names
+    for file in solids.files:
+        if file.kind == "stl":
+            mesh = trimesh.load(io.BytesIO(file.content), file_type="stl")
+            assert mesh.is_volume, file.path
+            assert mesh.body_count == 1, file.path
+            assert mesh.bounds[0, 2] == pytest.approx(0.0, abs=1e-3)
+
+
+def moved(part, shift, turn, about):
+    """A part moved by a small motion about a point."""
+    matrix = np.array([[1, -turn[2], turn[1]], [turn[2], 1, -turn[0]], [-turn[1], turn[0], 1]])
+    pose = np.concatenate([matrix, (about + shift - matrix @ about)[:, None]], axis=1)
+    return Part(name=part.name, title="", solid=part.solid.transform(pose))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cell", [(0, 0), (3, 2), (5, 5), (0, 3)])
+def test_presses_of_1_n_on_a_limb_bring_no_two_parts_together(curved, cell):
+    pytest.importorskip("jax")
+    from smoskin.twin.whole import Twin
+
+    twin, skin = Twin(curved, seed=None), geometry(curved)
+    press = [Contact(position=skin.tops[cell], force=(0.0, 0.0, -1.0))]
+    vertices, motion = twin.sheet_vertices(press), twin.motion(press)
+    assert motion.valid.all()
+    top = skin.sheet.loaded[cell]
+    sunk = (skin.sheet.vertices[top] - vertices[top]) @ skin.axes[top][:, 2]
+    assert sunk > 0.1e-3
+    parts = folded_panels(curved, flat_sheet(curved, SHOP), SHOP, vertices=vertices)
+    names = [magnet.name for magnet in curved.magnets]
+    for part in [*holders(curved, SHOP), *assembly.magnets(curved)]:
+        k = names.index(part.name.split("_")[-1])
+        axes, way = skin.magnet_axes[k], motion.magnets[k]
+        parts.append(moved(part, axes @ way[:3], axes @ way[3:], skin.magnets[k]))
+    fixed = [*assembly.chips(curved), *assembly.board(curved, SHOP), assembly.frame(curved)]
+    found = overlaps([*parts, *fixed])
+    inside = {
+        pair: shared
+        for pair, shared in found.items()
+        # A magnet in its own holder is moved with it.
+        if not (pair[0].startswith("holder") and pair[1].startswith("magnet"))
+    }
+    assert inside == {}
