@@ -6,7 +6,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Ellipse
 
 from smoskin.errors import ArgumentError
-from smoskin.plots import draw_map, draw_readings, draw_skin, draw_touches
+from smoskin.origami.pattern import CreasePattern, broken_rules
+from smoskin.plots import draw_map, draw_pattern, draw_readings, draw_skin, draw_touches
 from smoskin.records import Contact, Estimate, Reading, Status
 
 
@@ -44,6 +45,20 @@ def test_drags_are_arrows_along_the_drag(planar, axes):
     (arrow,) = axes.texts
     assert arrow.xyann == pytest.approx((30.0, 50.0))
     assert arrow.xy == pytest.approx((40.0, 50.0))
+
+
+def test_a_pattern_rings_the_vertices_that_break_a_rule_and_says_which():
+    places = np.array([[0.0, 0.0], [1, 0], [0, 1], [-1, 0], [0, -1]])
+    edges = [[0, 1], [0, 2], [0, 3], [0, 4], [1, 2], [2, 3], [3, 4], [4, 1]]
+    pattern = CreasePattern(vertices=places, edges=edges, assignments=tuple("MVMVBBBB"))
+    (axes,) = draw_pattern(pattern, broken_rules(pattern), "cross").axes
+    (ring,) = axes.lines
+    assert (ring.get_xdata(), ring.get_ydata()) == ([0.0], [0.0])
+    assert [text.get_text() for text in axes.texts] == ["0"]
+    assert axes.get_xlabel() == "0  Maekawa: 2 mountains and 2 valleys, which are not two apart"
+    assert [len(lines.get_segments()) for lines in axes.collections] == [2, 2, 4]
+    (whole,) = draw_pattern(pattern, (), "cross").axes
+    assert (len(whole.lines), whole.get_xlabel()) == (0, "")
 
 
 def test_a_map_shows_values_from_rim_to_rim(planar, axes):

@@ -17,6 +17,7 @@ from smoskin.arrays import Floats, floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, MissingExtraError
 from smoskin.origami.geometry import geometry
+from smoskin.origami.pattern import BrokenRule, CreasePattern
 from smoskin.origami.sheet import Sheet
 from smoskin.outputs import check_output, write_output
 from smoskin.records import Contact, Estimate, Reading
@@ -61,6 +62,10 @@ _REGION: Final = 4.605
 """Chi-square that 90 % of two normal errors stay below."""
 _ARROW: Final = 20e-3
 """Length of an arrow for a newton of drag, m."""
+_CREASES: Final = {"M": (RED, "-"), "V": (BLUE, "--"), "B": (INK, "-"), "C": (INK, ":")}
+"""Colour and dashes of a pattern's lines, by FOLD's letter; others are grey."""
+_LINES: Final = 12
+"""Vertices of a pattern whose broken rules are written out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -282,6 +287,36 @@ def draw_sheet(sheet: Sheet, pattern: Floats, title: str) -> Figure:
         flat.set(xlabel="x (mm)", ylabel="y (mm)", title="flat; ridges red, valleys blue")
         flat.set_aspect("equal")
         lay_out(figure)
+    return figure
+
+
+def draw_pattern(pattern: CreasePattern, broken: Sequence[BrokenRule], title: str) -> Figure:
+    """Draw a crease pattern, mountains red and valleys blue, with the rules that vertices break.
+
+    A vertex that breaks one is ringed and numbered; what it breaks stands below.
+    """
+    rules: dict[int, list[str]] = {}
+    for vertex, rule, finding in broken:
+        rules.setdefault(vertex, []).append(f"{rule}: {finding}")
+    lines = [f"{vertex}  {'; '.join(findings)}" for vertex, findings in rules.items()]
+    more = [f"and {len(lines) - _LINES} more vertices"] if len(lines) > _LINES else []
+    ends = pattern.vertices[pattern.edges]
+    with styled():
+        figure = Figure(figsize=(6.4, 5.2), layout="constrained")
+        axes = figure.subplots()
+        for letter in dict.fromkeys(pattern.assignments):
+            colour, dash = _CREASES.get(letter, (GREY, "-"))
+            some = ends[[one == letter for one in pattern.assignments]]
+            axes.add_collection(
+                LineCollection(list(some), colors=colour, linestyles=dash, linewidths=0.8)
+            )
+        for vertex in rules:
+            place = tuple(pattern.vertices[vertex].tolist())
+            axes.plot(*place, "o", markersize=8, fillstyle="none", color=INK, markeredgewidth=1.4)
+            axes.annotate(str(vertex), place, (5, 5), textcoords="offset points", weight="bold")
+        axes.autoscale_view()
+        axes.set(aspect="equal", title=title)
+        axes.set_xlabel("\n".join([*lines[:_LINES], *more]), loc="left", fontsize=6.5)
     return figure
 
 

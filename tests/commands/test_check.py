@@ -129,3 +129,28 @@ def test_a_new_design_is_commented_and_can_be_built(tmp_path, planar):
     done = CliRunner().invoke(app, ["new-design", "mine", "--out", str(out), "--cells", "5x6"])
     assert done.exit_code == 0
     assert parse_design(out.read_text()).cells == (5, 6)
+
+
+def test_a_crease_pattern_is_told_by_the_rules_that_it_breaks(tmp_path):
+    file, plot = tmp_path / "pattern.fold", tmp_path / "pattern.svg"
+    places = [[0, 0], [1, 0], [0, 1], [-1, 0], [0, -1]]
+    document = {
+        "file_spec": 1.2,
+        "vertices_coords": places,
+        "edges_vertices": [[0, 1], [0, 2], [0, 3], [0, 4], [1, 2], [2, 3], [3, 4], [4, 1]],
+        "edges_assignment": list("MVMVBBBB"),
+    }
+    file.write_text(json.dumps(document))
+    told = check_file(file)
+    assert (told.kind, told.problem) == ("a crease pattern (FOLD)", "")
+    assert told.facts["creases"] == "2 mountain, 2 valley, 0 unassigned"
+    assert told.facts["flat folding"] == "broken rules: 1"
+    assert told.facts["vertex 0"].startswith("Maekawa: 2 mountains and 2 valleys")
+    done = CliRunner().invoke(app, ["check", str(file), "--plot", str(plot)])
+    assert done.exit_code == 0, done.output
+    assert plot.read_text().startswith("<?xml")
+    done = CliRunner().invoke(app, ["check", str(file), str(file), "--plot", str(plot)])
+    assert done.exit_code != 0
+    assert "--plot needs one crease pattern; got 2 files" in str(done.exception)
+    file.write_text(json.dumps(document | {"edges_assignment": list("MMMVBBBB")}))
+    assert check_file(file).facts["flat folding"] == "no vertex forbids it"

@@ -49,13 +49,14 @@ def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # 4,090 draw patterns, moulds and the process sheet of a workshop;
     # 2,610 lay out its boards, check them and write what a board house needs;
     # 70 judge learned models by touches of other days and runs; 88 train networks for arms;
+    # 215 judge crease patterns of any program;
     # 345 bend a skin round a limb: places, axes, the shell on its pillars, and the page;
     # 108 let all starts of a search for touches go on together;
     # 370 show a tessellated sheet from flat to attached, report on it and give its design;
     # 670 roll a skin's parts on to its limb and make what it takes besides;
     # 220 write recordings as episodes for robot learning; 1,000 press real skins by a stage and
     # a gauge.
-    assert sum(text.count("\n") for text in FILES.values()) <= 48_985
+    assert sum(text.count("\n") for text in FILES.values()) <= 49_200
 
 
 def test_no_file_has_over_450_lines():

@@ -7,24 +7,35 @@ from typing import Annotated, Literal
 import typer
 from typer import Argument, Option
 
-from smoskin.cli.frame import Force, Json, Text, app, examples
+from smoskin.cli.frame import File, Force, Json, Text, app, examples
 from smoskin.errors import ArgumentError
 from smoskin.feasibility import load_design
 from smoskin.outputs import check_output, write_output
 
 
-@app.command(epilog=examples("check touch.mcap", "check *.table --json"))
+@app.command(
+    epilog=examples(
+        "check touch.mcap", "check *.table --json", "check pattern.fold --plot pattern.svg"
+    )
+)
 def check(
     paths: Annotated[list[Path], Argument(metavar="FILE...", help="Files, or folders of data.")],
+    plot: Annotated[
+        File, Option(help="Draw the crease pattern and the vertices that break a rule.")
+    ] = None,
+    overwrite: Force = False,
     as_json: Json = False,
 ) -> None:
     """Tell what files are, whether they are whole and what reads them.
 
-    Designs, recordings, response tables, networks, learned models, calibrations, sheets of touches
-    and data sets are known. The exit code is 1 if one is damaged or of another kind.
+    Designs, recordings, response tables, networks, learned models, calibrations, sheets of touches,
+    data sets and crease patterns (FOLD) are known; of a pattern, which vertices keep it from
+    folding flat. The exit code is 1 if a file is damaged or of another kind.
     """
     from smoskin.commands.check import check_file
 
+    if plot is not None:
+        _draw_pattern(paths, plot, force=overwrite)
     found = [check_file(path) for path in paths]
     if as_json:
         typer.echo(json.dumps([one.as_json() for one in found]))
@@ -32,6 +43,18 @@ def check(
         typer.echo("\n".join(line for one in found for line in one.lines()))
     if any(one.problem for one in found):
         raise typer.Exit(1)
+
+
+def _draw_pattern(paths: list[Path], plot: Path, *, force: bool) -> None:
+    """Draw the one crease pattern."""
+    from smoskin.origami.pattern import broken_rules, read_pattern
+    from smoskin.plots import check_figure, draw_pattern, save_figure
+
+    if len(paths) != 1:
+        raise ArgumentError(f"--plot needs one crease pattern; got {len(paths)} files")
+    check_figure(plot, force=force)
+    pattern = read_pattern(paths[0])
+    save_figure(draw_pattern(pattern, broken_rules(pattern), paths[0].name), plot)
 
 
 @app.command(epilog=examples("new-design mine --out mine.toml --cells 6x8"))

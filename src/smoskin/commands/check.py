@@ -4,6 +4,7 @@ Decides by what a kind is known: the first bytes, never the name. Whether it is 
 reader to say, which checks every checksum.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from smoskin.design.document import read_design, shipped_design
 from smoskin.errors import DesignError, ModelError, RecordingError, SmoskinError
 from smoskin.feasibility import check_design
 from smoskin.measurement import read_touches
+from smoskin.origami.pattern import broken_rules, read_pattern
 from smoskin.outputs import read_text
 from smoskin.sensing import files
 from smoskin.sensing.closed_form.calibration import parse_calibration
@@ -26,6 +28,10 @@ from smoskin.service.recording import open_recording
 _MCAP: Final = b"\x89MCAP0\r\n"
 _START: Final = 65_536
 """Bytes that a kind is known by."""
+_FOLD: Final = (b'"file_spec"', b'"vertices_coords"')
+"""Keys by which a FOLD document is known."""
+_TOLD: Final = 5
+"""Broken rules of a pattern that are told."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,6 +121,8 @@ def _kind_of(path: Path) -> _Kind:
         return _HDF5
     if b"\0" in start[:8]:
         return _ARRAYS.get(files.tensor_key(path), _UNKNOWN)
+    if start.lstrip().startswith(b"{") and any(mark in start for mark in _FOLD):
+        return _PATTERN
     marks = {b"panel_a": _DESIGN, b"field_factor": _CALIBRATION, b"force_z_N": _TOUCHES}
     return next((kind for mark, kind in marks.items() if mark in start), _UNKNOWN)
 
@@ -205,6 +213,19 @@ def _touches(path: Path) -> Facts:
     yield "SHA-256", digest[:12]
 
 
+def _pattern(path: Path) -> Facts:
+    pattern = read_pattern(path)
+    letters = Counter(pattern.assignments)
+    yield "vertices", str(len(pattern.vertices))
+    yield "creases", f"{letters['M']} mountain, {letters['V']} valley, {letters['U']} unassigned"
+    broken = broken_rules(pattern)
+    yield "flat folding", f"broken rules: {len(broken)}" if broken else "no vertex forbids it"
+    for one in broken[:_TOLD]:
+        yield f"vertex {one.vertex}", f"{one.rule}: {one.finding}"
+    if len(broken) > _TOLD:
+        yield "and", f"{len(broken) - _TOLD} more; --plot FILE shows all"
+
+
 def _data_set(path: Path) -> Facts:
     report = summarise(path)
     for line in report.lines():
@@ -221,6 +242,7 @@ _DESIGN: Final = _Kind("a design", _design, ("info {}", "table {}", "simulate {}
 _RECORDING: Final = _Kind("a recording", _recording, ("run replay:{}",))
 _CALIBRATION: Final = _Kind("a calibration of the paper's forms", _calibration, (_ESTIMATES,))
 _TOUCHES: Final = _Kind("a sheet of touches", _touches, ("calibrate --sheet {}", "fit-paper {}"))
+_PATTERN: Final = _Kind("a crease pattern (FOLD)", _pattern)
 _DATA_SET: Final = _Kind("a data set", _data_set, ("sweep --summary {}",))
 _HDF5: Final = _Kind("HDF5, a part or an export of a data set", _nothing)
 _ARRAYS: Final = {

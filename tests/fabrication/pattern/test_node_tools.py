@@ -11,6 +11,7 @@ import pytest
 from smoskin.fabrication.pattern.files import fold_files
 from smoskin.fabrication.workshop import Workshop
 from smoskin.origami.geometry import geometry
+from smoskin.origami.pattern import broken_rules, read_pattern
 
 SCRIPT = """
 const ear = require("rabbit-ear"), fold = require("fold");
@@ -64,3 +65,22 @@ def test_they_read_it_find_it_legal_and_fold_it_to_the_designed_sheet(planar):
     rise = [np.linalg.det(v[[1, 2, 27]] - v[0]) for v in (folded, aim)]
     assert np.sign(rise[0]) == np.sign(rise[1])
     assert abs(rise[0]) > 1e-10
+
+
+def test_they_and_we_find_the_same_vertices_illegal(planar, tmp_path):
+    files = {file.path: file.content for file in fold_files(planar, Workshop())}
+    document = json.loads(files["pattern/pattern.fold"])
+    rng = np.random.default_rng(4)
+    for vertex in rng.choice(len(document["vertices_coords"]), 5, replace=False).tolist():
+        document["vertices_coords"][vertex][0] += 1.0
+    letters = document["edges_assignment"]
+    for edge in rng.choice([k for k, a in enumerate(letters) if a != "B"], 5).tolist():
+        letters[edge] = "V" if letters[edge] == "M" else "M"
+    file = tmp_path / "bad.fold"
+    file.write_text(json.dumps(document))
+    told = ask_node(file.read_bytes())
+    broken = broken_rules(read_pattern(file))
+    for rule in ("Kawasaki", "Maekawa"):
+        own = sorted(one.vertex for one in broken if one.rule == rule)
+        assert own == sorted(told[rule.lower()])
+        assert len(own) >= 5
