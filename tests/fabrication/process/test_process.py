@@ -2,7 +2,7 @@
 
 import json
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -22,9 +22,10 @@ from smoskin.fabrication.process.pictures import (
 from smoskin.fabrication.process.readings import first_readings
 from smoskin.fabrication.process.tolerances import CUT, made_tolerances, tolerance_table
 from smoskin.fabrication.workshop import Workshop
-from smoskin.feasibility import field_extent
+from smoskin.feasibility import field_extent, load_design
 from smoskin.mechanics.beam import beam
 from smoskin.origami.geometry import geometry
+from smoskin.twin.manufacture import Tolerances
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +102,12 @@ def test_the_table_is_the_twin_s_tolerances(planar):
     wide, usual = (beam(r, columns.height, 1.0).lateral for r in (3.6e-3, 3.5e-3))
     assert f"{100 * (wide / usual - 1):+.0f} /" in table["column_stiffness"].effect
     assert table["crease_stiffness"].spread == pytest.approx(0.1e-3 / 1.2e-3 / CUT)
+
+
+@pytest.mark.parametrize("name", ["planar", "optimised", "curved"])
+def test_who_keeps_the_table_makes_no_worse_skins_than_those_that_are_judged(name):
+    made, judged = asdict(made_tolerances(load_design(name))), asdict(Tolerances())
+    assert {field for field in made if made[field] > judged[field] * (1 + 1e-9)} == set()
 
 
 def test_the_section_shows_the_magnet_over_its_chip(planar):
