@@ -12,7 +12,9 @@ from smoskin.feasibility import load_design
 
 @app.command(
     epilog=examples(
-        "fabricate planar --out skin", "fabricate own.toml --workshop shop.toml --out skin"
+        "fabricate planar --out skin",
+        "fabricate own.toml --workshop shop.toml --out skin",
+        "fabricate curved --out skin --step",
     )
 )
 def fabricate(
@@ -22,6 +24,9 @@ def fabricate(
         File,
         Option(help="Workshop (TOML): what differs from the usual, such as kerf_mm = 0.2."),
     ] = None,
+    step: Annotated[
+        bool, Option("--step", help="Also write the assembled skin as a STEP file.")
+    ] = False,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -36,6 +41,6 @@ def fabricate(
     shop = None if workshop is None else read_workshop(workshop)
     skin = load_design(design)
     with progress_bar() as bar:
-        report = make(skin, out, workshop=shop, force=force, progress=bar)
+        report = make(skin, out, workshop=shop, step=step, force=force, progress=bar)
     tell(report, as_json)
     typer.echo(f"Now: cut {out}/pattern/coupon.dxf and measure it.", err=True)

@@ -10,6 +10,7 @@ Kind = Literal[
     "pdf",
     "stl",
     "3mf",
+    "step",
     "kicad_pcb",
     "kicad_sch",
     "kicad_pro",

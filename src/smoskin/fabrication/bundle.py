@@ -16,7 +16,7 @@ from smoskin.errors import require
 from smoskin.fabrication.artifact import Artifact
 from smoskin.fabrication.boards.files import board_files
 from smoskin.fabrication.materials import Item, bill, bill_csv
-from smoskin.fabrication.moulds.files import solid_files
+from smoskin.fabrication.moulds.files import solid_files, step_file
 from smoskin.fabrication.pattern.files import pattern_files
 from smoskin.fabrication.process.files import process_files
 from smoskin.fabrication.workshop import Workshop, check_process
@@ -59,18 +59,24 @@ class Bundle:
 
 @typed
 def make_bundle(
-    design: SkinDesign, workshop: Workshop | None = None, *, progress: Progress | None = None
+    design: SkinDesign,
+    workshop: Workshop | None = None,
+    *,
+    step: bool = False,
+    progress: Progress | None = None,
 ) -> Bundle:
-    """Every file from which a workshop and a board house build a design.
+    """Every file from which a workshop and a board house build a design, STEP where it is asked.
 
     Raises
     ------
     DesignError
         If the design cannot be made in this workshop; the message has the measure and the limit.
     MissingExtraError
-        If the extra ``fabrication`` is not installed.
+        If the extra ``fabrication`` is not installed, or ``step`` where it is needed.
     """
     require("making a skin's files", "fabrication", "ezdxf", "shapely", "manifold3d")
+    if step:
+        require("writing STEP files", "step", "OCP")
     shop = workshop or Workshop()
     check_process(design, shop)
     tell = progress or (lambda what, share: None)
@@ -88,6 +94,9 @@ def make_bundle(
     )
     tell("process sheet", 0.95)
     files += process_files(design, shop, solids, items)
+    if step:
+        tell("STEP", 0.97)
+        files.append(step_file(design, shop))
     return Bundle(
         design=design,
         files=tuple(sorted(files, key=lambda file: file.path)),

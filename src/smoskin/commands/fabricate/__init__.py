@@ -55,10 +55,11 @@ def fabricate(
     out: Path,
     *,
     workshop: Workshop | None = None,
+    step: bool = False,
     force: bool = False,
     progress: Progress | None = None,
 ) -> FabricationReport:
-    """Write every file from which a design is built into a folder.
+    """Write every file from which a design is built into a folder, STEP where it is asked.
 
     Raises
     ------
@@ -69,5 +70,5 @@ def fabricate(
     """
     check_output(out, folder=True)
     check_output(out / "manifest.json", force=force)
-    bundle = make_bundle(design, workshop, progress=progress)
+    bundle = make_bundle(design, workshop, step=step, progress=progress)
     return FabricationReport(bundle=bundle, out=out, files=write_bundle(bundle, out, force=force))

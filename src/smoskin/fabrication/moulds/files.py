@@ -8,8 +8,10 @@ from smoskin.fabrication.artifact import Artifact
 from smoskin.fabrication.layout import column_places
 from smoskin.fabrication.moulds import assembly
 from smoskin.fabrication.moulds.holders import holders
+from smoskin.fabrication.moulds.sheet import folded_panels
 from smoskin.fabrication.moulds.solids import Part, laid, stl, three_mf
 from smoskin.fabrication.moulds.split import split
+from smoskin.fabrication.moulds.step import step
 from smoskin.fabrication.moulds.tools import tools
 from smoskin.fabrication.pattern.flat import flat_sheet
 from smoskin.fabrication.workshop import Workshop
@@ -63,6 +65,16 @@ def printed_parts(design: SkinDesign, workshop: Workshop) -> list[Part]:
     ]
     # Rubber columns on holders are cast, or cut from a rod.
     return [laid(part) for part in parts if not part.name.startswith("holder_driver")]
+
+
+def step_file(design: SkinDesign, workshop: Workshop) -> Artifact:
+    """The assembled skin with its panels, a STEP file."""
+    parts = [
+        *assembly.assembled(design, workshop),
+        *folded_panels(design, flat_sheet(design, workshop), workshop),
+    ]
+    content = step(parts, f"{design.name} {design.content_hash[:12]}")
+    return Artifact(path="assembly.step", kind="step", units="mm", content=content)
 
 
 def _written(folder: str, pieces: Sequence[Part]) -> list[Artifact]:
