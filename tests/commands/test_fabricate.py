@@ -49,7 +49,11 @@ def test_what_cannot_be_made_is_refused_and_nothing_is_written(design, tmp_path)
 
 
 def test_tables_tell_files_and_masses(design, tmp_path):
-    done = invoke(design, "--out", tmp_path / "skin")
+    done = invoke(design, "--out", tmp_path / "skin", "--covers")
     assert done.exit_code == 0, done.output
     assert "support column" in done.stdout
     assert "kind" in done.stdout
+    assert "cover" in done.stdout
+    assert "top scale" not in done.stdout
+    assert (tmp_path / "skin/parts/guide.stl").exists()
+    assert "SI Figure S16" in (tmp_path / "skin/process.html").read_text()

@@ -53,11 +53,11 @@ def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # 345 bend a skin round a limb: places, axes, the shell on its pillars, and the page;
     # 108 let all starts of a search for touches go on together;
     # 370 show a tessellated sheet from flat to attached, report on it and give its design;
-    # 260 write the assembled skin as STEP;
+    # 260 write the assembled skin as STEP; 215 put guided covers in place of scales;
     # 670 roll a skin's parts on to its limb and make what it takes besides;
     # 220 write recordings as episodes for robot learning; 1,000 press real skins by a stage and
     # a gauge.
-    assert sum(text.count("\n") for text in FILES.values()) <= 49_460
+    assert sum(text.count("\n") for text in FILES.values()) <= 49_650
 
 
 def test_no_file_has_over_450_lines():

@@ -1,5 +1,6 @@
 """The command that writes the files from which a skin is built."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -24,6 +25,9 @@ def fabricate(
         File,
         Option(help="Workshop (TOML): what differs from the usual, such as kerf_mm = 0.2."),
     ] = None,
+    covers: Annotated[
+        bool, Option("--covers", help="Guided cover panels (SI Figure S16) in place of scales.")
+    ] = False,
     step: Annotated[
         bool, Option("--step", help="Also write the assembled skin as a STEP file.")
     ] = False,
@@ -36,9 +40,10 @@ def fabricate(
     be made so is refused with the measure and the limit.
     """
     from smoskin.commands.fabricate import fabricate as make
-    from smoskin.fabrication.workshop import read_workshop
+    from smoskin.fabrication.workshop import Workshop, read_workshop
 
-    shop = None if workshop is None else read_workshop(workshop)
+    shop = Workshop() if workshop is None else read_workshop(workshop)
+    shop = replace(shop, top="covers") if covers else shop
     skin = load_design(design)
     with progress_bar() as bar:
         report = make(skin, out, workshop=shop, step=step, force=force, progress=bar)

@@ -116,9 +116,10 @@ def _rubber(design: SkinDesign, workshop: Workshop) -> list[Item]:
         * layer.radius**2
         * layer.height,
     }
-    count = design.cells[0] * design.cells[1]
-    scales = count * float(scale(design, workshop).volume())
-    volumes["top scale", count, columns.material] = scales
+    if workshop.top == "scales":
+        count = design.cells[0] * design.cells[1]
+        scales = count * float(scale(design, workshop).volume())
+        volumes["top scale", count, columns.material] = scales
     items = [
         Item(
             part=part,

@@ -61,6 +61,8 @@ class Workshop:
     """How panels are bonded to the film."""
     bend: Literal["even", "sharp"] = "even"
     """How the free film bends: evenly across its gap, as the mechanics take it, or in one line."""
+    top: Literal["scales", "covers"] = "scales"
+    """Scales on the top vertices, or the guided cover panels of SI Figure S16."""
     bridge: float = 1.0e-3
     """m: width of the bridges that hold panels in their carrier until they are bonded."""
     slot: float = 2.0e-3
@@ -112,7 +114,9 @@ class Workshop:
 
 
 _LENGTHS: Final = tuple(
-    part.name for part in fields(Workshop) if part.name not in ("bond", "bend", "perforation")
+    part.name
+    for part in fields(Workshop)
+    if part.name not in ("bond", "bend", "top", "perforation")
 )
 _FORM: Final = Form(units=dict.fromkeys(_LENGTHS, "mm"), error=DesignError)
 

@@ -25,6 +25,7 @@ from smoskin.fabrication.layout import (
     pose,
     shell_thickness,
 )
+from smoskin.fabrication.moulds.covers import covers, guide
 from smoskin.fabrication.moulds.holders import holders
 from smoskin.fabrication.moulds.roll import rolled
 from smoskin.fabrication.moulds.sheet import cast_height, scales
@@ -251,6 +252,13 @@ def _gap(design: SkinDesign, magnet: Magnet) -> float:
     return min(site.gap for site in design.halls if site.magnet == magnet.name)
 
 
+def top(design: SkinDesign, workshop: Workshop) -> list[Part]:
+    """Parts over the sheet that are touched, and what guides them."""
+    if workshop.top == "covers":
+        return [guide(design, workshop), *covers(design, workshop)]
+    return scales(design, workshop)
+
+
 def assembled(design: SkinDesign, workshop: Workshop) -> list[Part]:
     """Every part but the sheet, where it stands."""
     return [
@@ -262,5 +270,5 @@ def assembled(design: SkinDesign, workshop: Workshop) -> list[Part]:
         *holders(design, workshop),
         *pillars(design),
         *base(design, workshop),
-        *scales(design, workshop),
+        *top(design, workshop),
     ]

@@ -1,7 +1,7 @@
 """Files of the solid parts: an STL each, split for the printer's bed, and 3MF files of all."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from smoskin.design.skin import SkinDesign
 from smoskin.fabrication.artifact import Artifact
@@ -63,8 +63,15 @@ def printed_parts(design: SkinDesign, workshop: Workshop) -> list[Part]:
         *holders(design, workshop),
         *assembly.base(design, workshop),
     ]
+    if workshop.top == "covers":
+        guide, *covers = assembly.top(design, workshop)
+        parts += [guide, replace(covers[0], name="cover", quantity=len(covers))]
     # Rubber columns on holders are cast, or cut from a rod.
-    return [laid(part) for part in parts if not part.name.startswith("holder_driver")]
+    return [
+        laid(part, upside_down=part.name == "cover")
+        for part in parts
+        if not part.name.startswith("holder_driver")
+    ]
 
 
 def step_file(design: SkinDesign, workshop: Workshop) -> Artifact:

@@ -65,7 +65,7 @@ def tools(design: SkinDesign, workshop: Workshop, sheet: FlatSheet) -> list[Part
         fold_jig(design, workshop, sheet),
         *creasing_moulds(design, workshop, sheet),
         laminating_plate(workshop, sheet),
-        scale_mould(design, workshop),
+        *([scale_mould(design, workshop)] if workshop.top == "scales" else []),
         *magnet_moulds(design, workshop),
     ]
 

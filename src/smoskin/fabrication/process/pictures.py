@@ -25,6 +25,8 @@ COLOURS: Final = {
     "column": "#f4cccc",
     "pillar": "#f4cccc",
     "scale": "#d9c2e9",
+    "cover": "#d9c2e9",
+    "guide": "#c9b458",
     "magnet": "#555555",
     "sunk": "#555555",
     "holder": "#b6d7a8",

@@ -13,6 +13,7 @@ from smoskin.fabrication.layout import (
     magnet_height,
 )
 from smoskin.fabrication.moulds.assembly import base_inner_radius
+from smoskin.fabrication.moulds.covers import PLAY, STROKE, bush_length
 from smoskin.fabrication.moulds.creasing import FOLD_STAGES
 from smoskin.fabrication.moulds.files import Solids
 from smoskin.fabrication.moulds.roll import developed
@@ -57,7 +58,7 @@ def steps_of(
         _base(design, workshop, plain),
         _stand(design, plain),
         _drip(design, workshop, plain),
-        _scales(design, workshop, parts),
+        _top(design, workshop, parts),
     )
 
 
@@ -342,24 +343,56 @@ def _drip(design: SkinDesign, workshop: Workshop, parts: list[Part]) -> Step:
     )
 
 
-def _scales(design: SkinDesign, workshop: Workshop, parts: list[Part]) -> Step:
-    """Top scales."""
-    top = _of(parts, "scale")
-    if design.limb is None:
+def _top(design: SkinDesign, workshop: Workshop, parts: list[Part]) -> Step:
+    """Top scales, or the covers in their place."""
+    across = design.limb is not None or workshop.top == "covers"
+    if across:
+        at, caption = pictures.across_a_magnet(design), "The finished skin, cut across its rows"
+        picture = pictures.section(parts, at, caption, across_y=False)
+    else:
+        top = _of(parts, "scale")
         height = float(np.array(top[0].solid.bounding_box())[5]) - workshop.scale_pad / 2
         picture = pictures.plan(top, height, "Scales, one a cell")
-    else:
-        at, caption = pictures.across_a_magnet(design), "The finished skin, cut across its limb"
-        picture = pictures.section(parts, at, caption, across_y=False)
+    wet = (
+        "For wet use coat with parylene last, the connector masked; it bridges creases and "
+        "stiffens rubber: calibrate after it, not before."
+    )
+    if workshop.top == "covers":
+        return _covers(design, workshop, wet, picture)
     return Step(
         figure="(7)",
         title="Top scales",
         actions=(
             "Cast scales in scale_mould, bond each by its patch alone to its top vertex. The "
             "paper prints neither their size nor the patch's: both are this package's choice.",
-            "For wet use coat with parylene last, the connector masked; it bridges creases and "
-            "stiffens rubber: calibrate after it, not before.",
+            wet,
         ),
         checks=("scales do not touch each other when one is pressed by 2 mm",),
+        picture=picture,
+    )
+
+
+def _covers(design: SkinDesign, workshop: Workshop, wet: str, picture: Picture) -> Step:
+    """The guide and the covers of SI Figure S16."""
+    many = design.cells[0] * design.cells[1]
+    return Step(
+        figure="",
+        title="Guide and cover panels, SI Figure S16",
+        actions=(
+            "Glue the guide's posts on to the frame, its bushes over the top vertices, with two "
+            "covers in opposite corners to place it.",
+            f"Put a drop of {design.columns.material} on each top vertex, or glue on a primed "
+            f"one, and lower {many} covers through their bushes on to it; cure.",
+            "The figure has no size: bars, bushes of "
+            f"{1e3 * bush_length(design, workshop):.1f} mm, in which a bar does not bind at a "
+            f"friction of 0.2, {1e3 * PLAY:g} mm of play and {1e3 * STROKE:g} mm of stroke are "
+            "this package's choice.",
+            f"Find the response table again for such a skin (grip {'covered'!r}).",
+            wet,
+        ),
+        checks=(
+            "every cover comes back by itself, pressed in its middle and on a corner",
+            "no cover moves when its neighbour is pressed hard",
+        ),
         picture=picture,
     )

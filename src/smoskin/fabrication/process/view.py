@@ -24,6 +24,8 @@ _LEVELS: Final = (
     ("panels below the film", 3.0, ("lower",)),
     ("panels above the film", 3.6, ("upper",)),
     ("scales", 4.6, ("scale",)),
+    ("guide of the covers", 4.2, ("guide",)),
+    ("covers", 5.4, ("cover",)),
 )
 """What moves together, how far it is lifted, and which parts it has."""
 LARGEST: Final = 150
