@@ -74,3 +74,25 @@ def recorded(path: Path, times: Sequence[float]) -> Path:
         for index, moment in enumerate(times):
             sink.write(Reading(time=moment, field=np.full((CHIPS, 3), float(index))))
     return path
+
+
+def decoded_by_others(path: Path) -> dict[str, list[tuple[int, object]]]:
+    """Log time and message by topic, through mcap's reader and the schemas in the file alone."""
+    from mcap.reader import make_reader
+    from rosbags.typesys import get_types_from_msg
+    from rosbags.typesys.store import Typestore
+
+    found: dict[str, list[tuple[int, object]]] = {}
+    stores: dict[str, Typestore] = {}
+    with open(path, "rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert reader.get_header().profile == "ros2"
+        for schema, channel, message in reader.iter_messages():
+            assert schema is not None
+            assert (schema.encoding, channel.message_encoding) == ("ros2msg", "cdr")
+            if schema.name not in stores:
+                store = stores[schema.name] = Typestore()
+                store.register(get_types_from_msg(schema.data.decode(), schema.name))
+            content = stores[schema.name].deserialize_cdr(message.data, schema.name)
+            found.setdefault(channel.topic, []).append((message.log_time, content))
+    return found

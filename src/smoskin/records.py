@@ -156,6 +156,41 @@ _ESTIMATED: Final = (
 """Fields of an estimate, with their types and these in words."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trace:
+    """What a rig's own parts did while it made a touch, on the clock of the readings.
+
+    It raises an `ArgumentError` if times fall or are not finite, or a phase ends before it begins.
+    """
+
+    gauge: Floats
+    """(N, 4): time, s, and the force that the toucher exerts on the skin along x, y and z, N."""
+    stage: Floats
+    """(M, 4): time, s, and place of the probe's tip in the skin's frame, m."""
+    phases: tuple[tuple[str, float, float], ...] = ()
+    """Name, begin and end, s, of what the rig did, in its order."""
+
+    def __init__(
+        self,
+        *,
+        gauge: ArrayLike,
+        stage: ArrayLike,
+        phases: Sequence[tuple[str, float, float]] = (),
+    ) -> None:
+        told = tuple((str(name), float(begin), float(end)) for name, begin, end in phases)
+        assign(self, gauge=gauge, stage=stage, phases=told)
+        freeze(self, gauge=(None, 4), stage=(None, 4))
+        for name in ("gauge", "stage"):
+            times = getattr(self, name)[:, 0]
+            if not (np.isfinite(times).all() and (np.diff(times) >= 0).all()):
+                raise ArgumentError(f"times of the {name} must be finite and never fall")
+        if not all(-math.inf < begin <= end < math.inf for _, begin, end in told):
+            raise ArgumentError(f"phases must end after they begin; got {told}")
+
+    def __eq__(self, other: object) -> bool:
+        return _same(self, other)
+
+
 @typed
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HeldTouch:
@@ -170,11 +205,13 @@ class HeldTouch:
     contact: Contact
     """The touch as its toucher knows it."""
     readings: tuple[Reading, ...]
-    """All readings since the touch before, in time."""
+    """All readings since the touch before, in time; some may be of the release after it."""
     rest: tuple[float, float]
     """Start and end of the rest without any touch, s, on the readings' clock."""
     held: tuple[float, float]
     """Start and end of the still hold, s."""
+    trace: Trace | None = None
+    """What gauge and stage said meanwhile; None where the rig does not tell."""
 
     def __post_init__(self) -> None:
         times = (*self.rest, *self.held)

@@ -192,7 +192,7 @@ def test_sheets_are_learned_as_asked(monkeypatch, folder, recording):
     )
     saved, learned = [], Worked(model)
     monkeypatch.setattr(work, "learn_touches", learned)
-    monkeypatch.setattr("smoskin.measurement.read_touches", lambda name: (Sheet(str(name)), None))
+    monkeypatch.setattr("smoskin.service.kept.read_sheet", lambda name: (Sheet(str(name)), None))
     monkeypatch.setattr(
         recordings, "open_recording", lambda path: SimpleNamespace(readings=lambda: iter("abc"))
     )

@@ -340,8 +340,8 @@ def test_sheets_on_the_command_line(skin, table, twin, tmp_path):
         (("--recording", "touches.mcap"), "--recording must come with --sheet"),
         (("--rig", "robot"), "rig must be virtual"),
         (("--rig", "virtual?seed=-1"), "seed of a rig must not be negative"),
-        (("--rig", "virtual?seed=one"), "seed and temperature of a rig must be numbers"),
-        (("--rig", "virtual?speed=1"), "with the options seed and temperature"),
+        (("--rig", "virtual?seed=one"), "a rig's options must be numbers"),
+        (("--rig", "virtual?speed=1"), "with the options seed, temperature, ramp"),
     ],
 )  # fmt: skip
 def test_options_that_exclude_each_other_say_so(options, sentence, table, tmp_path):

@@ -108,11 +108,14 @@ def test_a_rig_of_a_design_presses_the_made_skin_of_its_seed(planar):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("robot", "rig must be virtual, with the options seed and temperature; got 'robot'"),
-        ("virtual?speed=1", "with the options seed and temperature"),
-        ("virtual?seed=", "seed and temperature of a rig must be numbers"),
-        ("virtual?seed=1.5", "seed and temperature of a rig must be numbers"),
-        ("virtual?temperature=warm", "seed and temperature of a rig must be numbers"),
+        (
+            "robot",
+            "rig must be virtual, with the options seed, temperature, ramp, recovery; got 'robot'",
+        ),
+        ("virtual?speed=1", "with the options seed, temperature, ramp"),
+        ("virtual?seed=", "a rig's options must be numbers"),
+        ("virtual?seed=1.5", "a rig's options must be numbers"),
+        ("virtual?temperature=warm", "a rig's options must be numbers"),
         ("virtual?seed=-1", "seed of a rig must not be negative; got -1"),
         ("virtual?temperature=200", "temperature must"),
     ],

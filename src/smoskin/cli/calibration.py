@@ -1,6 +1,7 @@
 """Commands by which one skin becomes known: from touches on a rig, by hand, or as in the paper."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -21,6 +22,7 @@ from smoskin.cli.frame import (
     progress_bar,
     tell,
 )
+from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, CalibrationError, SourceError, require
 from smoskin.feasibility import load_design
 from smoskin.measurement import TouchTable, read_touches, write_touches
@@ -43,7 +45,9 @@ ForceMn = Option("--force-mN", min=0.0, help="Standard deviation of the forces, 
 Rig = Annotated[
     str, Option(help="Rig that touches the skin: virtual, virtual?seed=3&temperature=30.")
 ]
-Sheet = Annotated[File, Option(help="CSV of touches made by hand, instead of a rig.")]
+Sheet = Annotated[
+    File, Option(help="Touches that have been made, instead of a rig: a CSV, or a rig's MCAP.")
+]
 Recording = Annotated[
     File, Option(help="MCAP with the readings, where the CSV says when touches were held.")
 ]
@@ -258,7 +262,10 @@ def press_touches(
         "plan.csv"
     ),
     out: Annotated[
-        Path, Option(help="Sheet (CSV) to write, or to go on with.", dir_okay=False)
+        Path,
+        Option(
+            help="Sheet (.csv) or recording (.mcap) to write, or to go on with.", dir_okay=False
+        ),
     ] = Path("touches.csv"),
     source: Annotated[Text, Option(help="Readings of a real skin, as of smoskin run.")] = None,
     stage: Annotated[Text, Option(help="Stage (GRBL): serial:///dev/ttyUSB0.")] = None,
@@ -277,34 +284,47 @@ def press_touches(
     """Let a rig make the touches of a plan, each once.
 
     What has been made is in the file, at most five seconds late; the same command goes on with it,
-    whatever has interrupted it. With --source, --stage, --gauge and --origin-mm the rig is a real
+    whatever has interrupted it. A recording (MCAP) has all that chips, gauge and stage said, each
+    touch as soon as it is made. With --source, --stage, --gauge and --origin-mm the rig is a real
     one, which presses straight.
     """
-    from smoskin.service.campaign import press_plan
-
     parts = (source, stage, gauge, origin)
     if any(part is not None for part in parts) and (None in parts or rig != "virtual"):
         raise ArgumentError(
             "--source, --stage, --gauge and --origin-mm must come together, and without --rig"
         )
-
-    wanted, made = read_touches(plan)[0], read_touches(out)[0] if out.exists() else None
-    if made is None:
+    skin = load_design(design)
+    read_touches(plan)  # a wrong one is told before a rig moves
+    if not out.exists():
         check_output(out)
-
-    def keep(table: TouchTable) -> None:
-        write_touches(out, table)
-
     opened: AnyRig
     if source is not None and stage is not None and gauge is not None and origin is not None:
         sizes = {"limit": limit, "stiffness": 1e3 * stiffness, "reach": 1e-3 * reach}
         opened = _real_rig(source, stage, gauge, origin=_place(origin), **sizes)
+        known = {"source": source, "stage": stage, "gauge": gauge, "origin_mm": origin, **sizes}
     else:
-        opened = open_rig(rig, load_design(design))
-    with progress_bar() as bar, opened as presser:
-        done = press_plan(presser, wanted, made=made, keep=keep, progress=bar)
-    typer.echo(f"{len(done.contacts)} touches in {out}")
+        opened, known = open_rig(rig, skin), {"rig": rig}
+    with opened as presser:
+        done = _press(presser, skin, plan, out, known)
+    typer.echo(f"{done} touches in {out}")
     typer.echo(f"Now: smoskin learn {out} --out own.model", err=True)
+
+
+def _press(rig: AnyRig, design: SkinDesign, plan: Path, out: Path, known: dict[str, Any]) -> int:
+    """Make what is missing of a plan's touches in a sheet or a recording; how many it has then."""
+    from smoskin.service.campaign import press_plan
+    from smoskin.service.kept import Campaign
+
+    wanted = read_touches(plan)[0]
+    with progress_bar() as bar:
+        if out.suffix == ".mcap":
+            known |= {"place_spread": rig.place_spread, "force_spread": rig.force_spread}
+            with Campaign(out, design, plan=plan.read_bytes(), rig=known) as campaign:
+                press_plan(rig, wanted, made=campaign.made, told=campaign.add, progress=bar)
+                return len(campaign.touches)
+        made = read_touches(out)[0] if out.exists() else None
+        keep = partial(write_touches, out)
+        return len(press_plan(rig, wanted, made=made, keep=keep, progress=bar).contacts)
 
 
 def _place(text: str) -> list[float]:

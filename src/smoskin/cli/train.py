@@ -181,7 +181,8 @@ def train(
 )
 def learn(
     sheets: Annotated[
-        list[Path], Argument(help="Sheets of touches that have been made, of touches record.")
+        list[Path],
+        Argument(help="Touches that have been made: sheets (CSV), or a rig's recordings (MCAP)."),
     ],
     out: Annotated[Path, Option(help="Model to write.", dir_okay=False)] = Path("own.model"),
     recording: Annotated[
@@ -204,14 +205,14 @@ def learn(
     placing differ. smoskin run SOURCE --calibration FILE runs it.
     """
     from smoskin.commands.train import parse_chips
-    from smoskin.measurement import read_touches
     from smoskin.sensing.learned.touches import judge_touches, learn_touches
+    from smoskin.service.kept import read_sheet
 
     check_output(out, force=overwrite)
     require("a learned model", "learned", "safetensors")
     used = None if chips is None else parse_chips(chips)
-    tables = [read_touches(sheet)[0] for sheet in sheets]
-    tests = [read_touches(sheet)[0] for sheet in test or ()]
+    tables = [read_sheet(sheet)[0] for sheet in sheets]
+    tests = [read_sheet(sheet)[0] for sheet in test or ()]
     if recording is not None:
         from smoskin.service.recording import open_recording
 

@@ -34,6 +34,7 @@ from smoskin.sensing.response.judgement import Judgement, judge_touches
 from smoskin.sensing.response.labels import Label, Labeller, labelled_touches
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.signals import signal_noise
+from smoskin.service.kept import recorded_touches
 from smoskin.service.recording import open_recording
 
 if TYPE_CHECKING:
@@ -204,7 +205,7 @@ def calibrate(
     touches : Rig, path, TouchTable or sequence of HeldTouch
         Rig with the skin on it, which is left open; CSV file of touches made by hand
         (`smoskin.measurement.read_touches`), or what it holds; or touches that have been held on
-        rubber that creeps, in the order of time.
+        rubber that creeps, in the order of time, or the recording (.mcap) in which they are.
     design : SkinDesign or str, optional
         Design of the skin, or what `smoskin.load_design` takes for it.
     count, until : int and float
@@ -239,12 +240,13 @@ def calibrate(
         If a number is out of its range, a recording comes without a file, or no touch can be used.
     """
     skin = load_design(design) if isinstance(design, str) else design
-    usual = PLACE_SPREAD, FORCE_SPREAD
-    if isinstance(touches, Rig):
-        usual = touches.place_spread, touches.force_spread
+    by_rig = touches if isinstance(touches, Rig) else None
+    usual = (by_rig.place_spread, by_rig.force_spread) if by_rig else (PLACE_SPREAD, FORCE_SPREAD)
     place = usual[0] if place_spread is None else place_spread
     press = usual[1] if force_spread is None else force_spread
     planner = _planner(skin, table, count, until, force, drag, place, press)
+    if isinstance(touches, str | os.PathLike) and Path(touches).suffix == ".mcap":
+        touches = recorded_touches(touches, some=True)
     by_sheet = isinstance(touches, str | os.PathLike | TouchTable)
     if recording is not None and not by_sheet:
         raise ArgumentError("recording must come with the path of a CSV file of touches")

@@ -23,7 +23,8 @@ from smoskin.sensing.closed_form.calibration import parse_calibration
 from smoskin.sensing.learned.gaussian_process import Metric, load_model
 from smoskin.sensing.network.model import load_network
 from smoskin.sensing.response.table import load_response_table
-from smoskin.service.recording import open_recording
+from smoskin.service.kept import recorded_touches
+from smoskin.service.recording import TOUCH_TOPIC, open_recording
 
 _MCAP: Final = b"\x89MCAP0\r\n"
 _START: Final = 65_536
@@ -159,6 +160,8 @@ def _recording(path: Path) -> Facts:
     yield "made by", f"smoskin {made.version}"
     yield "readings", f"{recording.reading_count} over {recording.duration:.1f} s"
     yield "estimates", str(recording.estimate_count)
+    if TOUCH_TOPIC in recording.topics.values():
+        yield "touches of a rig", str(len(recorded_touches(path)))
     if recording.damage:
         raise RecordingError(recording.damage)
 

@@ -13,12 +13,13 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.design.skin import Coefficients, SkinDesign
 from smoskin.errors import CalibrationError, MissingExtraError
-from smoskin.measurement import TouchTable, read_touches, write_touches
+from smoskin.measurement import TouchTable, write_touches
 from smoskin.outputs import sealed, write_output
 from smoskin.roles import Progress, VirtualSkin, unheard
 from smoskin.sensing.closed_form.calibration import Calibration, Uncertainty, format_calibration
 from smoskin.sensing.closed_form.fitting import Attenuation, Fit
 from smoskin.sensing.closed_form.judgement import judged_fit
+from smoskin.service.kept import read_sheet
 from smoskin.service.recording import open_recording
 from smoskin.twin.bench import calibration_loads, made_skin, measure, table_loads
 from smoskin.units import SI_PER_SUFFIX
@@ -137,13 +138,13 @@ def fit_paper(
 ) -> CalibrationReport:
     """Fit the paper's model to touches on a skin's top vertices and write its calibration.
 
-    Touches are a CSV, as `smoskin.measurement.read_touches` describes it; the output is a TOML
-    file; a recording, an MCAP file, has the chips' readings where the CSV says only when each touch
-    was held. It raises a `RecordingError` if one cannot be read, a `CalibrationError` if one force
-    is far from all others or a wrong unit, sign, chip, axis, place or row explains touches that fit
-    badly, else as `fit_calibration`.
+    Touches are a CSV, as `smoskin.measurement.read_touches` describes it, or a rig's recording; the
+    output is a TOML file; a recording, an MCAP file, has the chips' readings where the CSV says
+    only when each touch was held. It raises a `RecordingError` if one cannot be read, a
+    `CalibrationError` if one force is far from all others or a wrong unit, sign, chip, axis, place
+    or row explains touches that fit badly, else as `fit_calibration`.
     """
-    table, digest = read_touches(touches)
+    table, digest = read_sheet(touches)
     if recording is not None:
         table = table.with_readings(open_recording(recording).readings())
         both = digest + hashlib.sha256(Path(recording).read_bytes()).hexdigest()

@@ -5,7 +5,7 @@ held, and when that was.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import fields, replace
 from typing import Final
@@ -34,6 +34,7 @@ def press_plan(
     made: TouchTable | None = None,
     keep: Callable[[TouchTable], object] = lambda table: None,
     every: float = 5.0,
+    told: Callable[[HeldTouch], object] = lambda touch: None,
     progress: Progress = unheard,
 ) -> TouchTable:
     """The touches of a plan in its order, with a row of the untouched skin before each.
@@ -50,6 +51,8 @@ def press_plan(
         Kept touches of an earlier call with this plan, which is gone on with.
     keep : callable, optional
         Function that gets the table so far every so many seconds, and however the call ends.
+    told : callable, optional
+        Function that gets each touch as soon as it has been made.
 
     Raises
     ------
@@ -71,6 +74,7 @@ def press_plan(
         for number, target in enumerate(targets[begun:], begun):
             progress(f"touch {number + 1} of {len(targets)}", number / len(targets))
             touch = rig.press(target, _PATIENCE)
+            told(touch)
             first = touch.rest[0] if first is None else first
             rows.append(_rows(touch, shift - first))
             if time.monotonic() - kept > every:
@@ -82,6 +86,13 @@ def press_plan(
             keep(_joined(rows))
     progress("done", 1.0)
     return _joined(rows)
+
+
+def table_of(touches: Sequence[HeldTouch]) -> TouchTable:
+    """The table of touches that were held, with a row of the untouched skin before each."""
+    if not touches:
+        raise ArgumentError("touches must hold at least one; got none")
+    return _joined([_rows(touch, 0.0) for touch in touches])
 
 
 def _made_of(made: TouchTable, targets: tuple[Contact, ...]) -> int:

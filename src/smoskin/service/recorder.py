@@ -10,23 +10,32 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import partial
 from importlib.metadata import version
 from io import BufferedWriter
 from pathlib import Path
 from typing import Any, Final, final
 
+import numpy as np
+
 from smoskin.arguments import typed
 from smoskin.design.document import format_design
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, RecordingError, require
-from smoskin.records import Estimate, Reading, Status
+from smoskin.records import Estimate, HeldTouch, Reading, Status
 from smoskin.roles import Sink
 from smoskin.service import ros
 from smoskin.service.recording import (
     DESCRIPTION_TOPIC,
     DESIGN_TOPIC,
     ESTIMATE_TOPIC,
+    GAUGE_TOPIC,
+    PHASE_TOPIC,
     READING_TOPIC,
+    RIG_TOPIC,
+    STAGE_TOPIC,
+    TOUCH_TOPIC,
+    Recording,
 )
 from smoskin.service.ros import Codec, Description
 
@@ -36,6 +45,13 @@ _CHUNK_BYTES: Final = 1_000_000
 """Size at which a chunk is written at the latest, bytes."""
 _LAST_STAMP: Final = 2**31 * 1_000_000_000 - 1
 """Latest wall clock time that both MCAP and ROS 2 can hold, ns."""
+_RIG_SCHEMAS: Final = {
+    GAUGE_TOPIC: ros.WRENCH,
+    STAGE_TOPIC: ros.POSITION,
+    PHASE_TOPIC: ros.PHASE,
+    TOUCH_TOPIC: ros.TOUCH,
+}
+"""Message types of what a rig says."""
 _WRENCH_KNOWN: Final = (Status.CONTACT, Status.NO_CONTACT, Status.AMBIGUOUS)
 """Statuses of estimates that tell the wrench on the skin."""
 
@@ -64,6 +80,8 @@ class Recorder(Sink):
         half of what there is; a power cut can lose more.
     attachments : mapping of str to bytes
         Files by their names that go into the recording as they are, such as a calibration.
+    rig : str
+        What is known of the rig that touches the skin, kept in ``/rig/description``.
     on_failure : callable
         Called once with a sentence when the file cannot be written any more.
     clock : callable
@@ -89,6 +107,7 @@ class Recorder(Sink):
         *,
         flush_interval: float = 1.0,
         attachments: Mapping[str, bytes] | None = None,
+        rig: str = "",
         on_failure: Callable[[str], object] = warnings.warn,
         clock: Callable[[], float] = time.monotonic,
         wall_clock: Callable[[], int] = time.time_ns,
@@ -110,7 +129,7 @@ class Recorder(Sink):
             version=version("smoskin"),
             start=opened * 1e-9,
         )
-        self._document = format_design(design)
+        self._documents = {DESIGN_TOPIC: format_design(design)} | ({RIG_TOPIC: rig} if rig else {})
         self._on_failure = on_failure
         self.failure = ""
         """Reason why the file cannot be written any more; empty while it can."""
@@ -124,8 +143,7 @@ class Recorder(Sink):
         self._writer: Any = Writer(  # partly untyped
             self._file, chunk_size=2**62, compression=CompressionType.ZSTD
         )
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
+        self._schemas, self._channels = dict[str, int](), dict[str, int]()
         try:
             self._begin(attachments or {})
         except OSError as error:
@@ -155,6 +173,60 @@ class Recorder(Sink):
         if not self.failure:
             with self._tried():
                 self._append(reading, estimate)
+
+    def write_touch(self, number: int, touch: HeldTouch) -> None:
+        """Append a touch of a rig with its readings and trace, and end the chunk behind it.
+
+        What gauge and stage said stands in ``/rig/gauge`` (`geometry_msgs/WrenchStamped`) and
+        ``/rig/stage`` (`geometry_msgs/PointStamped`), at stamps of the readings' clock. It raises
+        as `write`.
+        """
+        for reading in touch.readings:
+            self.write(reading)
+        if self.failure:
+            return
+        with self._tried():
+            codec, trace = self._codec, touch.trace
+            if trace is not None:
+                for moment, *force in trace.gauge:
+                    stamp = self._stamp(moment)
+                    self._add(GAUGE_TOPIC, codec.encode_force(np.array(force), stamp), stamp)
+                for moment, *place in trace.stage:
+                    stamp = self._stamp(moment)
+                    self._add(STAGE_TOPIC, codec.encode_place(np.array(place), stamp), stamp)
+                for phase in trace.phases:
+                    stamp = self._stamp(phase[1])
+                    self._add(PHASE_TOPIC, codec.encode_phase(number, phase, stamp), stamp)
+            stamp = self._stamp(touch.held[1])
+            self._add(TOUCH_TOPIC, codec.encode_touch(number, touch, stamp), stamp)
+            self._flush()
+            self._flushed = self._clock()
+
+    def take_over(self, recording: Recording) -> None:
+        """Append what can be read of an earlier part of this recording, as it stands there.
+
+        The clock of its readings goes on. It is for a recorder that has written nothing, and
+        raises a `RecordingError` if the part cannot be read or the file not be written.
+        """
+        topics = {READING_TOPIC, *_RIG_SCHEMAS, *(t for t in self._channels if "/chip" in t)}
+        decoders = {topic: partial(_named, topic) for topic in topics}
+        for topic, payload in recording.decoded(decoders):
+            stamp = self._codec.stamp(payload)
+            if topic == READING_TOPIC:
+                sequence, moment = self._codec.sequence_and_time(payload)
+                self._sequence = sequence + 1
+                self._first = self._first or (stamp, moment)
+            if not self.failure:
+                with self._tried():
+                    self._add(topic, payload, stamp)
+                    if self._bytes >= _CHUNK_BYTES:
+                        self._flush()
+        if not self.failure:
+            with self._tried():
+                self._flush()
+                os.fsync(self._file.fileno())
+        if self.failure:
+            raise RecordingError(self.failure)
 
     def close(self) -> None:
         """Write what is left and the file's index; may be called any number of times."""
@@ -216,7 +288,8 @@ class Recorder(Sink):
                 self._last_stamp, self._last_stamp, name, "application/octet-stream", content
             )
         self._declare(DESCRIPTION_TOPIC, ros.DESCRIPTION)
-        self._declare(DESIGN_TOPIC, ros.DOCUMENT)
+        for topic in self._documents:
+            self._declare(topic, ros.DOCUMENT)
         self._declare(READING_TOPIC, ros.READING)
         self._declare(ESTIMATE_TOPIC, ros.ESTIMATE)
         self._declare(WRENCH_TOPIC, ros.WRENCH)
@@ -238,7 +311,8 @@ class Recorder(Sink):
         """Write description and design in a chunk of their own, with the channels till then."""
         self._flush()
         self._add(DESCRIPTION_TOPIC, self._codec.encode_description(self._description))
-        self._add(DESIGN_TOPIC, self._codec.encode_document(self._document))
+        for topic, text in self._documents.items():
+            self._add(topic, self._codec.encode_document(text))
         self._flush()
 
     def _declare(self, topic: str, schema: str) -> None:
@@ -248,9 +322,11 @@ class Recorder(Sink):
             )
         self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[schema])
 
-    def _add(self, topic: str, payload: bytes) -> None:
-        """Add a message at the latest stamp."""
-        stamp = self._last_stamp
+    def _add(self, topic: str, payload: bytes, stamp: int | None = None) -> None:
+        """Add a message at a stamp, the latest by default."""
+        if topic not in self._channels:
+            self._declare(topic, _RIG_SCHEMAS[topic])
+        stamp = self._last_stamp if stamp is None else stamp
         self._writer.add_message(
             self._channels[topic], log_time=stamp, data=payload, publish_time=stamp
         )
@@ -271,6 +347,11 @@ class Recorder(Sink):
         wall, first = self._first
         elapsed = min(max(moment - first, -1e10), 1e10)
         return min(max(wall + round(elapsed * 1e9), 0), _LAST_STAMP)
+
+
+def _named(topic: str, payload: bytes) -> tuple[str, bytes]:
+    """A message with its topic, not decoded."""
+    return topic, payload
 
 
 def _new_file(path: str | os.PathLike[str]) -> BufferedWriter:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import BinaryIO, Final
+from typing import BinaryIO, Final, TypeVar
 
 from smoskin.design.document import parse_design, shipped_design
 from smoskin.design.skin import SkinDesign
@@ -22,10 +22,17 @@ from smoskin.service import mcap
 from smoskin.service.mcap import Span
 from smoskin.service.ros import Codec, Description
 
+T = TypeVar("T")
+
 DESCRIPTION_TOPIC: Final = "/skin/description"
 DESIGN_TOPIC: Final = "/skin/design"
 READING_TOPIC: Final = "/skin/reading"
 ESTIMATE_TOPIC: Final = "/skin/estimate"
+GAUGE_TOPIC: Final = "/rig/gauge"
+STAGE_TOPIC: Final = "/rig/stage"
+PHASE_TOPIC: Final = "/rig/phase"
+TOUCH_TOPIC: Final = "/rig/touch"
+RIG_TOPIC: Final = "/rig/description"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,11 +113,16 @@ class Recording:
 
     def _records(self, *wanted: str) -> Iterator[tuple[int, Reading | Estimate]]:
         """Records on these topics, with the numbers of their readings."""
-        codec, topics = Codec(), dict(self.topics)
+        codec = Codec()
         decoders: dict[str, Callable[[bytes], tuple[int, Reading | Estimate]]] = {
             READING_TOPIC: codec.decode_reading,
             ESTIMATE_TOPIC: codec.decode_estimate,
         }
+        yield from self.decoded({topic: decoders[topic] for topic in wanted})
+
+    def decoded(self, decoders: Mapping[str, Callable[[bytes], T]]) -> Iterator[T]:
+        """What the decoder of its topic makes of each message, in the file's order."""
+        topics = dict(self.topics)
         with _opened(self.path) as file:
             for span in self.spans:
                 data = mcap.load(file, span)
@@ -118,7 +130,7 @@ class Recording:
                     raise RecordingError("the file has changed since it was opened")
                 with _located(span):
                     for topic, payload in mcap.messages(data, topics):
-                        if topic in wanted:
+                        if topic in decoders:
                             yield decoders[topic](payload)
 
 

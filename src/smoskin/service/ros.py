@@ -1,8 +1,8 @@
 """The ROS 2 messages of a recording: records to CDR bytes and back.
 
-Decides the message types: `Reading`, `Estimate` and `Description` of our own (in `msg/`) hold every
-bit of the records; `sensor_msgs/MagneticField`, `geometry_msgs/PointStamped` and `WrenchStamped`
-say the same, as far as they can, to viewers that know nothing of skins. Hides the encoding.
+Decides the message types: those of our own (in `msg/`) hold every bit of the records;
+`sensor_msgs/MagneticField`, `geometry_msgs/PointStamped` and `WrenchStamped` say the same, as far
+as they can, to viewers that know nothing of skins. Hides the encoding.
 """
 
 import struct
@@ -11,14 +11,14 @@ from contextlib import contextmanager
 from dataclasses import astuple, dataclass, fields
 from functools import cache
 from importlib import resources
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import HallSetting
 from smoskin.errors import MissingExtraError, RecordingError
-from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
+from smoskin.records import ChipFlag, Contact, Estimate, HeldTouch, Reading, Status
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -30,11 +30,15 @@ FIELD: Final = "sensor_msgs/msg/MagneticField"
 POSITION: Final = "geometry_msgs/msg/PointStamped"
 WRENCH: Final = "geometry_msgs/msg/WrenchStamped"
 DOCUMENT: Final = "std_msgs/msg/String"
+TOUCH: Final = "smoskin_msgs/msg/Touch"
+PHASE: Final = "smoskin_msgs/msg/Phase"
 
 _MEANINGLESS: Final = int(ChipFlag.MISSING | ChipFlag.WRAPPED | ChipFlag.INVALID)
 """Flags of chips whose field is no field at all; viewers get NaN."""
 _HEAD: Final = struct.Struct("<4xiIQd")
 """Little-endian CDR of `stamp`, `sequence` and `time`, after its four bytes of preamble."""
+_STAMP: Final = struct.Struct("<4xiI")
+"""The same of `stamp` alone."""
 _SECOND: Final = 1_000_000_000
 _WRONG: Final = (LookupError, ValueError, TypeError, OverflowError, MemoryError, struct.error)
 """Errors that payloads of something else raise, beside the library's own."""
@@ -58,6 +62,20 @@ class Description:
     """s since 1970-01-01 UTC, when the recorder was opened."""
 
 
+class TouchLabel(NamedTuple):
+    """What a recording says of a touch."""
+
+    number: int
+    """Its number in the campaign, from 0."""
+    contact: Contact
+    span: tuple[float, float]
+    """Times of its first and last reading, s."""
+    rest: tuple[float, float]
+    """Start and end of the rest before it, s."""
+    held: tuple[float, float]
+    """Start and end of the hold, s."""
+
+
 def _definition(name: str) -> str:
     """A message type of our own, as its schema stands in every recording."""
     file = resources.files("smoskin.service") / "msg" / f"{name.rpartition('/')[2]}.msg"
@@ -70,7 +88,7 @@ def _typestore() -> "Typestore":
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
-    for name in (READING, ESTIMATE, DESCRIPTION):
+    for name in (READING, ESTIMATE, DESCRIPTION, TOUCH, PHASE):
         store.register(get_types_from_msg(_definition(name), name))
     return store
 
@@ -154,6 +172,60 @@ class Codec:
             torque += (y * fz, -x * fz, x * fy - y * fx)
         wrench = self._new("geometry_msgs/msg/Wrench", self._vector(force), self._vector(torque))
         return self._encode(WRENCH, self._header("skin", stamp), wrench)
+
+    def encode_force(self, force: Floats, stamp: int) -> bytes:
+        """What a gauge felt, (3,), N."""
+        wrench = self._new(
+            "geometry_msgs/msg/Wrench", self._vector(force), self._vector(np.zeros(3))
+        )
+        return self._encode(WRENCH, self._header("gauge", stamp), wrench)
+
+    def encode_place(self, place: Floats, stamp: int) -> bytes:
+        """Place at which a stage held the probe, (3,), m in the skin's frame."""
+        point = self._new("geometry_msgs/msg/Point", *place.tolist())
+        return self._encode(POSITION, self._header("skin", stamp), point)
+
+    def encode_phase(self, number: int, phase: tuple[str, float, float], stamp: int) -> bytes:
+        """A phase of the touch of this number."""
+        return self._encode(PHASE, self._time(stamp), number, *phase)
+
+    def encode_touch(self, number: int, touch: HeldTouch, stamp: int) -> bytes:
+        """A touch without its readings and its trace, which have messages of their own."""
+        first, last = touch.readings[0].time, touch.readings[-1].time
+        return self._encode(
+            TOUCH,
+            self._time(stamp),
+            number,
+            *(np.array(pair) for pair in ((first, last), touch.rest, touch.held)),
+            touch.contact.position,
+            touch.contact.force,
+        )
+
+    def decode_vector(self, payload: bytes, name: str) -> tuple[int, Floats]:
+        """Stamp, ns, and x, y and z of a gauge's `WRENCH` or a stage's `POSITION`."""
+        with self._decoded("a rig's part", name, payload) as message:
+            xyz = message.wrench.force if name == WRENCH else message.point
+            stamp = message.header.stamp
+            return stamp.sec * _SECOND + stamp.nanosec, np.array([xyz.x, xyz.y, xyz.z])
+
+    def decode_phase(self, payload: bytes) -> tuple[int, tuple[str, float, float]]:
+        """A phase and the number of its touch."""
+        with self._decoded("a phase", PHASE, payload) as message:
+            return message.touch, (message.name, message.begin, message.end)
+
+    def decode_touch(self, payload: bytes) -> TouchLabel:
+        """What was said of a touch."""
+        with self._decoded("a touch", TOUCH, payload) as message:
+            return TouchLabel(
+                message.touch,
+                Contact(position=message.position, force=message.force),
+                *(tuple(getattr(message, name).tolist()) for name in ("span", "rest", "held")),
+            )
+
+    def stamp(self, payload: bytes) -> int:
+        """Stamp of any message that begins with one, ns, without decoding the rest."""
+        seconds, nanoseconds = _STAMP.unpack_from(payload)
+        return int(seconds * _SECOND + nanoseconds)
 
     def decode_reading(self, payload: bytes) -> tuple[int, Reading]:
         """A reading and its number in the recording."""

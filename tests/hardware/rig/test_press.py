@@ -228,3 +228,24 @@ def test_absurd_rigs_are_refused(name, value) -> None:
         parts = (bench.skin, bench.rig._stage, bench.rig._gauge)
         with pytest.raises(ArgumentError, match=f"{name} must be positive and finite"):
             PressRig(*parts, origin=(0, 0, 0), **{name: value})
+
+
+def test_gauge_and_stage_are_told_on_the_clock_of_the_readings():
+    with Bench() as bench:
+        touch = bench.rig.press(straight(0.4, (0.01, 0.02)))
+    trace = touch.trace
+    names = [name for name, _, _ in trace.phases]
+    assert names == ["approach", "tare", "rest", "descend", "press", "hold", "retract", "released"]
+    begins = {name: begin for name, begin, _ in trace.phases}
+    times, force = trace.gauge[:, 0], -trace.gauge[:, 3]
+    held = (times >= touch.held[0]) & (times <= touch.held[1])
+    assert held.sum() >= 3
+    np.testing.assert_allclose(force[held], 0.4, atol=0.03)
+    assert np.abs(force[times < begins["descend"]]).max() < 0.01
+    assert begins["hold"] <= touch.held[0] < touch.held[1] <= begins["retract"]
+    # Places are told from the height at which the probe travels.
+    height = trace.stage[:, 3]
+    assert height[0] == pytest.approx(0.0, abs=1e-6)
+    assert height.min() == pytest.approx(SURFACE - ORIGIN[2] - 0.4e-3, abs=0.1e-3)
+    # What the chips read while the probe was lifted is there too.
+    assert touch.readings[-1].time > begins["retract"]

@@ -5,7 +5,11 @@ import time
 from collections import deque
 from typing import Final, final
 
+import numpy as np
+
+from smoskin.arrays import Floats
 from smoskin.errors import SourceError
+from smoskin.hardware.clock import BoardClock
 from smoskin.records import Reading
 from smoskin.roles import Resource, Source
 
@@ -24,11 +28,22 @@ class Listener(Resource):
     def __init__(self, source: Source) -> None:
         self._source = source
         self._readings: deque[Reading] = deque(maxlen=_KEPT)
+        self._board, self._pairs = BoardClock(), deque[tuple[float, float]](maxlen=_KEPT)
         self._lock = threading.Lock()
         self._fault: SourceError | None = None
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="smoskin rig", daemon=True)
         self._thread.start()
+
+    def clock(self, moments: Floats) -> Floats:
+        """Times of the host's monotonic clock, s, on the clock of the readings.
+
+        Nothing arrives early, so the least late readings tell; their delay stays in it.
+        """
+        with self._lock:
+            board, host = np.reshape(self._pairs, (-1, 2)).T
+        before, after = np.minimum(moments - host[0], 0.0), np.maximum(moments - host[-1], 0.0)
+        return np.asarray(np.interp(moments, host, board) + before + after)
 
     def check(self) -> None:
         """Raise if the skin is read no more."""
@@ -73,8 +88,10 @@ class Listener(Resource):
                 reading = self._source.read(_SILENCE)
                 if reading is None:
                     raise SourceError("its readings have ended")
+                host = self._board.host_time(reading.time, time.monotonic())
                 with self._lock:
                     self._readings.append(reading)
+                    self._pairs.append((reading.time, host))
         except SourceError as error:
             self._fault = error
         except Exception as error:

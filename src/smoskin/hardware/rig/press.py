@@ -17,6 +17,7 @@ from smoskin.arguments import typed
 from smoskin.arrays import Floats, frozen
 from smoskin.errors import ArgumentError, SourceError
 from smoskin.hardware.rig.listening import Listener
+from smoskin.hardware.rig.notes import Notes
 from smoskin.hardware.rig.parts import Gauge, Stage
 from smoskin.records import Contact, HeldTouch
 from smoskin.roles import Rig, Source
@@ -117,7 +118,9 @@ class PressRig(Rig):
         self._end = 0.0
         self._stopped = threading.Event()
         self.phase = "at rest"
-        """What the rig is doing: approach, tare, descend, press, hold, retract, or at rest."""
+        """What the rig is doing: approach, tare, rest, descend, press, hold, retract, released, or
+        at rest."""
+        self._notes = Notes()
         self._listener = Listener(source)
 
     @property
@@ -178,26 +181,27 @@ class PressRig(Rig):
 
     def _press(self, contact: Contact) -> HeldTouch:
         """Every phase of a touch."""
+        self._notes.begin()
         place = self._origin[:2] + contact.position
         top = float(self._origin[2])
-        self.phase = "approach"
+        self._enter("approach")
         here = self._stage.where()
         if here[2] < top - 1e-4:
             self._move(np.array([*here[:2], top]), _TRAVEL)
         self._move(np.array([*place, top]), _TRAVEL)
-        self.phase = "tare"
+        self._enter("tare")
         time.sleep(_SETTLE)
         self._gauge.tare()
+        self._enter("rest")
         rest, before = self._dwell(_REST)
-        self.phase = "descend"
+        self._enter("descend")
         height = self._touch_off(place, before)
-        self.phase = "press"
+        self._enter("press")
         self._push(place, height, before, contact.normal_force)
-        self.phase = "hold"
+        self._enter("hold")
         held, during = self._dwell(_HOLD)
         x, y, _ = self._stage.where()
-        readings = self._listener.take()
-        self.phase = "retract"
+        self._enter("retract")
         self._move(np.array([x, y, top]), _TRAVEL)
         time.sleep(_SETTLE)
         after = float(np.mean([self._force() for _ in range(_MEAN)]))
@@ -206,12 +210,14 @@ class PressRig(Rig):
                 f"the gauge reads {1e3 * (after - before):.0f} mN with the probe lifted: let it "
                 "warm up, show the force of now and no peak, and see that nothing sticks to it"
             )
+        self._enter("released")
         force = during - 0.5 * (before + after)
         return HeldTouch(
             contact=Contact(position=np.array([x, y]) - self._origin[:2], force=(0.0, 0.0, -force)),
-            readings=readings,
+            readings=self._listener.take(),
             rest=rest,
             held=held,
+            trace=self._notes.trace(self._listener.clock, self._origin, before),
         )
 
     def _touch_off(self, place: Floats, zero: float) -> float:
@@ -270,7 +276,7 @@ class PressRig(Rig):
 
     def _force(self) -> float:
         """Mean of some readings of the gauge, N, each of them within its limits."""
-        felt = []
+        felt, begun = [], time.monotonic()
         for _ in range(_MEAN):
             self._go_on()
             felt.append(self._gauge.force())
@@ -284,11 +290,18 @@ class PressRig(Rig):
                     f"the gauge feels a pull of {-felt[-1]:.2f} N where it is pressed: does it "
                     "call presses negative? Then give its URL ?pressing=negative"
                 )
-        return float(np.mean(felt))
+        mean = float(np.mean(felt))
+        self._notes.force(mean, begun)
+        return mean
 
     def _move(self, target: Floats, speed: float) -> None:
         self._go_on()
         self._stage.move(target, speed, max(self._end - time.monotonic(), 0.1))
+        self._notes.place(target)
+
+    def _enter(self, phase: str) -> None:
+        self.phase = phase
+        self._notes.phase(phase)
 
     def _go_on(self) -> None:
         """Raise where the touch must not go on."""
