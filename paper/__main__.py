@@ -31,6 +31,7 @@ SCRIPTS: Final = (
     "figure_s9",
     "figure_s10",
     "figure_s11",
+    "figure_s12",
     "figure_s15",
     "figure_s16",
     "beyond.displacement_field",

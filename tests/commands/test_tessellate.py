@@ -59,12 +59,13 @@ def test_no_pattern_is_left_of_a_sheet_that_must_not_be_cut(planar, tmp_path):
     assert told["advice"].endswith("there was no time left to look for what would fit")
 
 
-def test_a_cylinder_gives_a_design_whose_skin_is_that_sheet(planar, tmp_path):
-    report = tessellate_surface("cylinder:80", planar, (6, 6), tmp_path)
+def test_a_cylinder_gives_a_design_whose_skin_is_that_sheet(tmp_path):
+    curved = read_design("curved")
+    report = tessellate_surface("cylinder:80", curved, (6, 6), tmp_path)
     assert {file.name for file in tmp_path.iterdir()} == {*SOUND, "design.toml"}
     skin = load_design(tmp_path / "design.toml")
     assert skin == report.skin
-    assert skin.content_hash == read_design("curved").content_hash
+    assert skin.content_hash == curved.content_hash
     assert skin.provenance["limb.skin_radius"].reason == "a sheet on cylinder:80"
     sheet = geometry(skin).sheet.vertices
     np.testing.assert_allclose(

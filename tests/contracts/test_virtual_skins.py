@@ -48,7 +48,7 @@ def ideal(make) -> VirtualSkin:
 
 
 def test_untouched_it_is_at_rest(ideal, design):
-    motion, rest = ideal.motion(), Motion.rest(3)
+    motion, rest = ideal.motion(), Motion.rest(len(design.magnets))
     assert_array_equal(motion.magnets, rest.magnets)
     assert_array_equal(motion.board, rest.board)
     assert motion.valid
@@ -61,7 +61,7 @@ def test_untouched_it_is_at_rest(ideal, design):
 def test_many_states_are_those_of_each(ideal):
     cases = [[ONE], [], [OTHER, ONE]]
     many = ideal.motions(touches_of(cases))
-    assert many.magnets.shape == (3, 3, 6)
+    assert many.magnets.shape == (3, len(ideal.design.magnets), 6)
     assert many.board.shape == (3, 6)
     assert many.valid.tolist() == [True] * 3
     for row, case in enumerate(cases):
@@ -97,10 +97,10 @@ def test_ideal_chips_read_the_field_in_their_own_axes(ideal, design):
     assert_allclose(turned, field, atol=1e-15)
 
 
-def test_samples_have_the_noise_of_their_generator_alone(ideal):
+def test_samples_have_the_noise_of_their_generator_alone(ideal, design):
     motion = ideal.motions(touches_of([[ONE], []]))
     one, same, other = (ideal.sample(motion, np.random.default_rng(k)).counts for k in (7, 7, 8))
-    assert one.shape == (2, 3, 3)
+    assert one.shape == (2, len(design.halls), 3)
     assert_array_equal(one, same)
     assert (one != other).any()
 
@@ -109,7 +109,7 @@ def test_an_invalid_state_is_a_bad_measurement(make):
     for seed in (None, 0):
         skin = make(seed=seed)
         lost = skin.motion([ONE]).where(np.array(False))
-        assert skin.sense(lost).flags.tolist() == [int(ChipFlag.INVALID)] * 3
+        assert skin.sense(lost).flags.tolist() == [int(ChipFlag.INVALID)] * len(skin.design.halls)
         assert np.isnan(skin.field(lost)).all()
 
 

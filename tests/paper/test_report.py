@@ -103,10 +103,10 @@ def test_the_whole_report(planar, tmp_path):
     out = tmp_path / "new" / "folder"
     rows = write_report(Setting(planar), out, lambda what, share: steps.append((what, share)))
     counts = {one: sum(row.verdict == one for row in rows) for one in get_args(Verdict)}
-    assert counts == {"reproduced": 73, "corrected": 27, "unresolved": 6}
+    assert counts == {"reproduced": 76, "corrected": 27, "unresolved": 6}
     left = [row.id for row in rows if row.verdict == "unresolved"]
     assert left == ["U1", "U2", "U3", "U4", "U5", "U6"]
-    assert len({row.id for row in rows}) == 106
+    assert len({row.id for row in rows}) == 109
     for row in rows:
         assert row.why, row
         assert (row.deviation is not None) or isinstance(row.printed, str), row

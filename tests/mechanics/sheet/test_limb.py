@@ -10,8 +10,9 @@ from smoskin.design.skin import Limb
 from smoskin.errors import DesignError
 from smoskin.mechanics.board import board_of, carried
 from smoskin.mechanics.sheet.compliance import grip_compliance
+from smoskin.mechanics.sheet.foldability import fold_shares
 from smoskin.mechanics.sheet.holders import holder_matrix
-from smoskin.mechanics.sheet.lattice import build_lattice
+from smoskin.mechanics.sheet.lattice import build_lattice, springs_of
 from smoskin.mechanics.sheet.touches import Covered, Frictionless, Sliding, Touches
 from smoskin.origami.cell import size
 from smoskin.origami.geometry import geometry
@@ -33,8 +34,8 @@ def curved():
 @pytest.fixture(scope="module")
 def small(curved):
     """Three cells along the limb, four round it."""
-    magnets = [replace(m, corner=(min(m.corner[0], 2), m.corner[1])) for m in curved.magnets]
-    return replace(curved, cells=(3, 4), magnets=tuple(magnets))
+    magnets = [replace(m, corner=(min(m.corner[0], 2), m.corner[1])) for m in curved.magnets[:3]]
+    return replace(curved, cells=(3, 4), magnets=tuple(magnets), halls=curved.halls[:3])
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +75,29 @@ def test_panels_are_plane_and_the_sheet_folds_and_its_bottom_lies_on_the_limb(cu
     np.testing.assert_allclose(radii[skin.sheet.loaded], curved.limb.skin_radius + height)
     outward = skin.axes[bottom][..., 2]
     np.testing.assert_allclose(outward[:, 1:], away[bottom] / radii[bottom, None], atol=1e-14)
+
+
+def test_a_press_folds_its_cell_nearly_as_on_the_plane(curved, planar):
+    thick = replace(curved, panels=planar.panels)
+    shares = []
+    for design in (planar, curved, thick):
+        skin = geometry(design)
+        normals = skin.axes[skin.sheet.columns][..., 2]
+        shares.append(fold_shares(skin.sheet, normals, springs_of(design)).mean())
+    assert 0.85 < shares[1] / shares[0] < 0.95
+    assert shares[2] / shares[0] < 0.8  # panels round the pressed cell bend
+
+
+@pytest.mark.slow
+def test_magnets_move_no_less_than_on_the_plane(curved, planar):
+    moved = []
+    for design in (planar, curved):
+        where = geometry(design).tops.reshape(-1, 1, 2)
+        force = np.broadcast_to([0.0, 0.0, -0.5], (*where.shape[:2], 3))
+        motion = Twin(design).motions(Touches(position=where, force=force))
+        on_sheet = [k for k, magnet in enumerate(design.magnets) if magnet.mount == "sheet"]
+        moved.append(np.linalg.norm(motion.magnets[:, on_sheet, :3], axis=-1).mean())
+    assert moved[1] > moved[0]
 
 
 def test_the_search_for_a_sheet_on_a_cylinder_finds_the_same_one(curved):
