@@ -15,7 +15,18 @@ from matplotlib.axes import Axes
 
 from paper.shared.rows import Row, stated
 from paper.shared.setting import Setting
-from paper.shared.style import BLUE, GREY, INK, ORANGE, Plate, canvas, lay_out, open_axes, styled
+from paper.shared.style import (
+    BLUE,
+    GREY,
+    INK,
+    ORANGE,
+    Look,
+    Plate,
+    canvas,
+    lay_out,
+    open_axes,
+    styled,
+)
 from smoskin.arrays import Floats
 from smoskin.commands.score import Exam, candidate
 from smoskin.commands.score.errors import Answers, together
@@ -166,7 +177,7 @@ def _draw_errors(axis: Axes, hard: Floats, plain: Floats, printed: float) -> Non
     """Errors in both worlds in the same classes, and the printed mean."""
     most = max(float(np.percentile(hard, 99)), 1.1 * printed)
     classes = np.linspace(0.0, most, 25)
-    shown = {"bins": classes, "alpha": 0.65}
+    shown: Look = {"bins": classes, "alpha": 0.65}
     axis.hist(np.minimum(plain, most), color=GREY, label="plain world", **shown)
     axis.hist(np.minimum(hard, most), color=BLUE, label="hard world", **shown)
     axis.axvline(hard.mean(), color=INK, linewidth=1.0, label="its mean")

@@ -49,8 +49,8 @@ def tessellate(
 
     report.html tells every gate's value, and fold.html shows the sheet from flat to folded to
     attached. On a plane or cylinder, whose radius is that of the bottom vertices, design.toml is
-    the skin for table, score and demo. No pattern is written of a sheet that fails a gate;
-    validity.json tells which, and what would fit. The exit code is then 1.
+    the skin for table, score, demo and fabricate. No pattern is written of a sheet that fails a
+    gate; validity.json tells which, and what would fit. The exit code is then 1.
     """
     from smoskin.commands.tessellate import numbers, tessellate_surface
 
