@@ -13,13 +13,12 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
-from smoskin.fabrication.pattern.flat import crease_gaps
+from smoskin.fabrication.pattern.flat import crease_folds, crease_gaps
 from smoskin.fabrication.process.tolerances import CUT, made_tolerances
 from smoskin.fabrication.workshop import LASER, Workshop
 from smoskin.feasibility import RATED_PRESS, RATED_SHEAR, load_design
 from smoskin.magnetics import mlx90393
 from smoskin.mechanics.sheet.touches import touches_of
-from smoskin.origami.cell import dihedral_angles
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact
 from smoskin.twin.manufacture import Deviations, drawn_skin
@@ -95,13 +94,13 @@ def clearances(
 
     creases = 2 * len(made.creases)
     spare = []
-    for gaps, angle in zip(
-        crease_gaps(design, workshop), dihedral_angles(design.cell), strict=True
-    ):
+    folds, along_a = crease_folds(design), geometry(design).sheet.along_a
+    furthest = folds[along_a].max(), folds[~along_a].max()
+    for gaps, fold in zip(crease_gaps(design, workshop), furthest, strict=True):
         panel = design.panels.thickness / 2 * (1 + miss(creases, limit=THICKNESS))
         glue = workshop.adhesive * (1 + miss(creases, limit=2 * THICKNESS))
         plate = design.creases.thickness / 2 + panel + glue
-        closed = 2 * plate * np.tan((np.pi - float(angle)) / 2)
+        closed = 2 * plate * np.tan(float(fold) / 2)
         spare.append((gaps.concave + miss(creases) - closed).min())
     columns, magnets = made.heights.size, len(design.magnets)
     # A column's place, its radius and the notch's or frame's own miss come together.

@@ -54,10 +54,10 @@ def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # 108 let all starts of a search for touches go on together;
     # 370 show a tessellated sheet from flat to attached, report on it and give its design;
     # 260 write the assembled skin as STEP; 215 put guided covers in place of scales;
-    # 670 roll a skin's parts on to its limb and make what it takes besides;
+    # 740 roll a skin's parts on to its limb, make what it takes besides, and cast pillars;
     # 220 write recordings as episodes for robot learning; 1,000 press real skins by a stage and
     # a gauge; 600 keep a rig's campaign in one recording and touch virtual skins slowly.
-    assert sum(text.count("\n") for text in FILES.values()) <= 50_262
+    assert sum(text.count("\n") for text in FILES.values()) <= 50_342
 
 
 def test_no_file_has_over_450_lines():

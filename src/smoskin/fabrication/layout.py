@@ -65,7 +65,7 @@ def frame_level(design: SkinDesign) -> float:
     return design.frame.held_height - design.columns.height
 
 
-def across(design: SkinDesign, y: Any, start: float, end: float) -> Any:
+def at_level(design: SkinDesign, y: Any, start: float, end: float) -> Any:
     """Arcs at one level of what has the arcs y at another, both m; the middle stays."""
     roll = geometry(design).roll
     share = (1 + roll.curvature * end) / (1 + roll.curvature * start)
@@ -75,7 +75,7 @@ def across(design: SkinDesign, y: Any, start: float, end: float) -> Any:
 def laid_flat(design: SkinDesign, developed: Floats, level: float | None = None) -> Floats:
     """Flat places (K, 2) at a level of developed ones (K, 2), m."""
     at = level_of(design) if level is None else level
-    return np.stack([developed[:, 0], across(design, developed[:, 1], 0.0, at)], axis=-1)
+    return np.stack([developed[:, 0], at_level(design, developed[:, 1], 0.0, at)], axis=-1)
 
 
 def pose(design: SkinDesign, developed: Any) -> Floats:
@@ -142,7 +142,7 @@ def board_box(design: SkinDesign, level: float | None = None) -> Box:
 
 def _carried(design: SkinDesign, box: Box, start: float, end: float) -> Box:
     """A rectangle of one level at another."""
-    low, high = across(design, [box.low, box.high], start, end).tolist()
+    low, high = at_level(design, [box.low, box.high], start, end).tolist()
     return replace(box, low=low, high=high)
 
 

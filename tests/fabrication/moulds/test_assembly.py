@@ -140,7 +140,8 @@ def test_rim_columns_meet_the_frame_after_their_clearance(planar):
 
 def test_the_fold_jig_closes_round_the_sheet_without_touching_it(planar, whole):
     shop = Workshop()
-    jig = fold_jig(planar, shop, flat_sheet(planar, shop)).solid
+    [made] = fold_jig(planar, shop, flat_sheet(planar, shop))
+    jig = made.solid
     top = float(geometry(planar).sheet.vertices[:, 2].max())
     # As it is made it lies on its head.
     turn = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, top]])

@@ -8,8 +8,15 @@ import pytest
 import trimesh
 
 from smoskin.errors import DesignError
+from smoskin.fabrication.moulds.assembly import pillars
 from smoskin.fabrication.moulds.solids import stl
-from smoskin.fabrication.moulds.tools import column_mould, magnet_moulds, scale_mould, tools
+from smoskin.fabrication.moulds.tools import (
+    column_mould,
+    magnet_moulds,
+    pillar_mould,
+    scale_mould,
+    tools,
+)
 from smoskin.fabrication.pattern.flat import flat_sheet
 from smoskin.fabrication.workshop import Workshop
 from smoskin.origami.geometry import geometry
@@ -53,6 +60,18 @@ def test_what_the_column_mould_casts_is_the_columns_volume(planar, made):
     cast = size_x * size_y * height - plate.volume
     one = np.pi * (1e3 * planar.columns.radius) ** 2 * height
     assert cast == pytest.approx(91 * one, rel=5e-3)
+
+
+@pytest.mark.parametrize("name", ["planar", "curved"])
+def test_pillars_are_cast_as_high_as_they_stand(name, request):
+    design = request.getfixturevalue(name)
+    mould, layer = pillar_mould(design, Workshop()), design.shear_layer
+    size_x, size_y, height = mould.size
+    cast = size_x * size_y * height - mould.solid.volume()
+    assert cast == pytest.approx(layer.pillars * np.pi * layer.radius**2 * height, rel=1e-6)
+    stands = pillars(design)[0]
+    assert stands.solid.volume() == pytest.approx(cast / layer.pillars, rel=1e-6)
+    assert 0.95 * layer.height < height <= layer.height
 
 
 def test_sectors_are_quarters_of_the_magnets(planar):

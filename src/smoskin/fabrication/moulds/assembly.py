@@ -12,7 +12,7 @@ from shapely import Polygon
 from smoskin.design.skin import Magnet, SkinDesign
 from smoskin.errors import DesignError
 from smoskin.fabrication.layout import (
-    across,
+    at_level,
     board_box,
     circuit_thickness,
     column_places,
@@ -173,18 +173,23 @@ def magnets(design: SkinDesign) -> list[Part]:
     return parts
 
 
-def pillars(design: SkinDesign) -> list[Part]:
-    """The pillars of the shear layer, flat at both ends.
+def pillar_height(design: SkinDesign) -> float:
+    """Height to which pillars are cast, m.
 
     Under a limb's hollow shell they end where their rims meet it; rubber fills the rest.
     """
-    layer, places = design.shear_layer, pillar_places(design)
-    top = -design.columns.height - design.board.thickness
-    bottom, hollow = top - layer.height, 0.0
-    if design.limb is not None:
-        hollow = layer.radius**2 / (2 * (design.limb.skin_radius + top)) + _SOLDER
-    slab = Slab(disc((0.0, 0.0), layer.radius), bottom, top - hollow)
-    places[:, 1] = across(design, places[:, 1], level_of(design), 0.0)
+    layer = design.shear_layer
+    if design.limb is None:
+        return layer.height
+    inner = design.limb.skin_radius - design.columns.height - design.board.thickness
+    return layer.height - layer.radius**2 / (2 * inner) - _SOLDER
+
+
+def pillars(design: SkinDesign) -> list[Part]:
+    """The pillars of the shear layer, flat at both ends."""
+    places, low = pillar_places(design), base_top(design)
+    slab = Slab(disc((0.0, 0.0), design.shear_layer.radius), low, low + pillar_height(design))
+    places[:, 1] = at_level(design, places[:, 1], level_of(design), 0.0)
     return [
         extruded(f"pillar_{k + 1}", "pillar of the shear layer", slab, pose=pose(design, place))
         for k, place in enumerate(places)

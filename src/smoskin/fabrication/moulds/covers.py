@@ -104,9 +104,11 @@ def guide(design: SkinDesign, workshop: Workshop) -> Part:
     for y in np.unique(places[:, 1].round(9)):
         ribs.append(shapely.box(wall.left, y - wide / 2, wall.right, y + wide / 2))
     (left, bottom, right, top), half = rim.bounds, _POST / 2
+    # On a limb it comes over the sheet from above: posts at its sides, which lean, would not pass.
+    columns = (left, (left + right) / 2, right) if design.limb is None else (left, right)
     feet = [
         shapely.box(x - half, y - half, x + half, y + half)
-        for x in (left, (left + right) / 2, right)
+        for x in columns
         for y in (bottom, (bottom + top) / 2, top)
     ]
     posts = shapely.union_all(feet).intersection(rim)

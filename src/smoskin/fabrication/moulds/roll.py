@@ -11,7 +11,7 @@ import numpy as np
 
 from smoskin.arrays import Floats, Ints
 from smoskin.design.skin import SkinDesign
-from smoskin.fabrication.layout import across, level_of
+from smoskin.fabrication.layout import at_level, level_of
 from smoskin.fabrication.moulds.solids import Part
 from smoskin.origami.geometry import geometry
 
@@ -37,7 +37,7 @@ def rolled_solid(design: SkinDesign, solid: Any, level: float | None = None) -> 
     at, roll = level_of(design) if level is None else level, geometry(design).roll
     vertices, triangles = _mesh(solid)
     vertices = vertices.copy()
-    vertices[:, 1] = across(design, vertices[:, 1], at, 0.0)
+    vertices[:, 1] = at_level(design, vertices[:, 1], at, 0.0)
     low, high = (float(f(vertices[:, 1])) - roll.middle for f in (np.min, np.max))
     steps = np.arange(np.ceil(low / STRIP), np.floor(high / STRIP) + 1)
     vertices, triangles = cut_across(vertices, triangles, roll.middle + STRIP * steps)

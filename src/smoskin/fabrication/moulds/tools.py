@@ -4,6 +4,7 @@ Decides that every mould is open enough to be emptied: columns are pushed out of
 both ends, so that they need no taper, which would cost lateral stiffness.
 """
 
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -15,14 +16,14 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import DesignError
 from smoskin.fabrication.layout import (
-    across,
+    at_level,
     chip_places,
     column_places,
     frame_box,
     frame_level,
     level_of,
 )
-from smoskin.fabrication.moulds.assembly import frame_opening
+from smoskin.fabrication.moulds.assembly import frame_opening, pillar_height
 from smoskin.fabrication.moulds.creasing import creasing_moulds
 from smoskin.fabrication.moulds.roll import rolled
 from smoskin.fabrication.moulds.sheet import cast_height, folded_panels, scale
@@ -61,8 +62,9 @@ def tools(design: SkinDesign, workshop: Workshop, sheet: FlatSheet) -> list[Part
     """
     return [
         *column_mould(design, workshop),
-        foot_jig(design, workshop),
-        fold_jig(design, workshop, sheet),
+        pillar_mould(design, workshop),
+        *foot_jig(design, workshop),
+        *fold_jig(design, workshop, sheet),
         *creasing_moulds(design, workshop, sheet),
         laminating_plate(workshop, sheet),
         *([scale_mould(design, workshop)] if workshop.top == "scales" else []),
@@ -108,12 +110,31 @@ def column_mould(design: SkinDesign, workshop: Workshop) -> list[Part]:
     ]
 
 
-def foot_jig(design: SkinDesign, workshop: Workshop) -> Part:
-    """A plate on the board that places the columns' feet, chips in its windows."""
+def pillar_mould(design: SkinDesign, workshop: Workshop) -> Part:
+    """A plate with a hole for every pillar of the shear layer, open at both ends."""
+    count, radius = design.shear_layer.pillars, design.shear_layer.radius
+    across = int(np.ceil(np.sqrt(count)))
+    places = (2 * radius + _RIM) * np.array([divmod(k, across) for k in range(count)])
+    holes = shapely.union_all([disc(place, radius) for place in places])
+    return Part(
+        name="pillar_mould",
+        title="mould of the shear layer's pillars, open at both ends, on the columns' floor",
+        solid=prism(
+            _outline_of(places, radius + _RIM).difference(holes), 0.0, pillar_height(design)
+        ),
+        silicone=True,
+    )
+
+
+def foot_jig(design: SkinDesign, workshop: Workshop) -> list[Part]:
+    """A plate on the board that places the columns' feet, chips in its windows.
+
+    On a limb it comes in strips, a row of columns each: no whole one would come off them.
+    """
     edge, own = frame_level(design), level_of(design)
     opening = shapely.transform(
         frame_opening(design),
-        lambda at: np.stack([at[:, 0], across(design, at[:, 1], edge, own)], axis=-1),
+        lambda at: np.stack([at[:, 0], at_level(design, at[:, 1], edge, own)], axis=-1),
     )
     outline = opening.buffer(-workshop.fit, join_style="mitre")
     reach = design.columns.radius + workshop.fit
@@ -121,17 +142,40 @@ def foot_jig(design: SkinDesign, workshop: Workshop) -> Part:
     for place in chip_places(design):
         windows.append(Polygon(place + 3e-3 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])))
     outline = outline.difference(shapely.union_all(windows))
-    outline = max(getattr(outline, "geoms", [outline]), key=lambda piece: piece.area)
     foot = -design.columns.height
-    slab = Slab(outline, foot, foot + min(_FLOOR, design.columns.height / 3))
     title = "jig of the columns' feet, within the frame; lift it off before holders go in"
-    return laid(rolled(design, extruded("foot_jig", title, slab, silicone=True)))
+    rows = geometry(design).developed[geometry(design).sheet.columns][..., 1].mean(axis=0)
+    between = (rows[1:] + rows[:-1]) / 2 if design.limb else np.empty(0)
+    parts = []
+    for name, piece in _strips("foot_jig", outline, at_level(design, between, 0.0, own), workshop):
+        slab = Slab(_largest(piece), foot, foot + min(_FLOOR, design.columns.height / 3))
+        parts.append(laid(rolled(design, extruded(name, title, slab, silicone=True))))
+    return parts
 
 
-def fold_jig(design: SkinDesign, workshop: Workshop, sheet: FlatSheet) -> Part:
+def _largest(outline: Any) -> Any:
+    """The largest piece of an outline."""
+    return max(getattr(outline, "geoms", [outline]), key=lambda piece: piece.area)
+
+
+def _strips(name: str, outline: Any, levels: Floats, workshop: Workshop) -> list[tuple[str, Any]]:
+    """An outline cut along levels of y, m, each strip with its name; whole where there are none."""
+    if not len(levels):
+        return [(name, outline)]
+    left, low, right, high = outline.bounds
+    ends = [low, *levels.tolist(), high]
+    gap = workshop.fit / 2
+    return [
+        (f"{name}_{k}", outline.intersection(shapely.box(left, a + gap, right, b - gap)))
+        for k, (a, b) in enumerate(pairwise(ends), 1)
+    ]
+
+
+def fold_jig(design: SkinDesign, workshop: Workshop, sheet: FlatSheet) -> list[Part]:
     """A ring on the frame's wall that holds the sheet folded until the drip has cured.
 
-    It closes round the folded sheet in the plane; the frame stays, the jig is lifted off.
+    It closes round the folded sheet; the frame stays, the jig is lifted off. On a limb it comes in
+    halves, which are slid round the limb until they are clear of the sheet.
     """
     roll, own = geometry(design).roll, geometry(design).developed
     shadows = [Polygon(own[f, :2]) for f in geometry(design).sheet.facets]
@@ -140,20 +184,28 @@ def fold_jig(design: SkinDesign, workshop: Workshop, sheet: FlatSheet) -> Part:
         corners = roll.developed(triangles_of(panel.solid)[0])
         shadows.append(MultiPoint(corners[:, :2]).convex_hull)
     room = shapely.union_all(shadows).buffer(workshop.fit, join_style="mitre")
+    if design.limb is not None:  # straight at the sides along which its halves slide
+        left, _, right, _ = room.bounds
+        rows = own[geometry(design).sheet.columns, 1]
+        room = room.union(shapely.box(left, rows[:, 0].max(), right, rows[:, -1].min()))
     wall = frame_box(design, 0.0)
     outer = Polygon(wall.wider(workshop.fit + 1.5e-3).corners)
     lip = outer.difference(Polygon(wall.wider(workshop.fit).corners))
     skirt = outer.difference(Polygon(wall.wider(-3e-3).corners))
     top, rest = float(own[:, 2].max()), frame_level(design)
-    # Solids that are joined overlap: faces that only meet would stay two.
-    slabs = (
-        Slab(outer.difference(room), _OVER_DRIP, top),
-        Slab(skirt, rest, top),
-        Slab(lip, rest - 2e-3, top),
-    )
     title = "jig that holds the folded sheet over its columns"
-    ring = rolled(design, extruded("fold_jig", title, *slabs), 0.0)
-    return laid(ring, upside_down=True)
+    parts = []
+    halves = np.array([roll.middle] if design.limb else [])
+    for name, piece in _strips("fold_jig", outer, halves, workshop):
+        # Solids that are joined overlap: faces that only meet would stay two.
+        slabs = (
+            Slab(piece.difference(room), _OVER_DRIP, top),
+            Slab(piece.intersection(skirt), rest, top),
+            Slab(piece.intersection(lip), rest - 2e-3, top),
+        )
+        ring = rolled(design, extruded(name, title, *slabs), 0.0)
+        parts.append(laid(ring, upside_down=True))
+    return parts
 
 
 def laminating_plate(workshop: Workshop, sheet: FlatSheet) -> Part:

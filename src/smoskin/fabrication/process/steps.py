@@ -12,7 +12,7 @@ from smoskin.fabrication.layout import (
     column_places,
     magnet_height,
 )
-from smoskin.fabrication.moulds.assembly import base_inner_radius
+from smoskin.fabrication.moulds.assembly import base_inner_radius, pillar_height
 from smoskin.fabrication.moulds.covers import PLAY, STROKE, bush_length
 from smoskin.fabrication.moulds.creasing import FOLD_STAGES
 from smoskin.fabrication.moulds.files import Solids
@@ -257,9 +257,10 @@ def _base(design: SkinDesign, workshop: Workshop, parts: list[Part]) -> Step:
             f"Put {', '.join(base_magnets) or 'no magnet'} into the pocket of the base, shims "
             "as measured, plug on top.",
             *_carrier(design, workshop),
-            f"Bond {design.shear_layer.pillars} pillars of {design.shear_layer.material} "
-            f"({2e3 * design.shear_layer.radius:g} mm wide, "
-            f"{1e3 * design.shear_layer.height:g} mm high) to primed base and board.",
+            f"Cast {design.shear_layer.pillars} pillars of {design.shear_layer.material} in "
+            f"pillar_mould ({2e3 * design.shear_layer.radius:g} mm wide, "
+            f"{1e3 * pillar_height(design):.3g} mm high) and bond them to primed base and board, "
+            f"{1e3 * design.shear_layer.height:g} mm apart.",
             "Lead the board's cable to the base in a slack loop: it must not add more than 5 % "
             "to the shear layer's stiffness. No nickel, steel or connector within 10 mm of a "
             "chip; base screws of nylon or brass.",
@@ -291,6 +292,7 @@ def _stand(design: SkinDesign, parts: list[Part]) -> Step:
     """Columns, frame and holders."""
     sheet_magnets = [m.name for m in design.magnets if m.mount == "sheet"]
     level, stand = _level(design), _of(parts, "column", "holder", "magnet", "frame")
+    strips = ", a strip for each row of columns," if design.limb else ""
     drivers = [
         f"Glue a rubber column of {1e3 * part.size[0]:.1f} mm, {1e3 * part.size[2]:.1f} mm high, "
         f"on {part.name.replace('driver', 'lid')}; drip it to the sheet with the others."
@@ -301,7 +303,7 @@ def _stand(design: SkinDesign, parts: list[Part]) -> Step:
         figure="(4)",
         title="Columns, frame and holders",
         actions=(
-            "Glue the frame on to the board; lay foot_jig into it; prime the board's "
+            f"Glue the frame on to the board; lay foot_jig{strips} into it; prime the board's "
             "mask; set a column into each hole on a drop of rubber; lift the jig off when it "
             "has cured.",
             f"Thread the holders {', '.join(sheet_magnets)} from above between their columns; "
@@ -324,16 +326,18 @@ def _stand(design: SkinDesign, parts: list[Part]) -> Step:
 
 def _drip(design: SkinDesign, workshop: Workshop, parts: list[Part]) -> Step:
     """The sheet on its columns."""
+    halves = ", its halves taped together," if design.limb else ""
+    lift = "slide its halves round the limb until they clear the sheet" if halves else "lift it off"
     return Step(
         figure="(4)",
         title="Sheet on to the columns",
         actions=(
-            "Set fold_jig on the frame's wall and the folded sheet into it, bottom vertices "
-            "over their columns.",
+            f"Set fold_jig{halves} on the frame's wall and the folded sheet into it, bottom "
+            "vertices over their columns.",
             f"Drip {design.columns.material} on to every bottom vertex, "
             f"{1e9 * np.pi * design.columns.radius**2 * workshop.drip:.0f} mm3 each: it does "
             "not bond to acrylic or polyimide and must run through the vertex hole and lock "
-            "behind it, or the faces are primed. Cure 4 h; lift the jig off.",
+            f"behind it, or the faces are primed. Cure 4 h; then the jig: {lift}.",
         ),
         checks=(
             "every column pulls its vertex; none is aside by more than 0.3 mm",
