@@ -26,6 +26,8 @@ SAMACSYS = (
     "INT SENB/CS SCL/SCLK N/C SDA/MOSI MISO INT/TRIG VDD_IO N/C N/C A1 A0 VSS N/C VDD N/C GND"
 )
 """SamacSys ECAD model of the same part, PADS library of 2024-04-24, pins 1 to 17."""
+SENSOR_HEAD = "INT SENB/CS SCL/SCLK NC SDA/MOSI MISO INT/TRIG VDD_IO NC NC A1 A0 VSS NC VDD NC EP"
+"""mlx90393_head of LoaDy588/cube_electronics at 3c8ce3f, later emlab-fi's, pins 1 to 17."""
 ADAFRUIT = {
     "2": "SENB",
     "3": "SCL",
@@ -41,7 +43,7 @@ ADAFRUIT = {
 SAME = {"SCL/SCLK": "SCL", "SDA/MOSI": "SDA", "INT/TRIG": "INT/TRG", "N/C": "NC"}
 
 
-@pytest.mark.parametrize("library", [HEXAMOUSE, SAMACSYS])
+@pytest.mark.parametrize("library", [HEXAMOUSE, SAMACSYS, SENSOR_HEAD])
 def test_the_pins_are_those_of_other_libraries(library: str) -> None:
     theirs = [SAME.get(name, name) for name in library.split()]
     ours = [parts.MLX90393_PINS[str(k)][0] for k in range(1, 18)]
