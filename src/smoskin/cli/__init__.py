@@ -61,6 +61,7 @@ def _app() -> "typer.Typer":
         files,
         live,
         optimise,
+        robots,
         score,
         skins,
         tessellate,

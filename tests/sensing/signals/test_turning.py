@@ -12,7 +12,7 @@ from smoskin.origami.geometry import geometry
 from smoskin.records import Motion
 from smoskin.sensing.signals.turning import turning, uniform_covariance
 from smoskin.twin.whole import Twin
-from smoskin.twin.world.arm import _motion_by_acceleration
+from smoskin.twin.world.arm import motion_by_acceleration
 
 
 def moved(design, chip, motion):
@@ -62,7 +62,7 @@ def test_a_field_that_is_the_same_at_all_chips_moves_them_together(planar):
 def test_weight_moves_chips_as_the_whole_sheet_says(planar):
     """Against the nonlinear sheet on its board, and exact fields of all its magnets."""
     twin = Twin(planar)
-    magnets, board = _motion_by_acceleration(twin)
+    magnets, board = motion_by_acceleration(twin)
     turns = mlx90393.rotations(planar.halls)
     rest = twin.readout.seen(Motion.rest(3))
     patterns = []

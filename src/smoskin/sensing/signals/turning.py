@@ -56,7 +56,7 @@ def turning(
     if not weight:
         return Turning(field, field)
     sagged = sags(design)
-    parts = [_change(design, chip, sagged) for chip in used]
+    parts = [change_by_weight(design, chip, sagged) for chip in used]
     alike = np.concatenate(parts)
     whole = field + alike @ alike.T
     for row, part in enumerate(parts):
@@ -65,7 +65,7 @@ def turning(
     return Turning(field, whole)
 
 
-def _change(design: SkinDesign, chip: int, sagged: Sags) -> Floats:
+def change_by_weight(design: SkinDesign, chip: int, sagged: Sags) -> Floats:
     """Change U_s of a chip's own field, (3, 3), T, by 1 g along x, y and z."""
     site, places = design.halls[chip], geometry(design)
     magnet = design.magnet(site.magnet)

@@ -73,7 +73,7 @@ class _Weight:
 
     def __init__(self, twin: Twin, arm: Arm, axis: Floats) -> None:
         self._arm, self._axis = arm, axis
-        self._magnets, self._board = _motion_by_acceleration(twin)
+        self._magnets, self._board = motion_by_acceleration(twin)
 
     def steps(self, times: Floats, motion: Motion) -> Motion:
         """As `History.steps`."""
@@ -85,7 +85,7 @@ class _Weight:
         )
 
 
-def _motion_by_acceleration(twin: Twin) -> tuple[Floats, Floats]:
+def motion_by_acceleration(twin: Twin) -> tuple[Floats, Floats]:
     """Motions of the magnets over the board, (G, 6, 3), and of the board, (6, 3), by 1 m/s^2."""
     from smoskin.mechanics.sheet.continuation import settle
     from smoskin.mechanics.sheet.tangent import Tangent

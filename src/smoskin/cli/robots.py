@@ -1,0 +1,113 @@
+"""The command that lets an arm follow touches."""
+
+import queue
+import sys
+import threading
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer import Argument, Option
+
+from smoskin.cli.frame import File, Force, Json, Number, Text, app, examples, tell
+from smoskin.feasibility import load_design
+
+
+@app.command(
+    epilog=examples(
+        "follow --headless --json",
+        "follow --headless --film follow.gif",
+        "follow serial:///dev/ttyACM0 --calibration skin.table",
+    )
+)
+def follow(
+    source: Annotated[
+        str, Argument(help="Source of a live skin, as of smoskin run.")
+    ] = "twin://curved?hand=yes",
+    design: Annotated[Text, Option(help="Design of the skin; by default the source's own.")] = None,
+    calibration: Annotated[File, Option(help="File of this skin, as of smoskin run.")] = None,
+    headless: Annotated[
+        bool, Option("--headless", help="Play the scripted demonstration on a made skin.")
+    ] = False,
+    as_json: Json = False,
+    rate: Annotated[
+        float, Option(min=50.0, max=500.0, help="Readings a second of the demonstration.")
+    ] = 100.0,
+    seed: Annotated[int, Option(min=0, help="Seed of its skin and its noise.")] = 0,
+    film: Annotated[File, Option(help="Write a GIF of the demonstration.")] = None,
+    force: Force = False,
+    model: Annotated[File, Option(help="MuJoCo model of another arm.")] = None,
+    site: Annotated[str, Option(help="Its site at the skin's middle, z outward.")] = "skin",
+    seconds: Annotated[Number, Option(min=0.0, help="Stop after so many seconds.")] = None,
+) -> None:
+    """Let a simulated arm yield to touches of the skin on its forearm.
+
+    It is disarmed at first: type arm, disarm, reset or quit. This is not a safety function: it
+    stops by category 2 only, and the wired emergency stop stays in force. With --headless a script
+    presses through 0.5 N; the exit code is 1 if the arm broke a promise.
+    """
+    from smoskin.commands.follow.live import follow_source
+    from smoskin.robot.simulated import OWN_MODEL
+
+    def say(sentence: str) -> None:
+        typer.echo(sentence, err=True)
+
+    path = OWN_MODEL if model is None else Path(model)
+    if headless:
+        _demonstrate(design or "curved", path, site, seed, rate, film, force, as_json)
+        return
+    words: queue.Queue[str] = queue.Queue()
+    threading.Thread(target=_hear, args=(words,), daemon=True).start()
+    counters = follow_source(
+        source,
+        None if design is None else load_design(design),
+        calibration=calibration,
+        model=path,
+        site=site,
+        seconds=seconds,
+        words=words,
+        say=say,
+    )
+    say(f"{counters.readings} readings at {counters.rate:.0f} Hz.")
+
+
+def _hear(words: "queue.Queue[str]") -> None:
+    """Take what people type, line by line."""
+    for line in sys.stdin:
+        words.put(line)
+
+
+def _demonstrate(
+    design: str,
+    model: Path,
+    site: str,
+    seed: int,
+    rate: float,
+    film: Path | None,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Play the demonstration, and tell of it."""
+    from smoskin.commands.follow.demonstration import demonstrate
+    from smoskin.commands.follow.film import Film
+    from smoskin.commands.follow.live import WARNING
+    from smoskin.robot.simulated import SimulatedArm
+
+    typer.echo(WARNING, err=True)
+    pictures = None if film is None else Film(film, force=force)
+    result = demonstrate(
+        load_design(design),
+        seed=seed,
+        rate=rate,
+        arm=lambda skin, clock: SimulatedArm(skin, clock, model=model, site=site),
+        say=lambda sentence: typer.echo(sentence, err=True),
+        watch=(lambda stage, moment: None) if pictures is None else pictures.watch,
+    )
+    if pictures is not None:
+        pictures.save()
+    tell(result, as_json)
+    if not as_json:
+        for name, value in result.as_json()["summary"].items():
+            typer.echo(f"{name}: {value}")
+    if not result.summary.kept:
+        raise typer.Exit(1)

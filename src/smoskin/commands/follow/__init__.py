@@ -1,0 +1,1 @@
+"""An arm that yields to touch: the scripted demonstration, and a source of readings live."""

@@ -1,0 +1,127 @@
+"""A source of readings, its estimates, and an arm that follows them, until told to end.
+
+Decides what people may say meanwhile, and that every change of what the arm is allowed is told.
+"""
+
+import os
+import queue
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from typing import Final
+
+from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError
+from smoskin.robot.driver import Driver
+from smoskin.robot.follow import Command, Follow
+from smoskin.robot.law import Limits
+from smoskin.robot.simulated import OWN_MODEL, SimulatedArm
+from smoskin.roles import Estimator
+from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
+from smoskin.sensing.estimators import ZeroFirst, load_estimator
+from smoskin.sensing.posed import PosedEstimator
+from smoskin.service.loop import Counters, Loop
+from smoskin.service.source import open_source
+
+WARNING: Final = (
+    "This is not a safety function: it stops the arm by category 2 only, and runs on an ordinary "
+    "computer. The wired emergency stop and the robot's own limits stay in force."
+)
+WORDS: Final = ("arm", "disarm", "reset", "quit")
+"""What people may say, a word a line."""
+
+
+def follow_source(
+    url: str | os.PathLike[str],
+    design: SkinDesign | None = None,
+    *,
+    calibration: str | os.PathLike[str] | None = None,
+    model: str | os.PathLike[str] = OWN_MODEL,
+    site: str = "skin",
+    limits: Limits | None = None,
+    seconds: float | None = None,
+    words: "queue.Queue[str] | None" = None,
+    say: Callable[[str], object] = lambda sentence: None,
+) -> Counters:
+    """Let a simulated arm follow the touches of a source's skin; what the loop did.
+
+    Parameters
+    ----------
+    url : str or path
+        Source, as `smoskin.open_source` takes it.
+    design : SkinDesign, optional
+        Design of its skin; by default the source's own.
+    calibration : path, optional
+        File of the skin, as `smoskin.load_estimator` reads it.
+    model, site : path and str
+        MuJoCo model of the arm, and its site at the skin's middle.
+    limits : Limits, optional
+        What the arm may do.
+    seconds : float, optional
+        Time of readings to end after, s.
+    words : queue of str, optional
+        What people say, of `WORDS`; nobody arms the arm without.
+    say : callable
+        Function that is told a sentence whenever something changes.
+
+    Raises
+    ------
+    ArgumentError
+        If no design is known.
+    SourceError
+        If the source cannot be opened or falls silent.
+    ModelError
+        If the calibration or the arm's model cannot be read or fits no such skin.
+    MissingExtraError
+        If the extra ``robot`` is not installed.
+    """
+    say(WARNING)
+    last: list[tuple[object, object]] = []
+
+    def tell(command: Command) -> None:
+        if last[-1:] != [(command.state, command.reason)]:
+            last[:] = [(command.state, command.reason)]
+            say(f"{command.state.value}: {command.reason.value}")
+
+    with ExitStack() as stack:
+        source = stack.enter_context(open_source(url))
+        skin = source.design if design is None else design
+        if skin is None:
+            raise ArgumentError(f"design must be given: {url} does not name it")
+        arm = SimulatedArm(skin, time.monotonic, model=model, site=site)
+        driver = Driver(arm, Follow(arm.chain, skin, limits), on_command=tell)
+        stack.enter_context(driver)
+        own = ClosedFormEstimator(skin) if calibration is None else None
+        inner: Estimator = own or load_estimator(calibration or "", skin)
+        estimator = ZeroFirst(PosedEstimator(inner, skin, lambda: driver.turn))
+        loop = stack.enter_context(Loop(source, estimator, sinks=(driver,)))
+        driver.look()
+        driver.start()
+        first: float | None = None
+        for estimate in loop:
+            first = estimate.time if first is None else first
+            for word in _said(words):
+                if word == "quit":
+                    return loop.counters
+                _obey(driver, word, say)
+            if seconds is not None and estimate.time - first >= seconds:
+                break
+        return loop.counters
+
+
+def _said(words: "queue.Queue[str] | None") -> Iterator[str]:
+    """What people have said since."""
+    while words is not None and not words.empty():
+        yield words.get().strip().lower()
+
+
+def _obey(driver: Driver, word: str, say: Callable[[str], object]) -> None:
+    """Do what was said, or say why not."""
+    doing = {"arm": driver.arm, "disarm": driver.disarm, "reset": driver.reset}
+    if word not in doing:
+        say(f"Say one of {', '.join(WORDS)}; got {word!r}")
+        return
+    try:
+        doing[word]()
+    except ArgumentError as error:
+        say(f"Not done: {error}")

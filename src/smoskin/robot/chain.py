@@ -1,0 +1,124 @@
+"""An arm's joints in a row: where its parts are, and how fast every part moves.
+
+Decides that an arm is told by what its joints are at zero; hides the products of their turns.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from smoskin.arrays import Floats, Ints, assign, freeze, wholes
+from smoskin.errors import ArgumentError
+from smoskin.magnetics.arrangement import rotation_matrix
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Chain:
+    """J joints that turn, one carried by the other, with the skin on a link; all at zero turn.
+
+    Raises
+    ------
+    ArgumentError
+        If shapes disagree, an axis is no direction, a range is empty, or a limit not positive.
+    """
+
+    axes: Floats
+    """(J, 3): directions of the joints' axes, in the base's frame."""
+    anchors: Floats
+    """(J, 3), m: a point on each axis."""
+    lower: Floats
+    """(J,), rad: ends of the joints' ranges."""
+    upper: Floats
+    """(J,), rad."""
+    speed: Floats
+    """(J,), rad/s: fastest that each joint may turn."""
+    acceleration: Floats
+    """(J,), rad/s^2: how fast each joint changes its speed, and stops."""
+    carriers: int
+    """Number of joints that move the skin: the first so many."""
+    origin: Floats
+    """(3,), m: origin of the skin's frame."""
+    turn: Floats
+    """(3, 3): axes of the skin's frame, as columns."""
+    corners: Floats
+    """(P, 3), m: corners of boxes round all links, at which a link moves fastest."""
+    moved_by: Ints
+    """(P,): number of joints that move each corner."""
+
+    def __post_init__(self) -> None:
+        freeze(self, axes=(None, 3), anchors=(None, 3), origin=(3,), turn=(3, 3), corners=(None, 3))
+        each = (len(self.axes),)
+        freeze(self, lower=each, upper=each, speed=each, acceleration=each)
+        assign(self, moved_by=wholes("moved_by", self.moved_by, (len(self.corners),)))
+        if not np.allclose(np.linalg.norm(self.axes, axis=1), 1.0) or len(self.anchors) != each[0]:
+            raise ArgumentError("axes must be directions of length 1, with an anchor for each")
+        if not (self.lower < self.upper).all():
+            raise ArgumentError(f"lower must be below upper; got {self.lower} and {self.upper}")
+        if not (np.minimum(self.speed, self.acceleration) > 0.0).all():
+            raise ArgumentError("speed and acceleration must be positive")
+        if not 1 <= self.carriers <= each[0]:
+            raise ArgumentError(f"carriers must be from 1 to {each[0]}; got {self.carriers}")
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return len(self.axes)
+
+    def posture(self, angles: ArrayLike) -> "Posture":
+        r"""Where everything is at these angles, (J,), rad.
+
+        Notes
+        -----
+        Joint i turns what lies behind it about its axis through its anchor :math:`c_i`; parts that
+        k joints move are at :math:`R_k x + t_k` with :math:`R_{i+1} = R_i Q_i` and
+        :math:`t_{i+1} = t_i + R_i (c_i - Q_i c_i)`.
+        """
+        given = np.asarray(angles, dtype=np.float64)
+        turned = rotation_matrix(given[:, None] * self.axes)
+        rotations, shifts = [np.eye(3)], [np.zeros(3)]
+        for turn, anchor in zip(turned, self.anchors, strict=True):
+            before = rotations[-1]
+            shifts.append(shifts[-1] + before @ (anchor - turn @ anchor))
+            rotations.append(before @ turn)
+        return Posture(self, np.array(rotations), np.array(shifts))
+
+
+class Posture:
+    """A chain at some angles."""
+
+    def __init__(self, chain: Chain, rotations: Floats, shifts: Floats) -> None:
+        self._chain, self._rotations, self._shifts = chain, rotations, shifts
+        self._axes = np.einsum("jab,jb->ja", rotations[:-1], chain.axes)
+        self._anchors = np.einsum("jab,jb->ja", rotations[:-1], chain.anchors) + shifts[:-1]
+        self.corners = self._moved(chain.corners, chain.moved_by)
+        """(P, 3), m: corners of the links' boxes."""
+        moved = np.arange(chain.joints) < chain.moved_by[:, None]
+        self.corner_motions = self._motions(self.corners) * moved[:, None, :]
+        """(P, 3, J), m: how each corner moves when a joint turns by a radian."""
+
+    def on_skin(self, places: ArrayLike) -> Floats:
+        """Places of the skin's frame, (..., 3), m, in the base's."""
+        chain = self._chain
+        at_zero = np.asarray(places) @ chain.turn.T + chain.origin
+        turned = at_zero @ self._rotations[chain.carriers].T
+        return np.asarray(turned + self._shifts[chain.carriers])
+
+    def of_skin(self, directions: ArrayLike) -> Floats:
+        """Directions of the skin's frame, (..., 3), in the base's."""
+        turn = self._rotations[self._chain.carriers] @ self._chain.turn
+        return np.asarray(np.asarray(directions) @ turn.T)
+
+    def jacobian(self, place: Floats) -> Floats:
+        """How a place (3,) on the skin's link moves when a joint turns by a radian, (3, J), m."""
+        motions = np.asarray(self._motions(place[None])[0])
+        motions[:, self._chain.carriers :] = 0.0
+        return motions
+
+    def _moved(self, points: Floats, count: Ints) -> Floats:
+        turned = np.einsum("pab,pb->pa", self._rotations[count], points)
+        return np.asarray(turned + self._shifts[count])
+
+    def _motions(self, points: Floats) -> Floats:
+        arms = points[:, None] - self._anchors
+        return np.asarray(np.cross(self._axes, arms).swapaxes(-1, -2))

@@ -1,0 +1,212 @@
+"""What a skin reads untouched at every pose of its arm, learned while nothing touches it.
+
+Decides that whoever knows how the arm holds the skin need not guess how it turns: the Earth's field
+and the skin's weight are taken off each reading before it is estimated. Hides the least squares.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Final, final
+
+import numpy as np
+
+from smoskin.arrays import Floats
+from smoskin.design.skin import SkinDesign
+from smoskin.magnetics import mlx90393
+from smoskin.mechanics.viscoelasticity import Memory, elastomer_prony
+from smoskin.mechanics.weight import sags
+from smoskin.origami.geometry import geometry
+from smoskin.records import Estimate, Reading, Status
+from smoskin.roles import Estimator
+from smoskin.sensing.signals.signals import chip_noise
+from smoskin.sensing.signals.turning import change_by_weight
+
+_EARTH: Final = 40e-6
+"""Spread of the Earth's field along each axis of the room, T."""
+_UNLIKE: Final = 0.3
+"""Share of a chip's change by weight in which a made skin differs from the designed one."""
+_WANDERS: Final = 0.5e-6
+"""Random walk of all else in a second, T."""
+_BENDS: Final = 0.01
+"""Share of what a pose has changed since the skin was last untouched that may be otherwise."""
+_SURE: Final = 0.5
+"""Time for which it must be untouched to be sure of that, s."""
+_MISSED: Final = 1e-3
+"""Chance of a reading of an untouched skin not to be taken for one by what is not known of it."""
+_LONGEST: Final = 10.0
+"""Longest time that counts between two readings, s: a clock may jump."""
+
+
+@final
+class PosedEstimator(Estimator):
+    """An estimator on an arm whose pose is known.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        What makes estimates of the readings left, as of a skin that stands.
+    design : SkinDesign
+        Skin, its chips in the readings' order.
+    turn : callable
+        Function that gives the rotation from the skin's frame to the room's, (3, 3), at the newest
+        reading; the room's z points up.
+
+    Notes
+    -----
+    Chip s reads :math:`y_s = c_s + Q_s^T (A_s^T R^T E + G_s R^T d)`: E the Earth's field, d down,
+    :math:`G_s` (3, 3) the change by 1 g along its local axes :math:`A_s`, :math:`Q_s` how it is
+    soldered, :math:`c_s` all else; the rubber creeps under :math:`R^T d`. E, G and c are followed
+    by recursive least squares over readings of the untouched skin; a priori G is the designed one.
+    """
+
+    _known: Floats
+    _spread: Floats
+    _rest: Floats
+    _idle: float
+    _walked: float
+    _time: float | None
+    _pull: Memory | None
+    _changed: Floats | None
+
+    def __init__(
+        self, estimator: Estimator, design: SkinDesign, turn: Callable[[], Floats]
+    ) -> None:
+        self._estimator, self._turn = estimator, turn
+        chips = range(len(design.halls))
+        inward = np.swapaxes(geometry(design).chip_axes, 1, 2)
+        own = np.stack([mlx90393.rotation(site).T for site in design.halls])
+        self._own, self._inward = own, own @ inward
+        sagged = sags(design)
+        self._designed = np.stack([change_by_weight(design, chip, sagged) for chip in chips])
+        self._creep = elastomer_prony(design.columns.material)
+        self._noise = np.diag(np.tile(chip_noise(design) ** 2, len(chips)))
+        # Here, so that whoever only imports the package does not wait for it.
+        from scipy.stats import chi2
+
+        self._limit = float(chi2.isf(_MISSED, len(self._noise)))
+        self._forget()
+
+    @property
+    def drift(self) -> Floats:
+        """How far the zero has followed, poses apart, since it was set, shape (S, 3), T."""
+        gone = (self._known[self._count :] - self._rest).reshape(-1, 3)
+        turned = np.einsum("sba,sb->sa", self._own, gone) if len(gone) else 0.0
+        return np.asarray(self._estimator.drift + turned)
+
+    def zero(self, readings: Sequence[Reading], *, force: bool = False) -> None:
+        """Take the mean of readings, all at the present pose, as the zero."""
+        changes = self._pattern(self._turn(), 0.0)
+        self._estimator.zero([self._left(reading, changes) for reading in readings], force=force)
+
+    def unzero(self) -> None:
+        """Return to the zero before the last."""
+        self._estimator.unzero()
+
+    def reset(self) -> None:
+        """Forget everything, what was learned of poses too."""
+        self._estimator.reset()
+        self._forget()
+
+    def step(self, reading: Reading) -> Estimate:
+        """The other estimator's answer to what the pose leaves of a reading."""
+        if reading.field.shape != self._designed.shape[:2]:
+            return self._estimator.step(reading)  # which says what is wrong
+        elapsed = 0.0 if self._time is None else min(max(reading.time - self._time, 0.0), _LONGEST)
+        self._time = reading.time
+        changes = self._pattern(self._turn(), elapsed)
+        estimate = self._estimator.step(self._left(reading, changes))
+        if not np.isfinite(reading.field).all():
+            return estimate
+        unsure = self._unsure(changes, elapsed)
+        touched = estimate.status in (Status.CONTACT, Status.AMBIGUOUS)
+        if touched and self._explained(reading, changes, unsure):
+            estimate = Estimate(time=reading.time, status=Status.NO_CONTACT)
+        untouched = estimate.status is Status.NO_CONTACT
+        self._idle = self._idle + elapsed if untouched else 0.0
+        if untouched:
+            self._learn(reading, changes, unsure)
+        if self._idle > _SURE or self._changed is None:
+            self._changed = changes @ self._known[: self._count]
+        return estimate
+
+    def _left(self, reading: Reading, changes: Floats) -> Reading:
+        """A reading without what its pose changes."""
+        changed = changes @ self._known[: self._count]
+        # What is learned of poses must not look like a touch: all else goes on as it began.
+        gone = self._known[self._count :] - self._rest if len(self._rest) else 0.0
+        return Reading(
+            time=reading.time,
+            field=reading.field - (changed + gone).reshape(-1, 3),
+            temperature=reading.temperature,
+            flags=reading.flags,
+        )
+
+    def _unsure(self, changes: Floats, elapsed: float) -> Floats:
+        """Variances (C,), T^2, by which less is known of all else than at the reading before.
+
+        Fields bend otherwise under another weight; while the arm stands that is nothing.
+        """
+        self._walked += _WANDERS**2 * elapsed
+        changed = changes @ self._known[: self._count]
+        gone = 0.0 if self._changed is None else changed - self._changed
+        return np.asarray(self._walked + (_BENDS * gone) ** 2 + 0.0 * changed)
+
+    def _explained(self, reading: Reading, changes: Floats, unsure: Floats) -> bool:
+        """Whether what is not known of the present pose explains all that a reading shows.
+
+        It is what a touch leaves that has moved the arm; at a pose that is known it is nothing.
+        """
+        if not len(self._rest):
+            return False
+        pattern = np.hstack([changes, np.eye(len(changes))])
+        left = reading.field.ravel() - pattern @ self._known
+        spread = pattern @ self._spread @ pattern.T + self._noise + np.diag(unsure)
+        return bool(left @ np.linalg.solve(spread, left) < self._limit)
+
+    def _learn(self, reading: Reading, changes: Floats, unsure: Floats) -> None:
+        """Take in one reading of the untouched skin."""
+        if not len(self._rest):
+            self._begin(reading, changes)
+            return
+        constants = np.arange(self._count, len(self._known))
+        self._spread[constants, constants] += unsure
+        self._walked = 0.0
+        pattern = np.hstack([changes, np.eye(len(changes))])
+        met = pattern @ self._spread
+        gain = np.linalg.solve(met @ pattern.T + self._noise, met).T
+        self._known = self._known + gain @ (reading.field.ravel() - pattern @ self._known)
+        spread = self._spread - gain @ met
+        self._spread = (spread + spread.T) / 2
+
+    def _begin(self, reading: Reading, changes: Floats) -> None:
+        """Take all else from a first reading: it is what poses do not explain."""
+        rest = reading.field.ravel() - changes @ self._known
+        crossed = changes @ self._spread
+        self._known, self._rest = np.append(self._known, rest), rest
+        self._spread = np.block(
+            [[self._spread, -crossed.T], [-crossed, crossed @ changes.T + self._noise]]
+        )
+
+    def _pattern(self, turn: Floats, elapsed: float) -> Floats:
+        """What E and G change of all readings so many seconds later, (3 S, 3 + 9 S)."""
+        chips = len(self._own)
+        pattern = np.zeros((3 * chips, self._count))
+        if self._pull is None:
+            self._pull = Memory(self._creep, -turn[2])
+        down = self._pull.step(elapsed, -turn[2])
+        for chip in range(chips):
+            rows = slice(3 * chip, 3 * chip + 3)
+            pattern[rows, :3] = self._inward[chip] @ turn.T
+            pattern[rows, 3 + 9 * chip : 12 + 9 * chip] = np.kron(self._own[chip], down)
+        return pattern
+
+    def _forget(self) -> None:
+        """Know no more than the design."""
+        self._count = 3 + 9 * len(self._own)
+        self._known = np.append(np.zeros(3), self._designed)
+        sizes = _UNLIKE / 3 * np.linalg.norm(self._designed, axis=(1, 2))
+        self._spread = np.diag(np.append(np.full(3, _EARTH), np.repeat(sizes, 9)) ** 2)
+        self._rest = np.zeros(0)
+        self._pull = None
+        self._changed = None
+        self._idle = self._walked = 0.0
+        self._time = None

@@ -1,0 +1,135 @@
+"""What poses change is learned untouched, taken off, and no touch is taken for it."""
+
+import numpy as np
+import pytest
+
+from smoskin.design.document import read_design
+from smoskin.magnetics import mlx90393
+from smoskin.magnetics.arrangement import rotation_matrix
+from smoskin.mechanics.viscoelasticity import Memory, elastomer_prony
+from smoskin.mechanics.weight import sags
+from smoskin.origami.geometry import geometry
+from smoskin.records import Contact, Estimate, Reading, Status
+from smoskin.roles import Estimator
+from smoskin.sensing.posed import PosedEstimator
+from smoskin.sensing.signals.turning import change_by_weight
+
+DESIGN = read_design("curved")
+EARTH = np.array([20e-6, 5e-6, -45e-6])
+RATE = 50.0
+ONE = Contact(position=(0.06, 0.08), force=(0.0, 0.0, -0.5))
+
+
+class Still(Estimator):
+    """Feels what differs from its first reading by more than 15 uT, and keeps it."""
+
+    def __init__(self):
+        self.first = None
+        self.felt = 0.0
+
+    @property
+    def drift(self):
+        return np.zeros((3, 3))
+
+    def zero(self, readings, *, force=False):
+        self.first = np.mean([reading.field for reading in readings], axis=0)
+
+    def unzero(self):
+        self.first = None
+
+    def reset(self):
+        self.first = None
+
+    def step(self, reading):
+        if self.first is None:
+            self.first = reading.field
+        self.felt = np.abs(reading.field - self.first).max()
+        if self.felt < 15e-6:
+            return Estimate(time=reading.time, status=Status.NO_CONTACT)
+        return Estimate(
+            time=reading.time,
+            status=Status.CONTACT,
+            contacts=(ONE,),
+            covariance=np.zeros((1, 5, 5)),
+        )
+
+
+class Arm:
+    """Readings of a made skin, unlike the designed one, on an arm that turns; by the equation."""
+
+    def __init__(self, seed=0):
+        self.rng = np.random.default_rng(seed)
+        self.turn = np.eye(3)
+        self.time = 0.0
+        skin = geometry(DESIGN)
+        designed = [change_by_weight(DESIGN, chip, sags(DESIGN)) for chip in range(3)]
+        self.weight = [one * self.rng.uniform(0.8, 1.2, (3, 3)) for one in designed]
+        self.own = [mlx90393.rotation(site).T for site in DESIGN.halls]
+        self.inward = np.swapaxes(skin.chip_axes, 1, 2)
+        self.pull = Memory(elastomer_prony(DESIGN.columns.material), [0.0, 0.0, -1.0])
+        self.inner = Still()
+        self.posed = PosedEstimator(self.inner, DESIGN, lambda: self.turn)
+
+    def step(self, turn, touch=0.0):
+        """Status of the next reading at a turn (rotation vector), under a touch, T."""
+        self.turn = rotation_matrix(np.asarray(turn, dtype=float))
+        self.time += 1 / RATE
+        down = self.pull.step(1 / RATE, -self.turn[2])
+        field = [
+            0.03 + own @ (inward @ self.turn.T @ EARTH + weight @ down)
+            for own, inward, weight in zip(self.own, self.inward, self.weight, strict=True)
+        ]
+        noise = 2e-6 * self.rng.normal(size=(3, 3))
+        reading = Reading(time=self.time, field=np.array(field) + noise + touch)
+        return self.posed.step(reading).status
+
+    def swing(self):
+        """Swing about three axes, untouched."""
+        statuses = []
+        for axis in np.eye(3):
+            for phase in np.linspace(0, 2 * np.pi, 100):
+                statuses.append(self.step(0.5 * np.sin(phase) * axis))
+        return set(statuses)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_skin_that_turns_untouched_feels_nothing_and_poses_are_learned(seed):
+    arm = Arm(seed)
+    assert arm.swing() == {Status.NO_CONTACT}
+    # A pose that it has not been at, all at once.
+    assert arm.step([0.3, -0.3, 0.1]) is Status.NO_CONTACT
+    assert arm.inner.felt < 15e-6
+
+
+def test_a_touch_at_rest_is_no_pose_however_slowly_it_comes():
+    arm = Arm()
+    arm.swing()
+    ramp = np.linspace(0.0, 300e-6, 200)  # 4 s to about half a newton
+    statuses = [arm.step([0.0, 0.0, 0.0], touch) for touch in ramp]
+    assert statuses[-1] is Status.CONTACT
+    assert arm.inner.felt > 280e-6
+
+
+def test_a_touch_that_moves_the_arm_leaves_nothing_when_it_goes():
+    arm = Arm()
+    arm.swing()
+    turns = np.linspace(0.0, 0.3, 100)
+    felt = {arm.step([angle, 0.0, 0.0], 300e-6) for angle in turns}
+    assert felt == {Status.CONTACT}
+    assert arm.inner.felt == pytest.approx(300e-6, abs=20e-6)
+    after = [arm.step([0.3, 0.0, 0.0]) for _ in range(25)]
+    assert after[-1] is Status.NO_CONTACT
+
+
+def test_reset_forgets_poses_and_other_shapes_are_left_to_the_estimator():
+    arm = Arm()
+    arm.swing()
+    drifted = arm.posed.drift
+    arm.posed.reset()
+    assert arm.inner.first is None
+    assert drifted.shape == arm.posed.drift.shape == (3, 3)
+    assert not arm.posed.drift.any()
+    arm.posed.step(Reading(time=0.0, field=np.zeros((2, 3))))
+    readings = [Reading(time=t / 10, field=np.full((3, 3), 0.03)) for t in range(5)]
+    arm.posed.zero(readings)
+    arm.posed.unzero()
