@@ -23,6 +23,7 @@ USUAL = {
     "demo": {"rate": 100.0, "seed": 0, "touches": 15, "port": 0},
     "doctor": {"seconds": 5.0, "moving": 0.0},
     "fit-paper": {"out": "calibration.toml"},
+    "follow": {"source": "twin://planar", "rate": 100.0, "seed": 0, "site": "skin"},
     "grid": {
         "width": 30.0, "height": 30.0, "out": "plan.csv", "count": 30, "force": 0.5, "seed": 0,
     },
@@ -63,6 +64,9 @@ ENDS = {
     ("demo", "touches"): (1, 1000),
     ("doctor", "seconds"): (1.0, None),
     ("doctor", "moving"): (0.0, None),
+    ("follow", "rate"): (50.0, 500.0),
+    ("follow", "seed"): (0, None),
+    ("follow", "seconds"): (0, None),
     ("grid", "count"): (1, 10_000),
     ("grid", "seed"): (0, None),
     ("learn", "seed"): (0, None),

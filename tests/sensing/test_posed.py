@@ -15,6 +15,7 @@ from smoskin.sensing.posed import PosedEstimator
 from smoskin.sensing.signals.turning import change_by_weight
 
 DESIGN = read_design("curved")
+CHIPS = len(DESIGN.halls)
 EARTH = np.array([20e-6, 5e-6, -45e-6])
 RATE = 50.0
 ONE = Contact(position=(0.06, 0.08), force=(0.0, 0.0, -0.5))
@@ -29,7 +30,7 @@ class Still(Estimator):
 
     @property
     def drift(self):
-        return np.zeros((3, 3))
+        return np.zeros((CHIPS, 3))
 
     def zero(self, readings, *, force=False):
         self.first = np.mean([reading.field for reading in readings], axis=0)
@@ -62,7 +63,7 @@ class Arm:
         self.turn = np.eye(3)
         self.time = 0.0
         skin = geometry(DESIGN)
-        designed = [change_by_weight(DESIGN, chip, sags(DESIGN)) for chip in range(3)]
+        designed = [change_by_weight(DESIGN, chip, sags(DESIGN)) for chip in range(CHIPS)]
         self.weight = [one * self.rng.uniform(0.8, 1.2, (3, 3)) for one in designed]
         self.own = [mlx90393.rotation(site).T for site in DESIGN.halls]
         self.inward = np.swapaxes(skin.chip_axes, 1, 2)
@@ -79,7 +80,7 @@ class Arm:
             0.03 + own @ (inward @ self.turn.T @ EARTH + weight @ down)
             for own, inward, weight in zip(self.own, self.inward, self.weight, strict=True)
         ]
-        noise = 2e-6 * self.rng.normal(size=(3, 3))
+        noise = 2e-6 * self.rng.normal(size=(CHIPS, 3))
         reading = Reading(time=self.time, field=np.array(field) + noise + touch)
         return self.posed.step(reading).status
 
@@ -127,9 +128,9 @@ def test_reset_forgets_poses_and_other_shapes_are_left_to_the_estimator():
     drifted = arm.posed.drift
     arm.posed.reset()
     assert arm.inner.first is None
-    assert drifted.shape == arm.posed.drift.shape == (3, 3)
+    assert drifted.shape == arm.posed.drift.shape == (CHIPS, 3)
     assert not arm.posed.drift.any()
     arm.posed.step(Reading(time=0.0, field=np.zeros((2, 3))))
-    readings = [Reading(time=t / 10, field=np.full((3, 3), 0.03)) for t in range(5)]
+    readings = [Reading(time=t / 10, field=np.full((CHIPS, 3), 0.03)) for t in range(5)]
     arm.posed.zero(readings)
     arm.posed.unzero()

@@ -23,7 +23,7 @@ from smoskin.feasibility import load_design
 def follow(
     source: Annotated[
         str, Argument(help="Source of a live skin, as of smoskin run.")
-    ] = "twin://curved?hand=yes",
+    ] = "twin://planar",
     design: Annotated[Text, Option(help="Design of the skin; by default the source's own.")] = None,
     calibration: Annotated[File, Option(help="File of this skin, as of smoskin run.")] = None,
     headless: Annotated[

@@ -66,7 +66,7 @@ class Chain:
         return len(self.axes)
 
     def posture(self, angles: ArrayLike) -> "Posture":
-        r"""Where everything is at these angles, (J,), rad.
+        r"""The places of everything at these angles, (J,), rad.
 
         Notes
         -----
