@@ -8,9 +8,9 @@ import pytest
 
 from smoskin.errors import MissingExtraError
 from smoskin.fabrication.bundle import make_bundle
+from smoskin.fabrication.moulds.assembly import whole_skin
 from smoskin.fabrication.moulds.files import step_file
 from smoskin.fabrication.pattern.flat import flat_sheet
-from smoskin.fabrication.process.pictures import whole_skin
 from smoskin.fabrication.workshop import Workshop
 
 SHOP = Workshop()

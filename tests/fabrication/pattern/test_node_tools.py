@@ -49,13 +49,15 @@ def ask_node(text):
     return json.loads(done.stdout)
 
 
-def test_they_read_it_find_it_legal_and_fold_it_to_the_designed_sheet(planar):
-    files = {file.path: file.content for file in fold_files(planar, Workshop())}
+@pytest.mark.parametrize("name", ["planar", "curved"])
+def test_they_read_it_find_it_legal_and_fold_it_to_the_designed_sheet(name, request):
+    design = request.getfixturevalue(name)
+    files = {file.path: file.content for file in fold_files(design, Workshop())}
     told = ask_node(files["pattern/pattern.fold"])
     assert told["valid"] == "valid"
     assert told["kawasaki"] == told["maekawa"] == []
     assert told["faces"] == 144
-    sheet = geometry(planar).sheet
+    sheet = geometry(design).sheet
     ridges = int(sheet.mountain.sum())
     assert told["edges"] == [ridges, len(sheet.creases) - ridges, 48]
     folded, aim = np.array(told["folded"]) * 1e-3, sheet.vertices

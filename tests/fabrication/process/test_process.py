@@ -9,6 +9,7 @@ import pytest
 import shapely
 
 from smoskin.fabrication.materials import bill
+from smoskin.fabrication.moulds.assembly import whole_skin
 from smoskin.fabrication.moulds.files import solid_files
 from smoskin.fabrication.pattern.flat import flat_sheet
 from smoskin.fabrication.process.files import process_files
@@ -17,7 +18,6 @@ from smoskin.fabrication.process.pictures import (
     COLOURS,
     plan,
     through_a_magnet,
-    whole_skin,
 )
 from smoskin.fabrication.process.readings import first_readings
 from smoskin.fabrication.process.tolerances import CUT, made_tolerances, tolerance_table

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from chromium import open_file
+from smoskin.fabrication.moulds.assembly import whole_skin
 from smoskin.fabrication.moulds.solids import joined_mesh, triangles_of
 from smoskin.fabrication.pattern.flat import flat_sheet
-from smoskin.fabrication.process.pictures import whole_skin
 from smoskin.fabrication.process.view import view
 from smoskin.fabrication.workshop import Workshop
 

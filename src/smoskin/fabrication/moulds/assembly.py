@@ -28,8 +28,9 @@ from smoskin.fabrication.layout import (
 from smoskin.fabrication.moulds.covers import covers, guide
 from smoskin.fabrication.moulds.holders import holders
 from smoskin.fabrication.moulds.roll import rolled
-from smoskin.fabrication.moulds.sheet import cast_height, scales
+from smoskin.fabrication.moulds.sheet import cast_height, folded_panels, scales
 from smoskin.fabrication.moulds.solids import Part, Slab, disc, extruded, prism, triangles_of
+from smoskin.fabrication.pattern.flat import FlatSheet
 from smoskin.fabrication.workshop import Workshop
 from smoskin.origami.geometry import geometry
 
@@ -277,3 +278,8 @@ def assembled(design: SkinDesign, workshop: Workshop) -> list[Part]:
         *base(design, workshop),
         *top(design, workshop),
     ]
+
+
+def whole_skin(design: SkinDesign, sheet: FlatSheet, workshop: Workshop) -> list[Part]:
+    """Every part of the assembled skin with its panels."""
+    return [*assembled(design, workshop), *folded_panels(design, sheet, workshop)]

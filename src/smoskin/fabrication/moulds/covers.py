@@ -68,10 +68,11 @@ def covers(design: SkinDesign, workshop: Workshop) -> list[Part]:
     """A panel on its bar over each cell."""
     low = foot(design, workshop)
     high = low + _GAP + bush_length(design, workshop) + STROKE
+    thick = max(_PANEL, workshop.wall)
     x, y = (side / 2 for side in panel_size(design, workshop))
     slabs = (
-        Slab(disc((0.0, 0.0), _BAR), low, high + _PANEL / 2),
-        Slab(shapely.box(-x, -y, x, y), high, high + _PANEL),
+        Slab(disc((0.0, 0.0), _BAR), low, high + thick / 2),
+        Slab(shapely.box(-x, -y, x, y), high, high + thick),
     )
     return [
         extruded(f"cover_{k + 1}", "cover panel on its bar", *slabs, pose=pose(design, place))
@@ -88,7 +89,7 @@ def guide(design: SkinDesign, workshop: Workshop) -> Part:
         If bushes of neighbouring cells run into each other.
     """
     skin, low = geometry(design), foot(design, workshop) + _GAP
-    around = _BAR + PLAY + _BUSH
+    around = _BAR + PLAY + max(_BUSH, workshop.wall)
     if (room := float(min(skin.cell.length, skin.cell.width)) - 2 * around) < workshop.wall:
         raise DesignError(
             f"cells must leave {1e3 * workshop.wall:.2f} mm between the bushes of their covers, "

@@ -8,13 +8,13 @@ from smoskin.fabrication.artifact import Artifact
 from smoskin.fabrication.layout import column_places
 from smoskin.fabrication.moulds import assembly
 from smoskin.fabrication.moulds.holders import holders
-from smoskin.fabrication.moulds.sheet import folded_panels
 from smoskin.fabrication.moulds.solids import Part, laid, stl, three_mf
 from smoskin.fabrication.moulds.split import split
 from smoskin.fabrication.moulds.step import step
 from smoskin.fabrication.moulds.tools import tools
 from smoskin.fabrication.pattern.flat import flat_sheet
 from smoskin.fabrication.workshop import Workshop
+from smoskin.origami.geometry import geometry
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,12 +41,12 @@ def solid_files(design: SkinDesign, workshop: Workshop) -> Solids:
     sheet = flat_sheet(design, workshop)
     parts = printed_parts(design, workshop)
     made = tools(design, workshop, sheet)
-    columns, files = column_places(design), []
+    feet, files = column_places(design, 0.0), []
+    kept = {"column": feet, "foot": feet, "guide": geometry(design).tops.reshape(-1, 2)}
     for folder, solids in (("parts", parts), ("moulds", made)):
         pieces = []
         for part in solids:
-            keep = columns if part.name.startswith(("column", "foot")) else None
-            pieces += split(part, workshop.bed, keep)
+            pieces += split(part, workshop.bed, kept.get(part.name.split("_")[0]))
         files += _written(folder, pieces)
         title = f"{design.name} {design.content_hash[:12]}: {folder}"
         content = three_mf(pieces, title)
@@ -76,10 +76,7 @@ def printed_parts(design: SkinDesign, workshop: Workshop) -> list[Part]:
 
 def step_file(design: SkinDesign, workshop: Workshop) -> Artifact:
     """The assembled skin with its panels, a STEP file."""
-    parts = [
-        *assembly.assembled(design, workshop),
-        *folded_panels(design, flat_sheet(design, workshop), workshop),
-    ]
+    parts = assembly.whole_skin(design, flat_sheet(design, workshop), workshop)
     content = step(parts, f"{design.name} {design.content_hash[:12]}")
     return Artifact(path="assembly.step", kind="step", units="mm", content=content)
 

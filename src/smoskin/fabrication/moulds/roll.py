@@ -27,15 +27,8 @@ def rolled(design: SkinDesign, part: Part, level: float | None = None) -> Part:
     """A part that was drawn flat, its y true at a level, as it lies on the limb."""
     if design.limb is None:
         return part
-    return replace(part, solid=rolled_solid(design, part.solid, level), slabs=(), pose=None)
-
-
-def rolled_solid(design: SkinDesign, solid: Any, level: float | None = None) -> Any:
-    """The same of a solid alone."""
-    if design.limb is None:
-        return solid
     at, roll = level_of(design) if level is None else level, geometry(design).roll
-    vertices, triangles = _mesh(solid)
+    vertices, triangles = _mesh(part.solid)
     vertices = vertices.copy()
     vertices[:, 1] = at_level(design, vertices[:, 1], at, 0.0)
     low, high = (float(f(vertices[:, 1])) - roll.middle for f in (np.min, np.max))
@@ -50,7 +43,8 @@ def rolled_solid(design: SkinDesign, solid: Any, level: float | None = None) -> 
         places[:, 1] = roll.middle + STRIP * (strip + more)
         ends.append(roll.places(places))
     on_chords = ends[0] + share[:, None] * (ends[1] - ends[0])
-    return _solid(on_chords, triangles).simplify(_FLAT)
+    solid = _solid(on_chords, triangles).simplify(_FLAT)
+    return replace(part, solid=solid, slabs=(), pose=None)
 
 
 def developed(design: SkinDesign, part: Part) -> Part:

@@ -5,11 +5,11 @@ import json
 from smoskin.design.skin import SkinDesign
 from smoskin.fabrication.artifact import Artifact
 from smoskin.fabrication.materials import Item
+from smoskin.fabrication.moulds.assembly import whole_skin
 from smoskin.fabrication.moulds.files import Solids
 from smoskin.fabrication.pattern.flat import flat_sheet
 from smoskin.fabrication.pattern.sheets import sheet_drawings
 from smoskin.fabrication.process.page import Sheet, html, pdf_sheet
-from smoskin.fabrication.process.pictures import whole_skin
 from smoskin.fabrication.process.readings import first_readings
 from smoskin.fabrication.process.steps import steps_of
 from smoskin.fabrication.process.tolerances import tolerance_table

@@ -9,8 +9,6 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.fabrication.drawing import LAYERS, Drawing
-from smoskin.fabrication.moulds.assembly import assembled
-from smoskin.fabrication.moulds.sheet import folded_panels
 from smoskin.fabrication.moulds.solids import Part, disc
 from smoskin.fabrication.moulds.tools import sector
 from smoskin.fabrication.pattern.flat import FlatSheet
@@ -186,11 +184,6 @@ def sectors(design: SkinDesign) -> Picture:
     return Picture(
         tuple(shapes), f"Four sectors, each magnetised along its bisector {way} the middle"
     )
-
-
-def whole_skin(design: SkinDesign, sheet: FlatSheet, workshop: Workshop) -> list[Part]:
-    """Every part of the assembled skin with its panels, for pictures."""
-    return [*assembled(design, workshop), *folded_panels(design, sheet, workshop)]
 
 
 def across_a_magnet(design: SkinDesign) -> float:
