@@ -1,4 +1,4 @@
-"""Makes docs/assembly.png and docs/assembly_curved.png: pages `assembly.html`, together and apart."""
+"""Makes docs/assembly*.png: pages `assembly.html` of two designs, together and apart."""
 
 import sys
 import tempfile

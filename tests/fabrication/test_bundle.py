@@ -93,7 +93,10 @@ def test_a_skin_on_a_limb_is_made_in_bounded_time_with_the_same_bytes(curved):
     paths = {file.path for file in bundle.files}
     assert paths >= {"parts/shell.stl", "pattern/upper.dxf", "boards/skin/skin.kicad_pcb"}
     assert {"assembly.html", "process.html"} <= paths
-    assert make_bundle(replace(curved)).manifest == bundle.manifest
+    corners = {"M1": (1, 2), "M2": (2, 1), "M3": (1, 1), "M4": (2, 2)}
+    magnets = tuple(replace(m, corner=corners[m.name]) for m in curved.magnets)
+    small = replace(curved, cells=(3, 3), magnets=magnets)
+    assert make_bundle(small).manifest == make_bundle(replace(small)).manifest
 
 
 @pytest.mark.slow

@@ -85,7 +85,7 @@ def test_a_step_file_has_every_part_by_name_volume_and_place(name, request, tmp_
     found = read(content, tmp_path)
     parts = whole_skin(design, flat_sheet(design, SHOP), SHOP)
     assert set(found) == {part.name for part in parts}
-    some = parts[::7] if design.limb else parts  # on a limb no two panels are one shape
+    some = parts[::20] if design.limb else parts  # on a limb no two panels are one shape
     for part in [*some, *(part for part in parts if not part.slabs)]:
         volume, middle = measured(found[part.name])
         assert volume == pytest.approx(part.solid.volume(), rel=5e-3), part.name
