@@ -12,7 +12,6 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 
-from paper.models.recovery import recovery_time
 from paper.shared.setting import Setting
 from paper.shared.style import (
     BLUE,
@@ -33,6 +32,7 @@ from smoskin.magnetics import mlx90393
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.mechanics.viscoelasticity import creep, elastomer_prony
 from smoskin.origami.geometry import geometry
+from smoskin.sensing.characteristics import recovery_time
 from smoskin.twin.whole import Twin
 
 FORCE: Final = 1.0

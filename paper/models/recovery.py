@@ -1,8 +1,7 @@
-"""Recovery after a load is taken away: how long it takes, and the rubber that explains it.
+"""The rubber that explains a recovery after a load is taken away.
 
-Decides when a signal counts as back at rest, and how a recorded recovery is turned into a solid
-(Figure S9): least squares over retardation times tried in advance, with shares that are not
-negative. Hides the scaling and the way from the fitted shares to their uncertainty.
+Decides how a recorded recovery is turned into a solid (Figure S9): least squares over retardation
+times tried in advance, with shares that are not negative. Hides the scaling and the way from the fitted shares to their uncertainty.
 """
 
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from numpy.typing import ArrayLike
 from smoskin.arrays import Floats, floats, frozen
 from smoskin.errors import ArgumentError
 from smoskin.mechanics.viscoelasticity import Prony
+from smoskin.sensing.characteristics import checked_history
 
 
 def creeping_solid(shares: ArrayLike, times: ArrayLike) -> Prony:
@@ -34,67 +34,6 @@ def creeping_solid(shares: ArrayLike, times: ArrayLike) -> Prony:
     drive = np.sqrt(late / (instants * prompt))
     rates, modes = np.linalg.eigh(np.diag(1 / instants) + np.outer(drive, drive))
     return Prony(moduli=((drive @ modes) ** 2 / rates)[::-1], times=1 / rates[::-1])
-
-
-def recovery_time(
-    times: ArrayLike, signal: ArrayLike, released: float, *, within: float = 0.05
-) -> Floats:
-    """How long a signal takes to come back once the load is taken away.
-
-    Parameters
-    ----------
-    times : array_like, shape (T,)
-        s, never falling.
-    signal : array_like, shape (T, ...)
-        Any readings or motions; its rest is its last value.
-    released : float
-        s: when the load was taken away, within `times`.
-    within : float
-        The part of the loaded signal that may be left.
-
-    Returns
-    -------
-    Floats, shape (...)
-        s from the release until the signal stays that near to its rest, between samples on a
-        straight line; NaN where the signal is at rest all along.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of bounds.
-
-    Notes
-    -----
-    Source: SI Text S6, "Recovery Time", and Figure S9: a load of 1 N taken from a cell. Noise
-    larger than what may be left never settles; smooth such a signal first.
-
-    Examples
-    --------
-    >>> times = np.linspace(0, 5, 5001)
-    >>> round(float(recovery_time(times, np.exp(-times), 0.0)), 2)  # ln 20, less a little
-    2.88
-    """
-    instants, values = checked_history(times, signal)
-    if not 0 < within < 1:
-        raise ArgumentError(f"within must lie in (0, 1); got {within}")
-    if not instants[0] <= released <= instants[-1]:
-        raise ArgumentError(
-            f"released must lie in {instants[0]:g}..{instants[-1]:g} s; got {released}"
-        )
-    start = int(np.searchsorted(instants, released, side="right")) - 1
-    start = int(np.searchsorted(instants, instants[start], side="left"))
-    off = np.abs(values - values[-1])[start:].reshape(len(values) - start, -1)
-    allowed = within * off[0]
-    outside = off > allowed
-    last = len(outside) - 1 - np.argmax(outside[::-1], axis=0)
-    after = np.minimum(last + 1, len(off) - 1)
-    column = np.arange(off.shape[1])
-    fall = off[last, column] - off[after, column]
-    part = np.divide(off[last, column] - allowed, fall, out=np.zeros_like(fall), where=fall > 0)
-    clock = instants[start:]
-    settled = clock[last] + part * (clock[after] - clock[last]) - released
-    settled = np.where(off[0] > 0, np.maximum(settled, 0.0), np.nan)
-    return np.asarray(settled.reshape(values.shape[1:]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -267,23 +206,3 @@ def late_parts(retardation_times: ArrayLike, times: ArrayLike, response: ArrayLi
             weight[span:] *= weight[:-span].copy()
             span *= 2
     return parts
-
-
-def checked_history(times: ArrayLike, values: ArrayLike) -> tuple[Floats, Floats]:
-    """Times and the values at them as arrays of one length.
-
-    Raises
-    ------
-    ArgumentError
-        If times fall or are not finite, or the lengths differ or are below 2.
-    """
-    instants = frozen("times", times, (None,))
-    history = floats("history", values)
-    if history.ndim == 0 or len(history) != len(instants) or len(instants) < 2:
-        raise ArgumentError(
-            f"times and the history must have the same length, at least 2; got "
-            f"{instants.shape} and {history.shape}"
-        )
-    if not (np.isfinite(instants).all() and (np.diff(instants) >= 0).all()):
-        raise ArgumentError("times must be finite and never fall")
-    return instants, history

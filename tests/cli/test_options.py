@@ -39,6 +39,7 @@ USUAL = {
         "limit": 1.5, "reach": 10.0, "stiffness": 2.0,
     },
     "record": {"plan": "plan.csv", "out": "touches.csv"},
+    "report": {"out": "report"},
     "run": {"source": "twin://planar", "zero": True, "port": 0},
     "score": {
         "skins": 2, "touches": 60, "drag": 0.0, "pairs": 40, "seed": 1, "world": "hard",

@@ -57,8 +57,9 @@ def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # 740 roll a skin's parts on to its limb, make what it takes besides, and cast pillars;
     # 220 write recordings as episodes for robot learning; 1,000 press real skins by a stage and
     # a gauge; 600 keep a rig's campaign in one recording and touch virtual skins slowly;
-    # 2269 let an arm yield to touch: its joints, the law, what stops it, a simulated one, poses.
-    assert sum(text.count("\n") for text in FILES.values()) <= 52_611
+    # 2269 let an arm yield to touch: its joints, the law, what stops it, a simulated one, poses;
+    # 1,080 characterise a skin from such recordings.
+    assert sum(text.count("\n") for text in FILES.values()) <= 53_691
 
 
 def test_no_file_has_over_450_lines():

@@ -61,6 +61,7 @@ def _app() -> "typer.Typer":
         files,
         live,
         optimise,
+        report,
         robots,
         score,
         skins,

@@ -6,9 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from paper.models.recovery import creeping_solid, fit_prony, late_parts, recovery_time
+from paper.models.recovery import creeping_solid, fit_prony, late_parts
 from smoskin.errors import ArgumentError
 from smoskin.mechanics.viscoelasticity import Prony, creep
+from smoskin.sensing.characteristics import recovery_time
 
 
 def test_recovery_of_one_element_in_closed_form() -> None:

@@ -37,13 +37,14 @@ def report_page(
     tables: Sequence[tuple[str, Sequence[Sequence[str]]]],
     links: Sequence[str],
     picture: bytes,
+    alt: str = "the sheet, folded and flat",
 ) -> bytes:
-    """The report: what it comes to, tables with their titles and heads, files, and an SVG."""
+    """A report: what it comes to, tables with their titles and heads, files, and an SVG."""
     out = [
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">',
         f"<title>{escape(title)}</title><style>{_STYLE}</style></head><body>",
         f"<h1>{escape(title)}</h1><p>{escape(verdict)}</p>",
-        f'<img alt="the sheet, folded and flat" src="data:image/svg+xml;base64,'
+        f'<img alt="{escape(alt)}" src="data:image/svg+xml;base64,'
         f'{base64.b64encode(picture).decode()}">',
     ]
     for heading, rows in tables:
