@@ -1,7 +1,8 @@
 """The rubber that explains a recovery after a load is taken away.
 
 Decides how a recorded recovery is turned into a solid (Figure S9): least squares over retardation
-times tried in advance, with shares that are not negative. Hides the scaling and the way from the fitted shares to their uncertainty.
+times tried in advance, with shares that are not negative. Hides the scaling and the way from the
+fitted shares to their uncertainty.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""A skin of known figures, recorded, and what the report says of it; and a twin on a virtual rig."""
+"""A skin of known figures, recorded, and what the report says of it; a twin on a virtual rig."""
 
 import json
 from pathlib import Path
@@ -199,9 +199,7 @@ def test_what_is_no_recording_of_a_rig_is_refused(tmp_path: Path, known: dict[st
         characterise([record(tmp_path / "a.mcap", 3)])
     other = tmp_path / "b.mcap"
     curved = read_design("curved")
-    few = [
-        Reading(time=t, field=np.zeros((len(curved.halls), 3))) for t in np.arange(6.0).tolist()
-    ]
+    few = [Reading(time=t, field=np.zeros((len(curved.halls), 3))) for t in np.arange(6.0).tolist()]
     with Campaign(other, curved) as campaign:
         where = Contact(position=(0.05, 0.05), force=(0.0, 0.0, -0.5))
         campaign.add(
