@@ -53,13 +53,14 @@ def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # 345 bend a skin round a limb: places, axes, the shell on its pillars, and the page;
     # 108 let all starts of a search for touches go on together;
     # 370 show a tessellated sheet from flat to attached, report on it and give its design;
+    # 110 try other weights where a sheet does not lie on its surface;
     # 260 write the assembled skin as STEP; 215 put guided covers in place of scales;
     # 740 roll a skin's parts on to its limb, make what it takes besides, and cast pillars;
     # 220 write recordings as episodes for robot learning; 1,000 press real skins by a stage and
     # a gauge; 600 keep a rig's campaign in one recording and touch virtual skins slowly;
     # 2269 let an arm yield to touch: its joints, the law, what stops it, a simulated one, poses;
     # 1,080 characterise a skin from such recordings.
-    assert sum(text.count("\n") for text in FILES.values()) <= 53_691
+    assert sum(text.count("\n") for text in FILES.values()) <= 53_801
 
 
 def test_no_file_has_over_450_lines():

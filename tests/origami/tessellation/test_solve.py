@@ -11,7 +11,14 @@ from smoskin.origami.surface.analytic import Cone, Cylinder, Sphere
 from smoskin.origami.tessellation.arc import arc_sheet
 from smoskin.origami.tessellation.conditions import net_of
 from smoskin.origami.tessellation.hinges import frame_of
-from smoskin.origami.tessellation.solve import Problem, conditions, place_slopes, places, settle
+from smoskin.origami.tessellation.solve import (
+    Problem,
+    Weights,
+    conditions,
+    place_slopes,
+    places,
+    settle,
+)
 
 CELLS = (3, 4)
 
@@ -30,6 +37,8 @@ def posed(cell, surface, radius, *, foldable=True, pull=3e3):
         scale=float(size(cell).length),
         flat_foldable=foldable,
         sharpest=np.radians(110),
+        depth=float(size(cell).height),
+        weights=Weights(),
         pull=pull,
     )
     return problem, start

@@ -16,16 +16,22 @@ from smoskin.design.skin import MiuraCell
 from smoskin.origami.cell import size
 from smoskin.origami.surface.surface import Surface, forms
 
-STRETCH: Final = 100.0
-"""tau: weight of stretch against bending over the square of a cell's length."""
-SMOOTH: Final = 100.0
-"""Weight of the fold angle's differences between neighbouring panels, 1/rad^2."""
 _ITERATIONS: Final = 150
 """Steps of the minimiser."""
 
 
 _CORNERS: Final = ((0, 0), (1, 0), (0, 1), (1, 1))
 """Corners of a panel by its rows and columns of nodes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stiffness:
+    """Weights of an attachment's energy over that of bending."""
+
+    stretch: float = 100.0
+    """tau: weight of stretch, over the square of a cell's length."""
+    smooth: float = 100.0
+    """Weight of the fold angle's differences between neighbouring panels, 1/rad^2."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +46,12 @@ class Attachment:
     """Mean energy of a panel."""
 
 
-def attach(surface: Surface, cell: MiuraCell, cells: tuple[int, int]) -> Attachment:
+def attach(
+    surface: Surface,
+    cell: MiuraCell,
+    cells: tuple[int, int],
+    stiffness: Stiffness = Stiffness(),
+) -> Attachment:
     """The attachment and the fold field of least energy, begun at the chart's own lattice.
 
     Notes
@@ -48,7 +59,7 @@ def attach(surface: Surface, cell: MiuraCell, cells: tuple[int, int]) -> Attachm
     Source: SI Eqs. (S30) and (S31), with the mean fold angle held and its differences weighted:
     with one angle for all, the least energy is that of a sheet folded to nothing.
     """
-    energy = Energy(surface, cell, cells)
+    energy = Energy(surface, cell, cells, stiffness)
     scale = float(size(cell).length)
     objective: Any = energy.value
     result = minimize(
@@ -93,7 +104,14 @@ class Energy:
         + \mu \sum (\Delta \phi)^2 .
     """
 
-    def __init__(self, surface: Surface, cell: MiuraCell, cells: tuple[int, int]) -> None:
+    def __init__(
+        self,
+        surface: Surface,
+        cell: MiuraCell,
+        cells: tuple[int, int],
+        stiffness: Stiffness = Stiffness(),
+    ) -> None:
+        self._stiffness = stiffness
         self._surface, self._fold = surface, cell.fold_angle
         extent = size(cell)
         self._length, self._steps = float(extent.length), (extent.length / 2, extent.width / 2)
@@ -123,10 +141,10 @@ class Energy:
         rough = 0.0
         for axis in (0, 1):
             steps = np.diff(turns, axis=axis)
-            rough += SMOOTH * float((steps**2).sum())
+            rough += self._stiffness.smooth * float((steps**2).sum())
             pad = [(0, 0), (0, 0)]
             pad[axis] = (1, 1)
-            by_turns -= 2 * SMOOTH * np.diff(np.pad(steps, pad), axis=axis)
+            by_turns -= 2 * self._stiffness.smooth * np.diff(np.pad(steps, pad), axis=axis)
         by_turns -= by_turns.mean()
         return stretch + bend + rough, np.concatenate([scale * by.ravel(), by_turns.ravel()])
 
@@ -136,6 +154,7 @@ class Energy:
         along = np.sin(phi) / np.sin(self._fold)
         across = np.cos(self._fold) / np.cos(phi)
         weight = along * across / 4
+        tau = self._stiffness.stretch
         total, by_places = 0.0, np.zeros_like(places)
         by_along, by_across = np.zeros_like(phi), np.zeros_like(phi)
         # At each corner of a panel by its own two edges: means over the panel would leave a
@@ -147,9 +166,9 @@ class Energy:
             c11, c22 = (first**2).sum(-1) / along**2, (second**2).sum(-1) / across**2
             c12 = (first * second).sum(-1) / (along * across)
             det = c11 * c22 - c12**2
-            density = STRETCH * (c11 + c22 + 1 / det - 3)
-            by11, by22 = STRETCH * (1 - c22 / det**2), STRETCH * (1 - c11 / det**2)
-            by12 = 2 * STRETCH * c12 / det**2
+            density = tau * (c11 + c22 + 1 / det - 3)
+            by11, by22 = tau * (1 - c22 / det**2), tau * (1 - c11 / det**2)
+            by12 = 2 * tau * c12 / det**2
             total += float((weight * density).sum())
             mixed = (weight * by12 / (along * across))[..., None]
             push = 2 * first * (weight * by11 / along**2)[..., None] + second * mixed

@@ -40,15 +40,27 @@ _STILL: Final = 1e-4
 """Motion over the scale at which the sheet counts as the fairest."""
 _DIVE: Final = 0.5
 """Longest motion of a step over the scale."""
-_DEPTH: Final = 10.0
-"""Weight of heights against that of ways along the surface."""
-_BOUNDS: Final = (np.radians(27), np.radians(153))
-"""Sector angles that are free; those beyond are pulled back."""
-_BOUND: Final = 30.0
-"""Weight of an angle's excess, 1/rad^2."""
+_DEPTHS: Final = (0.84, 1.16)
+"""Heights of top vertices over the planar cell's that are free."""
 _SOFT: Final = 1e-11
 """Compliance of the conditions in the linear system, which keeps it regular; steps to conditions
 that nearly depend on others end at it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weights:
+    """What counts as fair; on surfaces bent strongly other weights lead to other sheets."""
+
+    heights: float = 10.0
+    """Weight of heights against that of ways along the surface."""
+    start: float = 0.03
+    """Weight of the way from the start against that of its differences between neighbours."""
+    angles: float = 30.0
+    """Weight of a sector or fold angle's excess, 1/rad^2."""
+    depth: float = 0.0
+    """Weight of a top vertex' excess in height, over that of an angle's."""
+    least_angle: float = float(np.radians(27))
+    """Least sector angle that is free, rad; the largest is pi less it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,6 +83,9 @@ class Problem:
     """Whether opposite sector angles must sum to pi."""
     sharpest: float
     """Fold angle that is free, rad; creases beyond take too much of the panels."""
+    depth: float
+    """m: height of the planar cell."""
+    weights: Weights
     pull: float
     """Weight of a bottom vertex's height against that of other motions, where it is free; the
     vertices lie on the surface itself where the sheet need not fold flat."""
@@ -166,7 +181,10 @@ class _Search:
         self._problem, self._start = problem, start
         weights = np.zeros_like(start)
         weights[problem.bottom, 2] = problem.pull
-        fairness = sparse.kron(_fairness(problem.shape), sparse.diags_array([1.0, 1.0, _DEPTH]))
+        fairness = sparse.kron(
+            _fairness(problem.shape, problem.weights.start),
+            sparse.diags_array([1.0, 1.0, problem.weights.heights]),
+        )
         free = np.ones(start.shape, dtype=bool)
         free[problem.bottom, 2] = problem.flat_foldable
         self._free = np.flatnonzero(free.ravel())
@@ -209,8 +227,8 @@ class _Search:
         if fair:
             pull = (self._fairness @ (layers - self._start).ravel() / scale)[self._free]
             excess, by_excess = self._excess(layers)
-            weights = weights + _BOUND * (by_excess.T @ by_excess)
-            pull = pull + _BOUND * (by_excess.T @ excess)
+            weights = weights + self._problem.weights.angles * (by_excess.T @ by_excess)
+            pull = pull + self._problem.weights.angles * (by_excess.T @ excess)
         right = np.concatenate([-pull, -residual])
         soft = -_SOFT * sparse.eye_array(len(residual))
         blocks: Any = [[weights, slopes.T], [slopes, soft]]
@@ -230,19 +248,31 @@ class _Search:
         return (motion * min(1.0, _DIVE * scale / max(longest, 1e-300))).reshape(layers.shape)
 
     def _excess(self, layers: Floats) -> tuple[Floats, sparse.csr_array]:
-        """Excess of sector and fold angles over their bounds, and its derivatives."""
+        """Excess of sector and fold angles and of depth over their bounds, and its derivatives."""
         net, scale, limit = self._problem.net, self._problem.scale, self._problem.sharpest
+        least, depth = self._problem.weights.least_angle, self._problem.weights.depth
         vertices, by_layers = place_slopes(self._problem.surface, layers)
         angles = sector_angles(net, vertices)
         folds = fold_angles(vertices, self._problem.frame.creases)
+        high = np.flatnonzero(~self._problem.bottom)
+        tops = layers[high, 2] / self._problem.depth
+        by_tops = sparse.csr_array(
+            (np.full(len(high), 1 / self._problem.depth), (np.arange(len(high)), 3 * high + 2)),
+            shape=(len(high), layers.size),
+        )
         values = np.concatenate(
-            [angles - np.clip(angles, *_BOUNDS), folds - np.clip(folds, -limit, limit)]
+            [
+                angles - np.clip(angles, least, np.pi - least),
+                folds - np.clip(folds, -limit, limit),
+                depth * (tops - np.clip(tops, *_DEPTHS)),
+            ]
         )
         slopes = sparse.vstack(
             [angle_slopes(net, vertices), fold_slopes(vertices, self._problem.frame.creases)]
-        ).tocsr()
+        )
+        slopes = sparse.vstack([slopes @ by_layers, depth * by_tops]).tocsr()
         rows = np.flatnonzero(values)
-        beyond = slopes[rows] @ by_layers
+        beyond = slopes[rows]
         return values[rows], (scale * beyond[:, self._free]).tocsr()
 
     def _left(self, layers: Floats, share: float) -> float:
@@ -251,7 +281,7 @@ class _Search:
         return float(np.abs(left).max(initial=0.0))
 
 
-def _fairness(shape: tuple[int, int]) -> sparse.csr_array:
+def _fairness(shape: tuple[int, int], own: float) -> sparse.csr_array:
     """Weights of a motion and of its differences between vertices of the same kind, (V, V)."""
     index = np.arange(shape[0] * shape[1]).reshape(shape)
     pairs = np.concatenate(
@@ -263,4 +293,4 @@ def _fairness(shape: tuple[int, int]) -> sparse.csr_array:
     rows = np.repeat(np.arange(len(pairs)), 2)
     ends = np.tile([1.0, -1.0], len(pairs))
     differences = sparse.csr_array((ends, (rows, pairs.ravel())), shape=(len(pairs), index.size))
-    return sparse.csr_array(differences.T @ differences + 0.03 * sparse.eye_array(index.size))
+    return sparse.csr_array(differences.T @ differences + own * sparse.eye_array(index.size))
