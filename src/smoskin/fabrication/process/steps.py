@@ -391,12 +391,13 @@ def _covers(design: SkinDesign, workshop: Workshop, wet: str, picture: Picture) 
             f"{1e3 * bush_length(design, workshop):.1f} mm, in which a bar does not bind at a "
             f"friction of 0.2, {1e3 * PLAY:g} mm of play and {1e3 * STROKE:g} mm of stroke are "
             "this package's choice.",
-            f"Find the response table again for such a skin (grip {'covered'!r}).",
+            "Read such a skin by the paper's theory (smoskin fit-paper): response tables are of "
+            "skins that are touched on their sheet.",
             wet,
         ),
         checks=(
             "every cover comes back by itself, pressed in its middle and on a corner",
-            "no cover moves when its neighbour is pressed hard",
+            "covers beside a pressed one follow freely, by 0.3 mm at most at 1 N",
         ),
         picture=picture,
     )
