@@ -40,6 +40,7 @@ SCRIPTS: Final = (
     "beyond.touch_bound",
     "beyond.touch_pairs",
     "beyond.calibration_touches",
+    "beyond.curved_sheets",
 )
 """Modules with a figure each, in the order of the paper."""
 _EXTRAS: Final = ("matplotlib", "jax", "felupe")

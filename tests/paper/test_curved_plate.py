@@ -9,6 +9,8 @@ from smoskin.commands.score.errors import Answers
 
 pytest.importorskip("jax")
 pytest.importorskip("matplotlib")
+from paper.beyond import curved_sheets
+from paper.beyond.curved_sheets import SURFACES, attached
 from paper.figure_s12 import COUNT, PRINTED, Touched, _errors, curved_rows, draw
 
 
@@ -60,3 +62,15 @@ def test_every_touch_is_in_a_histogram_beside_the_printed_mean(sure):
         heights = [patch.get_height() for patch in axis.patches]
         assert sum(heights) == 2 * COUNT
         assert any(line.get_xdata()[0] == pytest.approx(scale * printed) for line in axis.lines)
+
+
+def test_sheets_on_surfaces_are_drawn_with_what_folds(planar):
+    sheets = {
+        name: attached(planar, SURFACES[name], (2, 2)) for name in ("plane", "sphere, 200 mm")
+    }
+    plate = curved_sheets.draw(sheets)
+    titles = [axis.get_title() for axis in plate.figure.axes]
+    plane, sphere = (100 * each.share for each in sheets.values())
+    assert titles == [f"plane: {plane:.0f} %", f"sphere, 200 mm: {sphere:.0f} %, locked"]
+    assert f"{plane:.0f} to {plane:.0f} %. Orange" in plate.caption
+    assert sphere < plane
