@@ -138,6 +138,9 @@ def dxf(drawing: Drawing) -> bytes:
             [place] = _millimetres([label.place])
             attributes = {"layer": "TEXT", "height": 1e3 * label.height, "insert": place}
             space.add_text(label.text, dxfattribs=attributes)
+        # The writer would name the kinds of entities in a set's order, another in each process.
+        for kind in sorted(document.entitydb.dxf_types_in_use()):
+            document.classes.add_class(kind)
         stream = io.StringIO()
         document.write(stream)
     finally:
