@@ -465,3 +465,24 @@ def test_ctrl_c_keeps_the_touches_that_the_rig_has_made(
     assert kept.touched.sum() == made
     done = calibrate(table, kept, design=skin, recording=recording, accept_bad_fit=True)
     assert done.used == made
+
+
+def test_a_rigs_recording_calibrates_as_the_rig_does(skin, table, twin, tmp_path):
+    from smoskin.service.kept import Campaign
+
+    class Recorded(VirtualRig):
+        def press(self, contact, timeout=30.0):
+            touch = super().press(contact, timeout)
+            campaign.add(touch)
+            return touch
+
+    path = tmp_path / "campaign.mcap"
+    rig = Recorded(twin, np.random.default_rng(0))
+    spreads = {"place_spread": rig.place_spread, "force_spread": rig.force_spread}
+    with Campaign(path, skin, rig=spreads) as campaign:
+        by_rig = calibrate(table, rig, design=skin, count=6)
+    done = calibrate(table, path, design=skin)
+    assert done.used == by_rig.used == 6
+    assert done.expected == pytest.approx(by_rig.expected, rel=1e-6)
+    wrong = missed(skin, twin, by_rig.table)
+    assert missed(skin, twin, done.table) == pytest.approx(wrong, rel=1e-6)

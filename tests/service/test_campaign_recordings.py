@@ -1,5 +1,6 @@
 """A campaign's recording: all of a rig's streams on one clock, each touch once after any kill."""
 
+import csv
 import os
 import signal
 import subprocess
@@ -209,3 +210,48 @@ def test_a_campaign_that_is_killed_three_times_is_complete(tmp_path: Path) -> No
     assert arm.pressed == 6 - made[-1]
     assert_allclose([touch.contact.position for touch in recorded_touches(path)], PLAN.position)
     assert len(decoded_by_others(path)["/rig/touch"]) == 6
+
+
+def test_all_streams_become_columns_of_one_rate(tmp_path: Path) -> None:
+    from smoskin.service.exchange import export_recording
+
+    path = tmp_path / "a.mcap"
+    pressed(path)
+    assert export_recording(path, tmp_path / "a.csv") == 120
+    with open(tmp_path / "a.csv", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    held = [row for row in rows if row["touch"] == "2"]
+    assert len(held) == 10
+    assert {row["phase"] for row in rows} <= {"rest", "hold", ""}
+    # The gauge's 20 Hz and the stage's 5 Hz, at the readings' 10 Hz.
+    for row in held[:-2]:
+        assert float(row["gauge_Fz_N"]) == pytest.approx(-0.4)
+        assert float(row["stage_z_m"]) == pytest.approx(-1e-4)
+        assert float(row["touch_x_m"]) == pytest.approx(PLAN.position[2, 0])
+        assert row["touch_Fz_N"] == "-0.4"
+    assert rows[0]["touch"] == "-1"
+    assert rows[0]["touch_x_m"] == "nan"
+    h5py = pytest.importorskip("h5py")
+    export_recording(path, tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5") as file:
+        assert file["gauge_N"].shape == file["stage_m"].shape == (120, 3)
+        assert file["phase"][15] == b"hold"
+        assert (file["touch"][:] >= 0).sum() == 60
+
+
+def test_frames_for_robots_have_the_rigs_streams(tmp_path: Path) -> None:
+    from smoskin.service.exchange import export_lerobot
+
+    parquet = pytest.importorskip("pyarrow.parquet")
+    path = tmp_path / "a.mcap"
+    pressed(path)
+    count = export_lerobot(path, tmp_path / "set", rate=10, window=2)
+    table = parquet.read_table(tmp_path / "set/data/chunk-000/file-000.parquet").to_pydict()
+    touch = np.array(table["observation.tactile.touch"])
+    force = np.array(table["observation.tactile.touch_force"])
+    gauge = np.array(table["observation.tactile.gauge"])
+    assert len(touch) == count
+    assert 50 <= touch.sum() <= 61
+    assert_allclose(force[touch > 0, 2], -0.4, atol=1e-6)
+    assert_allclose(force[touch == 0], 0.0)
+    assert_allclose(gauge[touch > 0, 2], -0.4, atol=1e-6)

@@ -34,7 +34,7 @@ from smoskin.sensing.response.judgement import Judgement, judge_touches
 from smoskin.sensing.response.labels import Label, Labeller, labelled_touches
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.signals import signal_noise
-from smoskin.service.kept import recorded_touches
+from smoskin.service.kept import recorded_touches, rig_of
 from smoskin.service.recording import open_recording
 
 if TYPE_CHECKING:
@@ -218,7 +218,7 @@ def calibrate(
         creep is undone then. Without it each touch of the file was held until it settled.
     place_spread, force_spread : float, optional
         Standard deviations of reported places, m, and forces, N, along each axis; the rig's own
-        by default, else 0.5 mm and 10 mN.
+        by default, as its recording tells them too, else 0.5 mm and 10 mN.
     accept_bad_fit : bool, optional
         Whether a table is made of touches that fit no skin of the design; the calibration's
         judgement tells what is wrong with them.
@@ -240,8 +240,7 @@ def calibrate(
         If a number is out of its range, a recording comes without a file, or no touch can be used.
     """
     skin = load_design(design) if isinstance(design, str) else design
-    by_rig = touches if isinstance(touches, Rig) else None
-    usual = (by_rig.place_spread, by_rig.force_spread) if by_rig else (PLACE_SPREAD, FORCE_SPREAD)
+    usual = _usual_spreads(touches)
     place = usual[0] if place_spread is None else place_spread
     press = usual[1] if force_spread is None else force_spread
     planner = _planner(skin, table, count, until, force, drag, place, press)
@@ -274,6 +273,16 @@ def calibrate(
         expected=(expected_error(own, noise, drag_spread=0.0), expected_error(own, noise)),
         judgement=judgement,
     )
+
+
+def _usual_spreads(touches: object) -> tuple[float, float]:
+    """Standard deviations of places, m, and forces, N: a rig's own, or those of a hand."""
+    if isinstance(touches, Rig):
+        return touches.place_spread, touches.force_spread
+    if isinstance(touches, str | os.PathLike) and Path(touches).suffix == ".mcap":
+        rig = rig_of(touches)
+        return rig.get("place_spread", PLACE_SPREAD), rig.get("force_spread", FORCE_SPREAD)
+    return PLACE_SPREAD, FORCE_SPREAD
 
 
 def _own_table(

@@ -20,6 +20,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, FileError, RecordingError, require
 from smoskin.outputs import check_output, read_text, write_output
 from smoskin.records import Reading
+from smoskin.service.kept import RIG_PARTS, rig_columns
 from smoskin.service.recorder import Recorder
 from smoskin.service.recording import Recording, open_recording
 
@@ -46,7 +47,8 @@ def columns_of(recording: Recording) -> dict[str, NDArray[Any]]:
 
     These are ``time_s``, (N,), ``field_T``, (N, S, 3), ``temperature_degC`` and ``flags``, (N, S),
     ``status``, (N,), empty where nothing was estimated, ``position_m``, (N, C, 2), ``force_N``,
-    (N, C, 3), and ``covariance``, (N, C, 5, 5), NaN where there is no contact.
+    (N, C, 3), and ``covariance``, (N, C, 5, 5), NaN where there is no contact. A rig's recording
+    also has `smoskin.service.kept.rig_columns`.
     """
     rows = list(recording)
     readings, estimates = [row[0] for row in rows], [row[1] for row in rows]
@@ -60,8 +62,9 @@ def columns_of(recording: Recording) -> dict[str, NDArray[Any]]:
         if estimate is not None:
             covariance[row, : len(found)] = estimate.covariance
     chips = recording.description.chips
+    times = np.array([reading.time for reading in readings])
     return {
-        "time_s": np.array([reading.time for reading in readings]),
+        "time_s": times,
         "field_T": np.reshape([reading.field for reading in readings], (-1, chips, 3)),
         "temperature_degC": np.reshape([r.temperature for r in readings], (-1, chips)),
         "flags": np.reshape([r.flags for r in readings], (-1, chips)).astype(np.int64),
@@ -69,7 +72,7 @@ def columns_of(recording: Recording) -> dict[str, NDArray[Any]]:
         "position_m": position,
         "force_N": force,
         "covariance": covariance,
-    }
+    } | rig_columns(recording.path, times)
 
 
 @typed
@@ -159,6 +162,11 @@ def _write_csv(part: Path, columns: dict[str, NDArray[Any]]) -> None:
     names.append("status")
     flat.append(columns["status"].tolist())
     add("contact", "position_m", "force_N")
+    for name in ("touch", "phase", *RIG_PARTS):
+        if name in columns:
+            kept = columns[name].reshape(len(columns[name]), -1)
+            names.extend(RIG_PARTS.get(name, (name,)))
+            flat.extend(kept.T.tolist())
     with open(part, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(names)
@@ -170,7 +178,7 @@ def _write_hdf5(part: Path, columns: dict[str, NDArray[Any]], recording: Recordi
 
     with h5py.File(part, "w") as file:
         for name, values in columns.items():
-            text = h5py.string_dtype() if name == "status" else None
+            text = h5py.string_dtype() if values.dtype.kind == "U" else None
             file.create_dataset(name, data=values.astype(object) if text else values, dtype=text)
         told = recording.description
         file.attrs.update(
@@ -230,8 +238,9 @@ def export_lerobot(
     vector ``observation.tactile.field`` (T; chip by chip, x, y, z); for the latest of them
     ``temperature`` (degC), ``missing``, 1 for a chip without a field, whose last one stands there,
     and ``age``, s since that reading; and for its contacts ``contact``, 1 where there is one,
-    ``position`` (m) and ``force`` (N), zero where there is none. There is no action: that is
-    the robot's.
+    ``position`` (m) and ``force`` (N), zero where there is none. Of a rig it has ``touch``, 1
+    while one is held, ``touch_position``, ``touch_force``, ``gauge`` and ``stage``. There is no
+    action: that is the robot's.
 
     Raises
     ------
@@ -342,6 +351,7 @@ def _frames(
         for name in ("position_m", "force_N"):
             tactile[name[:-2]] = np.nan_to_num(columns[name][latest])
             named[name[:-2]] = [f"contact{c}_{end}" for c in contacts for end in _PARTS[name]]
+    _add_rig(columns, latest, tactile, named)
     frame, nothing = np.arange(count)[:, None], np.zeros((count, 1), np.int64)
     features = {
         f"observation.tactile.{name}": values.reshape(count, -1).astype(np.float32)
@@ -354,6 +364,22 @@ def _frames(
         "task_index": nothing,
     }
     return features, {f"observation.tactile.{name}": names for name, names in named.items()}
+
+
+def _add_rig(
+    columns: dict[str, NDArray[Any]],
+    latest: NDArray[Any],
+    tactile: dict[str, NDArray[Any]],
+    named: dict[str, list[str]],
+) -> None:
+    """Add what a rig says in frames whose latest readings these are, and the names of its parts."""
+    for column in [column for column in RIG_PARTS if column in columns]:
+        name = column.rpartition("_")[0]
+        # A stage stands where it stood; a touch that is not held is none.
+        values = columns[column] if name.startswith("touch") else _held(columns[column])
+        tactile[name], named[name] = np.nan_to_num(values[latest]), list(RIG_PARTS[column])
+    if "touch" in columns:
+        tactile["touch"], named["touch"] = columns["touch"][latest] >= 0, ["held"]
 
 
 def _stats(values: NDArray[Any]) -> dict[str, list[float]]:

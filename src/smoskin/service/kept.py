@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smoskin.arrays import Floats
 from smoskin.design.document import format_design
@@ -36,6 +37,13 @@ from smoskin.service.recording import (
 )
 from smoskin.service.ros import POSITION, WRENCH, Codec, TouchLabel
 
+RIG_PARTS: Final[dict[str, tuple[str, ...]]] = {
+    "touch_position_m": ("touch_x_m", "touch_y_m"),
+    "touch_force_N": ("touch_Fx_N", "touch_Fy_N", "touch_Fz_N"),
+    "gauge_N": ("gauge_Fx_N", "gauge_Fy_N", "gauge_Fz_N"),
+    "stage_m": ("stage_x_m", "stage_y_m", "stage_z_m"),
+}
+"""Names of the parts of the columns of what a rig says."""
 _PAUSE: Final = 1.0
 """Seconds put at least between what was made before an interruption and what comes after."""
 
@@ -253,6 +261,45 @@ def read_sheet(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
         return read_touches(path)
     touches = recorded_touches(path, some=True)
     return table_of(touches), hashlib.sha256(Path(path).read_bytes()).hexdigest()
+
+
+def rig_columns(path: str | os.PathLike[str], times: Floats) -> dict[str, NDArray[Any]]:
+    """Columns of what a rig said at readings' times, (N,), s; none where it made no touch.
+
+    ``touch``, (N,), is the number of the touch that is held, or -1, ``touch_position_m``, (N, 2),
+    and ``touch_force_N``, (N, 3), what it is, NaN where none is held. Where gauge and stage were
+    read, ``gauge_N`` and ``stage_m``, (N, 3), are between their own samples on straight lines, NaN
+    beyond them, and ``phase``, (N,), names what the rig did.
+    """
+    touches = recorded_touches(path)
+    if not touches:
+        return {}
+    columns: dict[str, NDArray[Any]] = {
+        "touch": np.full(len(times), -1, dtype=np.int64),
+        "touch_position_m": np.full((len(times), 2), np.nan),
+        "touch_force_N": np.full((len(times), 3), np.nan),
+    }
+    if any(touch.trace is not None for touch in touches):
+        columns |= {name: np.full((len(times), 3), np.nan) for name in ("gauge_N", "stage_m")}
+        longest = max(len(name) for t in touches if t.trace for name, _, _ in t.trace.phases)
+        columns["phase"] = np.full(len(times), "", dtype=f"U{longest}")
+    for number, touch in enumerate(touches):
+        held = (times >= touch.held[0]) & (times <= touch.held[1])
+        columns["touch"][held] = number
+        columns["touch_position_m"][held] = touch.contact.position
+        columns["touch_force_N"][held] = touch.contact.force
+        if touch.trace is None:
+            continue
+        for name, stream in (("gauge_N", touch.trace.gauge), ("stage_m", touch.trace.stage)):
+            if len(stream):
+                within = (times >= stream[0, 0]) & (times <= stream[-1, 0])
+                for axis in range(3):
+                    columns[name][within, axis] = np.interp(
+                        times[within], stream[:, 0], stream[:, 1 + axis]
+                    )
+        for name, begin, end in touch.trace.phases:
+            columns["phase"][(times >= begin) & (times < end)] = name
+    return columns
 
 
 def rig_of(path: str | os.PathLike[str]) -> dict[str, Any]:
