@@ -354,3 +354,57 @@ def test_a_turn_under_a_touch_began_after_the_last_idle_reading(planar, touched,
     angle = np.sqrt(begun[0, 0] / whole[0, 0])
     np.testing.assert_allclose(begun, angle**2 * whole, rtol=1e-6, atol=1e-18)
     assert angle == pytest.approx(0.08 * unnoticed**2 / 2, rel=0.2)
+
+
+def on_an_arm(planar, arm=True) -> Zero:
+    """A zero of all chips of a design on an arm, which may turn and whose motors are heard."""
+    noise = signal_noise(planar)
+    tracking = ZeroTracking(hold=0.0, time_constant=2.0, widening_rate=0.0, arm=arm)
+    return Zero(tracking, IdleNoise(noise, 1e-6), np.zeros(9), noise, turning=turning(planar))
+
+
+def loud(planar, louder, count, seed=0) -> np.ndarray:
+    """Readings (count, 9) with the chips' noise and another of this covariance."""
+    covariance = signal_noise(planar) + louder
+    return np.random.default_rng(seed).multivariate_normal(np.zeros(9), covariance, count)
+
+
+def test_noise_louder_than_the_chips_is_learned_on_an_arm(planar):
+    """A motor's field in two patterns over the chips: found as it is, nothing else besides."""
+    patterns = 3e-6 * np.random.default_rng(5).normal(size=(9, 2))
+    louder, time = patterns @ patterns.T, 0.1 * np.arange(600)
+    still = on_an_arm(planar, arm=False)
+    followed(still, time, loud(planar, louder, 600))
+    found, told = [], []
+    for seed in range(3):
+        zero = on_an_arm(planar)
+        assert followed(zero, time, loud(planar, louder, 600, seed))[100:].all()
+        found.append(zero._louder)
+        told.append(zero.covariance)
+    size = np.linalg.norm(louder)
+    assert np.linalg.norm(np.mean(found, axis=0) - louder) < 0.35 * size
+    assert (np.linalg.eigvalsh(np.mean(told, axis=0) - np.mean(found, axis=0)) > 0).all()
+    assert not still._louder.any()
+
+
+def test_a_quiet_arm_is_not_heard(planar):
+    """Where the chips alone make noise, what is learned besides stays a third of it."""
+    zero = on_an_arm(planar)
+    assert followed(zero, 0.1 * np.arange(600), loud(planar, 0.0, 600)).all()
+    noise = signal_noise(planar)
+    assert np.trace(np.linalg.solve(noise, zero._louder)) < 9 / 3
+
+
+def test_a_loud_arm_is_no_turn(planar):
+    """Noise of twice the chips' seems a turn now and then, until it was heard."""
+    read, time = loud(planar, 1.2 * signal_noise(planar), 600), 0.1 * np.arange(600)
+    seen = []
+    for zero in (on_an_arm(planar), on_an_arm(planar)):
+        turns = 0
+        if seen:
+            zero._listen = lambda change, course: None
+        for t, row in zip(time, read, strict=True):
+            zero.step(float(t), row)
+            turns += t > 10.0 and zero._turn_seen == t
+        seen.append(turns)
+    assert seen[0] < 0.3 * seen[1]

@@ -36,7 +36,9 @@ _FARTHEST: Final = 6.0
 _BELIEVED: Final = (0.3, 3)
 """Time, s, and idle readings for which a turn must have held, not to be a touch's beginning."""
 _TAKEN: Final = 20
-"""Number of readings that zeros are taken from."""
+"""Number of readings that zeros are taken from; for as many the chips' own noise counts."""
+_HEARD: Final = 200
+"""Idle readings over which louder noise is averaged."""
 _LONG: Final = 20.0
 """Time constants after which nothing is known any more."""
 _WILD: Final = 1e5
@@ -65,7 +67,8 @@ class ZeroTracking:
     """Farthest that it may have moved so, T: a steady touch that is fainter becomes the zero."""
     arm: bool = False
     """Whether an arm carries the skin, so that its own weight moves it as it turns: that is
-    followed, and a slow press may be taken for it. Else only fields may turn."""
+    followed, and a slow press may be taken for it. Else only fields may turn. Besides, its motors
+    are heard: how much louder readings are than the chips alone is learned while idle."""
 
     def __post_init__(self) -> None:
         for name in ("time_constant", "drift_bound"):
@@ -212,6 +215,8 @@ class Zero:
             bound = bound + _FARTHEST**2 * turning.whole
         self._bound = np.linalg.inv(bound)
         self._start = offset
+        self._louder = np.zeros_like(noise)
+        self._heard = 0
         self._touched = False
         self._unseen = 0.0
         self._come_to_rest(offset)
@@ -233,9 +238,11 @@ class Zero:
 
     @property
     def covariance(self) -> Floats:
-        """Covariance P of the zero, and of what a touch has left, (C, C), T^2."""
-        zero = self._course.zero
-        return zero + self.left if self._touched else zero
+        """Covariance of a reading untouched besides the chips' noise, (C, C), T^2.
+
+        That of the zero, P, of what a touch has left, and of noise that the chips alone do not make.
+        """
+        return self._unsure(self._course)
 
     def rest(self) -> None:
         """Forget when readings came, as their clock starts again; the zero stays."""
@@ -269,6 +276,11 @@ class Zero:
             return self._course
         unnoticed = min(self._last_time - self._idle_until, _UNNOTICED)
         return self._course.wider(turned(unnoticed), self._turning.whole)
+
+    def _unsure(self, course: Course) -> Floats:
+        """Covariance of a reading untouched besides the chips' noise, if the zero goes this way."""
+        unsure = course.zero + self._louder
+        return unsure + self.left if self._touched else unsure
 
     def step(self, time: float, read: Floats) -> bool:
         """Whether a reading (C,), T, is idle; the zero follows it once idleness has held."""
@@ -325,8 +337,7 @@ class Zero:
     def _explains(self, steady: _Steady, read: Floats) -> bool:
         """Whether a reading needs no turn."""
         course = steady.course
-        spread = course.zero + self.left if self._touched else course.zero
-        return self._idle(read - course.mean[0], spread) < _CALM
+        return self._idle(read - course.mean[0], self._unsure(course)) < _CALM
 
     def _return(self) -> None:
         """Take a turn back that was none."""
@@ -357,7 +368,7 @@ class Zero:
         for tried, of in self._jerks(self._turning, still, elapsed):
             if share < _CALM:
                 break
-            now = self._idle(change, tried.zero)
+            now = self._idle(change, tried.zero + self._louder)
             if now < share:
                 course, turn, share = tried, of, now
         if share < 1.0 and turn is not None:
@@ -395,7 +406,9 @@ class Zero:
         """Take in an idle change; what was known before fades by the time constant."""
         fading = math.exp(min(elapsed / self.tracking.time_constant, _LONG))
         course = self._course.unsure(self.left) if self._touched else self._course
-        self._course = course = course.corrected(change, self._noise, fading)
+        if self.tracking.arm:
+            self._listen(change, course.zero)
+        self._course = course = course.corrected(change, self._noise + self._louder, fading)
         self._touched, self._unseen = False, 0.0
         if self._turn is not None:
             speed, spread = course.mean[1], course.spread[1, 1]
@@ -404,3 +417,17 @@ class Zero:
                 self._turn_seen = time
         drift = self.drift
         self.believed = float(drift @ self._bound @ drift) <= 1.0
+
+    def _listen(self, change: Floats, zero: Floats) -> None:
+        """Learn from an idle change how much louder readings are than the chips alone.
+
+        A step of expectation-maximization: the noise that is likely in a change, and its spread.
+        """
+        self._heard = min(self._heard + 1, _HEARD)
+        noise = self._noise + self._louder
+        share = np.linalg.solve(zero + noise, noise).T
+        likely = share @ change
+        found = np.outer(likely, likely) + noise - share @ noise
+        more = self._louder + (found - noise) / (_TAKEN + self._heard)
+        powers, axes = np.linalg.eigh(more)
+        self._louder = (axes * np.maximum(powers, 0.0)) @ axes.T
