@@ -59,8 +59,9 @@ def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # 220 write recordings as episodes for robot learning; 1,000 press real skins by a stage and
     # a gauge; 600 keep a rig's campaign in one recording and touch virtual skins slowly;
     # 2269 let an arm yield to touch: its joints, the law, what stops it, a simulated one, poses;
-    # 1,180 characterise a skin from such recordings and put their streams on one rate.
-    assert sum(text.count("\n") for text in FILES.values()) <= 53_900
+    # 1,180 characterise a skin from such recordings and put their streams on one rate;
+    # 60 hear a loud arm and pool chips' loops.
+    assert sum(text.count("\n") for text in FILES.values()) <= 53_960
 
 
 def test_no_file_has_over_450_lines():
