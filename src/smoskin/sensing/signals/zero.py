@@ -240,7 +240,7 @@ class Zero:
     def covariance(self) -> Floats:
         """Covariance of a reading untouched besides the chips' noise, (C, C), T^2.
 
-        That of the zero, P, of what a touch has left, and of noise that the chips alone do not make.
+        That of the zero, P, of what a touch has left, and of noise that is not the chips'.
         """
         return self._unsure(self._course)
 
