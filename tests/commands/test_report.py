@@ -1,6 +1,7 @@
 """A skin of known figures, recorded, and what the report says of it; a twin on a virtual rig."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -207,3 +208,34 @@ def test_what_is_no_recording_of_a_rig_is_refused(tmp_path: Path, known: dict[st
         )
     with pytest.raises(ArgumentError, match="must be of one design; got planar, curved"):
         characterise([known["slow"], other])
+
+
+@pytest.mark.slow
+def test_a_stage_and_a_gauge_give_the_stiffness_of_what_they_press(tmp_path: Path) -> None:
+    pytest.importorskip("serial")
+    from rigs import Bench, World, straight
+
+    path = tmp_path / "a.mcap"
+    with Bench(World(stiffness=1500.0)) as bench:
+        made = [bench.rig.press(straight(force, (0.01, 0.02))) for force in (0.3, 0.6)]
+
+    def three(one: HeldTouch) -> HeldTouch:
+        return replace(
+            one,
+            readings=tuple(
+                Reading(time=r.time, field=np.resize(r.field, (3, 3))) for r in one.readings
+            ),
+        )
+
+    with Campaign(path, DESIGN, rig={"source": "fake", "stage": "fake"}) as campaign:
+        for one in made:
+            campaign.add(three(one))
+    done = characterise([path])
+    found = {figure.name: figure for figure in done.figures}
+    assert done.recordings[0].world == "a real skin on fake, pressed by fake"
+    assert_allclose(found["stiffness"].measured.value, 1.5, rtol=0.05)
+    assert "let go slowly" in found["hysteresis"].reason
+    # A spring is back as soon as the probe is.
+    back = found["recovery_10_percent"].measured
+    assert 0.0 <= back.value < 0.2
+    assert 0.0 < back.deviation < 0.2

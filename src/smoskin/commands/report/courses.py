@@ -17,7 +17,7 @@ _TOUCHED: Final = 0.05
 """Share of the largest force from which the probe is on the skin."""
 _LET_GO: Final = 4
 """Samples between a tenth and nine tenths of the force that show how the skin is let go."""
-_AT_ONCE: Final = 0.2
+_AT_ONCE: Final = 0.5
 """Seconds within which a load that is taken away is gone at once."""
 
 
@@ -61,6 +61,8 @@ class Course:
     """(N,), T: how far they lie from the rest along the change."""
     released: float | None
     """s: when the load was taken away at once; None where it was not, or nothing was read since."""
+    lifting: float
+    """s: how long that took; zero where it was not."""
     loop: Loop | None
     """What gauge and stage said; None where they said nothing."""
 
@@ -86,6 +88,7 @@ def course_of(touch: HeldTouch, run: int = 0) -> Course | None:
     size = float(np.linalg.norm(change))
     since = times >= touch.rest[0]
     signal = (flat[since] - rest) @ (change / size if size else change)
+    lifted = _lifted(touch, times)
     degrees = np.array([reading.temperature for reading in good])[in_hold]
     return Course(
         run=run,
@@ -98,7 +101,8 @@ def course_of(touch: HeldTouch, run: int = 0) -> Course | None:
         else np.nan,
         times=times[since],
         signal=signal,
-        released=_released(touch, times),
+        released=None if lifted is None else lifted[0],
+        lifting=0.0 if lifted is None else lifted[1] - lifted[0],
         loop=None if touch.trace is None else _loop(touch.trace, times[since], signal),
     )
 
@@ -107,13 +111,12 @@ def _phase(trace: Trace, name: str) -> tuple[float, float] | None:
     return next(((begin, end) for each, begin, end in trace.phases if each == name), None)
 
 
-def _released(touch: HeldTouch, times: Floats) -> float | None:
-    """When the load was gone at once, and read on; None otherwise."""
+def _lifted(touch: HeldTouch, times: Floats) -> tuple[float, float] | None:
+    """From when until when the load was taken away, at once and read on; None otherwise."""
     retract = None if touch.trace is None else _phase(touch.trace, "retract")
     if retract is None or times[-1] <= retract[1]:
         return None
-    begin, end = retract
-    return begin if end - begin <= _AT_ONCE else None
+    return retract if retract[1] - retract[0] <= _AT_ONCE else None
 
 
 def _loop(trace: Trace, times: Floats, signal: Floats) -> Loop | None:

@@ -226,9 +226,11 @@ def _recovery(courses: Sequence[Course], part: float) -> Made:
         )
 
     mean, parts = _by_place(seen, of, f"{100 * part:g} % was not reached while the skin was read")
-    # Nothing tells when between two readings it was reached.
+    # Nothing tells when between two readings it was reached, and when in the lifting it began.
     step = float(np.median(np.concatenate([np.diff(course.times) for course in seen])))
-    spread = float(np.hypot(np.nan_to_num(mean.deviation), step / 12**0.5))
+    lifting = max(course.lifting for course in seen)
+    unsure = np.array([np.nan_to_num(mean.deviation), step / 12**0.5, lifting / 12**0.5])
+    spread = float(np.linalg.norm(unsure))
     return replace(mean, deviation=spread), parts
 
 

@@ -203,6 +203,7 @@ class PressRig(Rig):
         x, y, _ = self._stage.where()
         self._enter("retract")
         self._move(np.array([x, y, top]), _TRAVEL)
+        self._enter("released")
         time.sleep(_SETTLE)
         after = float(np.mean([self._force() for _ in range(_MEAN)]))
         if abs(after - before) > _DRIFT:
@@ -210,7 +211,6 @@ class PressRig(Rig):
                 f"the gauge reads {1e3 * (after - before):.0f} mN with the probe lifted: let it "
                 "warm up, show the force of now and no peak, and see that nothing sticks to it"
             )
-        self._enter("released")
         force = during - 0.5 * (before + after)
         return HeldTouch(
             contact=Contact(position=np.array([x, y]) - self._origin[:2], force=(0.0, 0.0, -force)),
