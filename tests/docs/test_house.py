@@ -60,8 +60,9 @@ def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # a gauge; 600 keep a rig's campaign in one recording and touch virtual skins slowly;
     # 2269 let an arm yield to touch: its joints, the law, what stops it, a simulated one, poses;
     # 1,180 characterise a skin from such recordings and put their streams on one rate;
-    # 60 hear a loud arm and pool chips' loops.
-    assert sum(text.count("\n") for text in FILES.values()) <= 53_960
+    # 60 hear a loud arm and pool chips' loops;
+    # 110 draw a skin's columns and its magnets' sectors on the live page.
+    assert sum(text.count("\n") for text in FILES.values()) <= 54_070
 
 
 def test_no_file_has_over_450_lines():

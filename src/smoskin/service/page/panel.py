@@ -19,7 +19,15 @@ from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Contact, Status
 from smoskin.service.page.parts import css, html
 from smoskin.service.page.player import Player
-from smoskin.service.page.scene import CREASE, ESTIMATED, SUNK, TRUE, Moment
+from smoskin.service.page.scene import (
+    COLUMN,
+    CREASE,
+    ESTIMATED,
+    MAGNETISED,
+    SUNK,
+    TRUE,
+    Moment,
+)
 from smoskin.service.page.tally import JUMP, Tally
 from smoskin.service.replay import ReplaySource
 
@@ -43,7 +51,14 @@ _STATUS: Final = {
     Status.NOT_CALIBRATED: ("Not calibrated", _AMBER),
 }
 _AXES: Final = (("Bx", "#c2478f"), ("By", "#0f9d74"), ("Bz", "#1f6fb5"))
-_LEGEND: Final = (("estimated", ESTIMATED), ("true", TRUE), ("rest", CREASE), ("sunk", SUNK))
+_LEGEND: Final = (
+    ("estimated", ESTIMATED),
+    ("true", TRUE),
+    ("rest", CREASE),
+    ("sunk", SUNK),
+    ("magnetised", MAGNETISED),
+    ("column", COLUMN),
+)
 _BAD: Final = ChipFlag.MISSING | ChipFlag.INVALID
 _QUANTITIES: Final = (
     ("x, mm", 1),

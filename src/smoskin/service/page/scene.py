@@ -15,6 +15,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate, Reading
 from smoskin.service.page.board import Cells, draw_rulers
+from smoskin.service.page.inside import Columns, inward_arrows
 from smoskin.service.page.markers import LIFT, UNITS, Marker, attitude
 
 if TYPE_CHECKING:
@@ -29,6 +30,11 @@ CREASE: Final = (150, 138, 116)
 """Colour of a crease at rest."""
 SUNK: Final = (46, 34, 22)
 """Colour of a crease that has sunk."""
+
+COLUMN: Final = (176, 196, 206)
+"""Colour of the columns."""
+MAGNETISED: Final = (240, 196, 84)
+"""Colour of the arrows along which a magnet's sectors are magnetised."""
 
 _FIELD_OF_VIEW: Final = float(np.deg2rad(34.0))
 _PAPER: Final = (247, 226, 186)
@@ -167,6 +173,14 @@ class SkinScene:
         self._rest = self._drawn = sheet.vertices
         self._stage()
         self._stage_parts()
+        self._columns = Columns(design)
+        self._standing = server.scene.add_mesh_simple(
+            "/columns",
+            (self._columns.places(self._rest) * UNITS).astype(np.float32),
+            self._columns.triangles,
+            color=COLUMN,
+            side="double",
+        )
         draw_rulers(server, design)
         self._cells = Cells(server, design, ESTIMATED)
         self._dots = server.scene.add_point_cloud(
@@ -208,6 +222,9 @@ class SkinScene:
         sunk = -(moved * outward).sum(axis=1)[self._creases]
         share = np.clip(sunk / _VIVID_DEPTH, 0.0, 1.0)[..., None]
         self.sheet.vertices = points
+        columns = (self._columns.places(self._drawn) * UNITS).astype(np.float32)
+        if not np.array_equal(columns, self._standing.vertices):
+            self._standing.vertices = columns  # fifteen times the sheet's data
         self.sheet.opacity = opacity if opacity < 1.0 else None
         for node, vertex, offset in self._hung:
             node.position = tuple(points[vertex] + offset)
@@ -300,6 +317,9 @@ class SkinScene:
                 color=_MAGNET,
                 position=tuple(place),
                 wxyz=attitude(places.magnet_axes[index]),
+            )
+            scene.add_line_segments(
+                f"/magnets/{index}/inward", inward_arrows(part) * UNITS, MAGNETISED, thickness=0.05
             )
             if part.mount == "sheet":
                 offsets = place - LIFT * places.magnet_axes[index][:, 2] - self._rest * UNITS
