@@ -183,3 +183,42 @@ def test_each_chip_has_loops_of_its_own():
     assert not own.weights[:, 3:].any()
     assert_allclose(PLAYS @ own.weights[:, :3], PLAYS @ WEIGHTS, rtol=0.15)
     assert_allclose(Loops(weights=WEIGHTS, plays=PLAYS, reach=REACH).weights, still[:, :3])
+
+
+def of_three_chips(weights, mixed=0.0, seed=2) -> tuple[np.ndarray, np.ndarray]:
+    """Reads and elastic signals (2 N, 9) of chips with these weights (6, 3).
+
+    The first chip mixes in what another motion leaves, a share `mixed` of its own size.
+    """
+    rng = np.random.default_rng(seed)
+    elastic = np.concatenate([touches(seed=seed + k) for k in range(3)], axis=1)
+    own = [loops(part) for part in np.transpose(weights)]
+    read = np.concatenate(
+        [looped(part, elastic[:, 3 * k : 3 * k + 3]) for k, part in enumerate(own)], axis=1
+    )
+    read[:, :3] += mixed * REACH * rng.normal(size=(len(read), 3))
+    return read + rng.normal(size=read.shape) * 1e-6, elastic
+
+
+def test_a_chip_that_mixes_motions_has_the_loops_of_the_others(monkeypatch):
+    read, _ = of_three_chips(np.repeat(WEIGHTS[:, None], 3, axis=1), mixed=0.01)
+    noise = np.full(9, 1e-6)
+    off = []
+    for apart in (0.02, 1e6):
+        monkeypatch.setattr("smoskin.sensing.signals.loops._APART", apart)
+        own = learn_loops(read[::2], read[1::2], noise)
+        off.append(np.abs(own.weights[:, 0] - WEIGHTS).sum())
+    assert off[0] < min(0.08, 0.6 * off[1])
+
+
+def test_chips_keep_loops_of_their_own():
+    """Where each tells them well, one of them none."""
+    weights = np.stack([WEIGHTS, 0.4 * WEIGHTS, 0 * WEIGHTS], axis=1)
+    read, _ = of_three_chips(weights)
+    own = learn_loops(read[::2], read[1::2], np.full(9, 1e-6))
+    assert not own.weights[:, 6:].any()
+    again, fresh = of_three_chips(weights, seed=7)
+    rests, held = elastic_signals(own, again[::2], again[1::2])
+    left = np.sqrt(((held - rests - fresh[1::2])[10:] ** 2).mean(axis=0))
+    raw = np.sqrt(((again[1::2] - again[::2] - fresh[1::2])[10:] ** 2).mean(axis=0))
+    assert (left[:6] < 0.35 * raw[:6]).all()

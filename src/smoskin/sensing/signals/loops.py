@@ -27,6 +27,9 @@ _FINE: Final = 1e-9
 """Change of a signal, T, at which the fixed point ends."""
 _CHANCE: Final = 1e-3
 """Chance to take noise for loops."""
+_APART: Final = 0.02
+"""Standard deviation of a chip's weights from those of all chips: creases and adhesive are alike,
+and what a chip mixes of motions would else be taken for loops of its own."""
 _FAINT: Final = 1e-3
 """Share of a signal's reach that counts as noise of what a touch leaves."""
 
@@ -167,10 +170,10 @@ def learn_loops(rests: Floats, held: Floats, noise: Floats) -> Loops:
     -----
     At rest x = 0, so what is left is ``sum_k w_k P_k``, linear in the weights once the plays are
     known; these follow from the touches' x, which are found with the weights before. A chip's three
-    signals have the same. Weights that explain no more than noise might are none.
+    signals have the same, near those that explain all chips. Weights that explain no more than
+    noise might are none.
     """
     # Here, so that whoever only imports the package does not wait for it.
-    from scipy.optimize import nnls
     from scipy.stats import chi2
 
     rests, held = floats("rests", rests, (None,)), floats("held", held, (None,))
@@ -178,6 +181,8 @@ def learn_loops(rests: Floats, held: Floats, noise: Floats) -> Loops:
     rest_spread = np.hypot(noise, _FAINT * reach)
     widths = plays[:, None] * reach
     changes = np.diff(rests, axis=0) / rest_spread
+    chips = np.arange(len(reach)).reshape(-1, 3)
+    seen = [changes[:, chip].ravel() for chip in chips]
     weights, elastic = np.zeros(widths.shape), held
     for _ in range(_ROUNDS):
         state, left = np.zeros_like(widths), []
@@ -185,17 +190,43 @@ def learn_loops(rests: Floats, held: Floats, noise: Floats) -> Loops:
             state = np.clip(np.clip(state, touch - widths, touch + widths), -widths, widths)
             left.append(state)
         before = np.diff([np.zeros_like(widths), *left[:-1]], axis=0) / rest_spread
-        for chip in np.arange(len(reach)).reshape(-1, 3):
-            seen = changes[:, chip].ravel()
-            found, misfit = nnls(np.swapaxes(before[..., chip], 1, 2).reshape(len(seen), -1), seen)
-            explained = float(seen @ seen) / max(misfit**2, 1e-300) - 1
-            if explained * len(seen) < chi2.isf(_CHANCE, len(plays)):
+        moved = [np.swapaxes(before[..., chip], 1, 2).reshape(-1, len(plays)) for chip in chips]
+        for chip, found, explained in zip(chips, *_pooled(moved, seen), strict=True):
+            if explained < chi2.isf(_CHANCE, len(plays)):
                 found = np.zeros(len(plays))
-            found *= min(1.0, 0.99 * _MOST / max(found.sum(), 1e-12))
+            found = found * min(1.0, 0.99 * _MOST / max(found.sum(), 1e-12))
             weights[:, chip] = found[:, None]
         loops = Loops(weights=weights, plays=plays, reach=reach)
         elastic = elastic_signals(loops, rests, held)[1]
     return loops
+
+
+def _pooled(moved: list[Floats], seen: list[Floats]) -> tuple[list[Floats], list[float]]:
+    """Weights of each chip's plays, and by how much they explain more than noise, as chi-square.
+
+    Chips' weights differ from those of all by `_APART`; a chip counts by how well plays explain it.
+    """
+    from scipy.optimize import nnls
+
+    count = moved[0].shape[1]
+    misfits = [nnls(plays, change)[1] for plays, change in zip(moved, seen, strict=True)]
+    explained = [
+        (float(change @ change) / max(misfit**2, 1e-300) - 1) * len(change)
+        for change, misfit in zip(seen, misfits, strict=True)
+    ]
+    spreads = [
+        max(misfit / len(change) ** 0.5, 1.0)
+        for misfit, change in zip(misfits, seen, strict=True)
+    ]
+    rows = np.concatenate([plays / spread for plays, spread in zip(moved, spreads, strict=True)])
+    whole = np.concatenate([change / spread for change, spread in zip(seen, spreads, strict=True)])
+    of_all = nnls(rows, whole)[0]
+    found = []
+    for plays, change, spread in zip(moved, seen, spreads, strict=True):
+        tied = spread / _APART
+        rows = np.concatenate([plays, tied * np.eye(count)])
+        found.append(nnls(rows, np.append(change, tied * of_all))[0])
+    return found, explained
 
 
 def elastic_signals(loops: Loops, rests: Floats, held: Floats) -> tuple[Floats, Floats]:
