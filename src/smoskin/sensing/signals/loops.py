@@ -215,8 +215,7 @@ def _pooled(moved: list[Floats], seen: list[Floats]) -> tuple[list[Floats], list
         for change, misfit in zip(seen, misfits, strict=True)
     ]
     spreads = [
-        max(misfit / len(change) ** 0.5, 1.0)
-        for misfit, change in zip(misfits, seen, strict=True)
+        max(misfit / len(change) ** 0.5, 1.0) for misfit, change in zip(misfits, seen, strict=True)
     ]
     rows = np.concatenate([plays / spread for plays, spread in zip(moved, spreads, strict=True)])
     whole = np.concatenate([change / spread for change, spread in zip(seen, spreads, strict=True)])
