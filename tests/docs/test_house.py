@@ -51,7 +51,7 @@ def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # 70 judge learned models by touches of other days and runs; 88 train networks for arms;
     # 215 judge crease patterns of any program;
     # 345 bend a skin round a limb: places, axes, the shell on its pillars, and the page;
-    # 108 let all starts of a search for touches go on together;
+    # 108 let all starts of a search for touches go on together; 85 bound what one could say of two;
     # 370 show a tessellated sheet from flat to attached, report on it and give its design;
     # 110 try other weights where a sheet does not lie on its surface;
     # 260 write the assembled skin as STEP; 215 put guided covers in place of scales;
@@ -62,7 +62,7 @@ def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # 1,180 characterise a skin from such recordings and put their streams on one rate;
     # 60 hear a loud arm and pool chips' loops;
     # 110 draw a skin's columns and its magnets' sectors on the live page.
-    assert sum(text.count("\n") for text in FILES.values()) <= 54_070
+    assert sum(text.count("\n") for text in FILES.values()) <= 54_155
 
 
 def test_no_file_has_over_450_lines():

@@ -19,7 +19,7 @@ from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.origami.geometry import middles_of_fields
 from smoskin.records import Contact, Estimate, Status
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
-from smoskin.sensing.bayes.solver import Solve, TouchSolver
+from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.bayes.starts import TYPICAL
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.estimator import SignalEstimator
@@ -37,8 +37,13 @@ _TURNS: Final = math.log(0.01)
 """Logarithm of the chance that a skin begins to turn under a touch."""
 _NEAR: Final = 0.1
 """Change of signals, as a share of them, within which one search for touches serves."""
+_FRESH: Final = 0.05
+"""Time, s, for which it serves however they change."""
 _LIKE: Final = 1.25
 """Misfit over that of the search, likewise."""
+_AGE: Final = 0.2
+"""Time, s, for which what a single touch could say of signals bounds what it can say of later ones:
+noise, which widens meanwhile, is taken to be the same."""
 _WORST: Final = 400.0
 """Misfit over its expected value past which nothing on the table fits."""
 
@@ -103,8 +108,11 @@ class BayesEstimator(SignalEstimator):
         self._solver = TouchSolver(
             _with_creep_left(table, design, self.creep), self.noise, self._priors
         )
+        if self._priors.chances[2] > 0:
+            self._solver.ready_for_two()
         self._solved_at = np.nan
         self._leads: dict[str, Lead] = {}
+        self._rival: Rival | None = None
         self._alone: LoneTouch | None = None
 
     @property
@@ -113,7 +121,7 @@ class BayesEstimator(SignalEstimator):
         return self._solver.misfit
 
     def _forget(self) -> None:
-        self._leads, self._alone = {}, None
+        self._leads, self._rival, self._alone = {}, None, None
 
     def _read(self, time: float, signals: Floats, temperature: float) -> Estimate:
         if not abs(temperature - self._solved_at) < _WARMER:
@@ -148,43 +156,110 @@ class BayesEstimator(SignalEstimator):
     def _likeliest(self, time: float, signals: Floats) -> TouchPosterior:
         """One touch, of a skin that turns or two where one fits badly and these are likelier."""
         count, solver = self.table.count, self._solver
-        before, self._leads = self._leads, {}
-
-        def follow(way: str, solve: Solve, *standing: Standing | None) -> TouchPosterior:
-            """The touches that explain the signals in this way, from those of a reading ago."""
-            lead = before.get(way)
-            guess, enough = (lead.values, lead.enough(signals)) if lead else (None, 0.0)
-            found = solve(signals, guess, *standing, enough=enough)
-            if lead is None or found.misfit > enough:
-                lead = Lead(found.values, signals, found.misfit)
-            self._leads[way] = lead._replace(values=found.values)
-            return found
-
         zero, amiss = self._signals.followed, self._signals.bent_amiss(signals)
+        turn = zero.stirred - zero.covariance
         solver.add_noise(zero.covariance + amiss)
-        one = best = follow("one", solver.one)
+        rival = self._rival
+        goes_on = rival is not None and rival.still_misfits(time, signals)
+        two = None
+        if goes_on:
+            two = self._follow("two", time, signals, self._leads, self._standing(time))
+        if rival and two and two.evidence > rival.at_best(signals, turn):
+            return two
+        before, self._leads = self._leads, {}
+        one = best = self._follow("one", time, signals, before)
+        if one.misfit < _DOUBT * count:
+            two = None
+        elif two:
+            self._leads["two"] = before["two"]
+        elif self._priors.chances[2] > 0:
+            two = self._follow("two", time, signals, before, self._standing(time))
+        self._rival = rival = Rival(time, signals, solver.whitener(one), one)
+        if two and two.evidence > rival.at_best(signals, turn):
+            return two
         turned = False
         if one.misfit > _STIRRED * count:
-            solver.add_noise(zero.stirred + amiss)
-            other = follow("turned", solver.one)
+            solver.add_noise(zero.covariance + turn + amiss)
+            other = self._follow("turned", time, signals, before)
             if other.evidence + _TURNS > one.evidence:
                 best, turned = other, True
         if one.misfit < _DOUBT * count:
             self._alone = LoneTouch(time, best)
-        elif self._priors.chances[2] > 0:
-            solver.add_noise(zero.covariance + amiss)
-            standing = self._alone and self._alone.standing(time, self._priors.slide)
-            two = follow("two", solver.two, standing)
-            if two.evidence > best.evidence + (_TURNS if turned else 0.0):
-                return two
+        elif two and two.evidence > best.evidence + (_TURNS if turned else 0.0):
+            return two
+        self._rival = None
         if turned:
             zero.stir()
         return best
+
+    def _standing(self, time: float) -> Standing | None:
+        """What is known of a touch from when it was alone."""
+        return self._alone and self._alone.standing(time, self._priors.slide)
+
+    def _follow(
+        self,
+        way: str,
+        time: float,
+        signals: Floats,
+        leads: "dict[str, Lead]",
+        *standing: Standing | None,
+    ) -> TouchPosterior:
+        """Touches that explain the signals in this way, from those of a reading ago."""
+        solve = self._solver.two if way == "two" else self._solver.one
+        lead = leads.get(way)
+        guess, enough = (lead.values, lead.enough(time, signals)) if lead else (None, 0.0)
+        if lead and not enough and lead.misfit > _DOUBT * len(signals):
+            guess = None  # It explained badly what was read, which has changed.
+        found = solve(signals, guess, *standing, enough=enough)
+        if lead is None or found.misfit > enough:
+            lead = Lead(time, found.values, signals, found.misfit)
+        self._leads[way] = lead._replace(values=found.values)
+        return found
+
+
+class Rival(NamedTuple):
+    """The single touch that explained signals worse than two did.
+
+    How far any touch is from what is read changes by no more than what is read moves, so that for
+    a while no other search tells whether one could do.
+    """
+
+    time: float
+    """Time of those signals, s."""
+    signals: Floats
+    """Those signals, (C,), T."""
+    white: Floats
+    """Matrix (C, C), 1/T, that turns signals into standard deviations, as it was found."""
+    found: TouchPosterior
+    """What was found."""
+
+    def misfit(self, signals: Floats) -> float:
+        """Least misfit that a single touch can have of other signals (C,), T."""
+        moved = float(np.linalg.norm(self.white @ (signals - self.signals)))
+        return max(math.sqrt(self.found.misfit) - moved, 0.0) ** 2
+
+    def still_misfits(self, time: float, signals: Floats) -> bool:
+        """Whether any single touch fits such signals badly at another time."""
+        return time - self.time < _AGE and self.misfit(signals) > _DOUBT * len(signals)
+
+    def at_best(self, signals: Floats, turn: Floats) -> float:
+        """Most evidence of a single touch for such signals, be it of a skin that turns.
+
+        A turn adds this covariance (C, C), T^2, to noise. Where it widens noise by at most a
+        factor, misfit and information shrink by that factor at most.
+        """
+        fits, least = self.found.evidence + self.found.misfit / 2, self.misfit(signals)
+        wider = 1 + float(np.linalg.eigvalsh(self.white @ turn @ self.white.T)[-1])
+        unknowns = np.count_nonzero(self.found.covariance[0].diagonal())
+        of_turn = _TURNS - least / (2 * wider) + unknowns / 2 * math.log(wider)
+        return fits + max(-least / 2, of_turn)
 
 
 class Lead(NamedTuple):
     """Touches that explained the last reading in one way, and the search that they follow from."""
 
+    time: float
+    """Time of that search, s."""
     values: Floats
     """Touch vectors (K, 5)."""
     signals: Floats
@@ -192,11 +267,11 @@ class Lead(NamedTuple):
     misfit: float
     """Misfit that the search came to."""
 
-    def enough(self, signals: Floats) -> float:
-        """Misfit up to which they are followed: about the search's, while signals are its own."""
+    def enough(self, time: float, signals: Floats) -> float:
+        """Misfit up to which they are followed: the search's, if fresh or of like signals."""
         change = np.linalg.norm(signals - self.signals)
         near = change < _NEAR * np.linalg.norm(self.signals)
-        return _LIKE * self.misfit if near else 0.0
+        return _LIKE * self.misfit if near or time - self.time < _FRESH else 0.0
 
 
 class LoneTouch(NamedTuple):

@@ -4,8 +4,7 @@ Decides from where to search and when a search is over: from the touches of a mo
 still fit; else from coarse places, of which many take a few steps before the best are followed.
 """
 
-from collections.abc import Callable
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 
@@ -25,12 +24,12 @@ _NOISES: Final = 3
 """Noises whose problems are kept: a still skin's, a turning one's, and the one before."""
 _BRIEF: Final = 3
 """Steps after which many starts are compared."""
-_SEARCHES: Final = {1: (3, 1, 2.0), 2: (8, 3, 0.4)}
-"""Search for K touches: coarse starts, how many of them are followed to the end at least, and the
-squared residual a signal at which the others are not."""
-
-Solve: TypeAlias = Callable[..., TouchPosterior]
-"""Way to explain signals by touches: a method of `TouchSolver`."""
+_STARTS: Final = {1: 3, 2: 8}
+"""Coarse starts of a search for K touches."""
+_FOLLOWED: Final = 3
+"""Starts that are followed to the end at least."""
+_GOOD: Final = 0.4
+"""Squared residual a signal at which the others are not."""
 
 
 class _Problems:
@@ -104,11 +103,20 @@ class TouchSolver:
 
         What is known of one from when it was alone stands for the first of them.
         """
+        problem, starts = self.ready_for_two()
+        return self._solve(2, problem, starts, signals, guess, standing, enough)
+
+    def ready_for_two(self) -> tuple[TouchProblem, Starts]:
+        """What a search for two needs; the starts take longer than a search, the first time."""
         problem = self._problems.pair or self._problem(2, self._problems.noise)
         self._problems.pair = problem
         if self._pair_starts is None:
             self._pair_starts = pair_starts(self.table, problem)
-        return self._solve(2, problem, self._pair_starts, signals, guess, standing, enough)
+        return problem, self._pair_starts
+
+    def whitener(self, found: TouchPosterior) -> Floats:
+        """W (C, C), 1/T, which turns signals into standard deviations for a single touch."""
+        return self._problems.single.whitener(float((found.values[:, 2:] ** 2).sum()))
 
     def _starts(self, problem: TouchProblem) -> Starts:
         """Starts of the search for a single touch."""
@@ -134,18 +142,18 @@ class TouchSolver:
         enough: float,
     ) -> TouchPosterior:
         """The likeliest of several descents."""
-        (count, followed, good), fits = _SEARCHES[touches], _FITS * len(signals)
+        fits = _FITS * len(signals)
         if guess is not None:
             found = problem.descend(signals, problem.unknowns(guess), standing)
             if 2 * found.cost < max(fits, enough):
                 return problem.posterior(found, standing)
-        begun = [problem.unknowns(one) for one in starts.best(signals, count, standing)]
-        if len(begun) > followed > 1:
+        begun = [problem.unknowns(one) for one in starts.best(signals, _STARTS[touches], standing)]
+        if len(begun) > _FOLLOWED:
             brief = problem.descend_all(signals, np.array(begun), standing, _BRIEF)
             begun = [one.unknowns for one in sorted(brief, key=lambda one: one.cost)]
         tried: list[Descent] = []
-        for some in filter(None, (begun[:followed], begun[followed:])):
-            if tried and 2 * tried[0].cost < good * len(signals):
+        for some in filter(None, (begun[:_FOLLOWED], begun[_FOLLOWED:])):
+            if tried and 2 * tried[0].cost < _GOOD * len(signals):
                 break
             tried += problem.descend_all(signals, np.array(some), standing)
             tried.sort(key=lambda found: found.cost)
