@@ -276,7 +276,8 @@ def test_readings_are_believed_up_to_a_novelty_of_one():
     (reading,) = readings(1, seed=5)
     inputs = this.encoding.encode(np.zeros(1), reading.field[None])
     row = (inputs[0] - this.centre) / this.scale
-    nearest = np.sqrt(((row - this.support) ** 2).sum(axis=1)).min()
+    apart = (row - this.support) / this.support.std(axis=0)
+    nearest = np.sqrt((apart**2).sum(axis=1)).min()
     assert this.predict(inputs).novelty[0] == pytest.approx(nearest / 4.0)
     for reach, status in ((1.001, Status.CONTACT), (0.999, Status.OUT_OF_RANGE)):
         estimator = LearnedEstimator(replace(this, reach=reach * nearest), ZERO)
@@ -376,7 +377,7 @@ def rewritten(path, change):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda spec, arrays: spec.update(format=3), "format must be 2; got 3"),
+        (lambda spec, arrays: spec.update(format=4), "format must be 3; got 4"),
         (lambda spec, arrays: spec.pop("outputs"), "description is damaged: KeyError"),
         (lambda spec, arrays: spec["input"].update(form="MAGIC"), "description is damaged"),
         (lambda spec, arrays: spec["input"].pop("past"), "description is damaged"),

@@ -110,6 +110,21 @@ def test_touches_of_another_day_are_judged_by_themselves() -> None:
         judge_touches(model, [replace(moved, field=moved.field[:, :4], temperature=None)])
 
 
+def test_a_board_with_swapped_chips_is_refused_and_a_sound_one_is_not() -> None:
+    """From sixty touches on; where two chips alone are swapped, some touches look the same."""
+    model, fresh = learn_touches([sheet(60)]), sheet(200, seed=50)
+    refused = []
+    for order in ([0, 1, 2, 3, 4], [4, 3, 2, 1, 0], [1, 0, 2, 3, 4], [0, 1, 2, 4, 3]):
+        swapped = replace(fresh, field=fresh.field[:, order])
+        figures = {metric.name: metric.value for metric in judge_touches(model, [swapped])}
+        refused.append(figures["refused"])
+    sound, reversed_, first, last = refused
+    assert sound <= 0.01
+    assert reversed_ > 0.9
+    assert first > 0.5
+    assert last > 0.9
+
+
 def test_chosen_chips_alone_are_read() -> None:
     table = sheet(40)
     model = learn_touches([table], chips=(0, 3))

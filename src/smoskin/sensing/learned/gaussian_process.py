@@ -24,7 +24,7 @@ from smoskin.sensing.signals.guards import ChipGuard, Clock, check_chips
 from smoskin.sensing.signals.signals import LET_GO
 from smoskin.sensing.signals.zero import IdleBand, Zero, ZeroTracking
 
-_FILE: Final = TensorFile("a model file", "smoskin_model", 2)
+_FILE: Final = TensorFile("a model file", "smoskin_model", 3)
 _ROWS: Final = 5  # of an estimate's covariance
 _LIMITS: Final = {
     **dict.fromkeys(("centre", "intercept"), (-1e4, 1e4)),
@@ -122,7 +122,7 @@ class LearnedModel:
     noise: Floats
     """(2,): the noise factor is the first plus the second over the squared field in T."""
     reach: float
-    """Distance to the nearest example, in lengths, up to which it is believed."""
+    """Distance to the nearest example, in standard deviations of each input, that is believed."""
     data_sha256: str
     """Hash of the examples that it was trained on."""
     split: str
@@ -167,7 +167,22 @@ class LearnedModel:
         values = kernel @ self.weights + row @ self.slope + self.intercept
         factor = self.noise[0] + self.noise[1] * self.encoding.faintness(inputs)
         covariance = factor[:, None, None] * self.residual
-        return Prediction(values, covariance, distance.min(axis=1) / self.reach)
+        return Prediction(values, covariance, self.distances(inputs).min(axis=1) / self.reach)
+
+    def distances(self, inputs: Floats) -> Floats:
+        """Distances of encoded fields, (T, D), to the examples remembered, (T, N).
+
+        They are in standard deviations of each input over the examples, not in lengths of the
+        process: those of inputs that tell little are so long that a board with its chips swapped
+        would look like any touch. Another number of inputs raises an `ArgumentError`.
+        """
+        inputs = floats("inputs", inputs, (None, len(self.centre)))
+        from scipy.spatial.distance import cdist
+
+        spread = self.support.std(axis=0)
+        spread[spread == 0] = 1.0
+        row = (inputs - self.centre) / self.scale
+        return np.asarray(cdist(row / spread, self.support / spread))
 
     def save(self, path: Path | str) -> None:
         """Write the model file: arrays, and what they mean as JSON in the file's header.

@@ -1,8 +1,9 @@
 """Learning from touches of known place and force: sheets to examples, a model and its honest error.
 
 Decides which rest counts for a touch (the last one before it), which quantities there are to
-learn, and that figures, stated covariance and reach are those of folds of whole places, since a
-few touches held out once tell little. Touches of another day or run are judged by themselves.
+learn, and that figures and stated covariance are those of folds of whole places, since a few
+touches held out once tell little, and the reach that of each place beside all others. Touches of
+another day or run are judged by themselves.
 """
 
 from collections.abc import Sequence
@@ -111,7 +112,8 @@ def learn_touches(
     """A model of the touches of sheets, by these chips or all, with its error on places held out.
 
     Places are held out in five folds, whole; the model is then trained on all touches, and its
-    metrics, covariance and reach are those of the folds. It raises an `ArgumentError` as
+    metrics and covariance are those of the folds; it believes what lies no farther from its touches
+    than they from each other. It raises an `ArgumentError` as
     `examples_of`, if there are fewer than five places, or a chip is not there.
     """
     examples = examples_of(tables)
@@ -138,21 +140,29 @@ def learn_touches(
 
     fold = np.random.default_rng(seed).permutation(len(groups)) % _FOLDS
     error = np.empty_like(examples.targets)
-    factor, novelty = np.empty((2, len(error)))
+    factor = np.empty(len(error))
     for k in range(_FOLDS):
         held = np.isin(examples.group, groups[fold == k])
         model = trained(examples.where(~held), k / (_FOLDS + 1))
         predicted = model.predict(inputs[held])
         error[held] = predicted.values - examples.targets[held]
         factor[held] = predicted.covariance[:, 0, 0] / model.residual[0, 0]
-        novelty[held] = predicted.novelty
-    model = judged(trained(examples, _FOLDS / (_FOLDS + 1)), error, factor, novelty)
+    model = trained(examples, _FOLDS / (_FOLDS + 1))
+    model = judged(model, error, factor, _apart(model, inputs, examples.group))
     what = "places" if Output.X in examples.outputs else "touches at one place"
     return replace(
         model,
         metrics=(*model.metrics, *_held_share(model, error, factor)),
         split=f"{_FOLDS} folds of {len(groups)} {what}, drawn with seed {seed}",
     )
+
+
+def _apart(model: LearnedModel, inputs: Floats, group: Ints) -> Floats:
+    """Distance of each example, (T,), to the nearest that the model remembers of another place."""
+    distance = model.distances(inputs)
+    # What it remembers are some of these examples.
+    own = group[distance.argmin(axis=0)]
+    return np.asarray(np.where(group[:, None] == own, np.inf, distance).min(axis=1))
 
 
 @typed

@@ -28,7 +28,7 @@ _JITTER: Final = 1e-8  # variance added to the noise's, in units of the targets'
 _USUAL_NOISE: Final = -3.0  # logarithm of a standard deviation, in units of the targets'
 _HELD_OUT: Final = 0.15  # share of the groups that are held out
 _BELIEVED_SHARE: Final = 0.99  # of the held-out examples, which decide how far a model is believed
-_BEYOND: Final = 2.0  # distance that is believed, over that which holds the believed share
+_BEYOND: Final = 1.5  # distance that is believed, over that which holds the believed share
 
 
 @typed
