@@ -6,6 +6,7 @@ import pytest
 from smoskin.design.document import read_design
 from smoskin.magnetics import mlx90393
 from smoskin.magnetics.arrangement import rotation_matrix
+from smoskin.magnetics.temperature import temperature_factor
 from smoskin.mechanics.viscoelasticity import Memory, elastomer_prony
 from smoskin.mechanics.weight import sags
 from smoskin.origami.geometry import geometry
@@ -71,7 +72,7 @@ class Arm:
         self.inner = Still()
         self.posed = PosedEstimator(self.inner, DESIGN, lambda: self.turn)
 
-    def step(self, turn, touch=0.0):
+    def step(self, turn, touch=0.0, warmer=0.0):
         """Status of the next reading at a turn (rotation vector), under a touch, T."""
         self.turn = rotation_matrix(np.asarray(turn, dtype=float))
         self.time += 1 / RATE
@@ -80,8 +81,11 @@ class Arm:
             0.03 + own @ (inward @ self.turn.T @ EARTH + weight @ down)
             for own, inward, weight in zip(self.own, self.inward, self.weight, strict=True)
         ]
+        factor = temperature_factor(25.0 + warmer)
+        degrees = np.full(CHIPS, 25.0 + warmer)
         noise = 2e-6 * self.rng.normal(size=(CHIPS, 3))
-        reading = Reading(time=self.time, field=np.array(field) + noise + touch)
+        warm = factor * np.array(field) + noise + touch
+        reading = Reading(time=self.time, field=warm, temperature=degrees)
         return self.posed.step(reading).status
 
     def swing(self):
@@ -100,6 +104,17 @@ def test_a_skin_that_turns_untouched_feels_nothing_and_poses_are_learned(seed):
     # A pose that it has not been at, all at once.
     assert arm.step([0.3, -0.3, 0.1]) is Status.NO_CONTACT
     assert arm.inner.felt < 15e-6
+
+
+def test_magnets_that_warm_are_the_estimators_to_correct():
+    arm = Arm()
+    arm.swing()
+    before = arm.posed.drift
+    for warmer in np.linspace(0.0, 0.3, 100):  # it feels 15 uT, half a degree
+        assert arm.step([0.0, 0.0, 0.0], warmer=warmer) is Status.NO_CONTACT
+    expected = 0.03 * abs(temperature_factor(25.3) - 1.0)
+    assert arm.inner.felt == pytest.approx(expected, abs=7e-6)
+    assert np.abs(arm.posed.drift - before).max() < 3e-6
 
 
 def test_a_touch_at_rest_is_no_pose_however_slowly_it_comes():

@@ -203,9 +203,11 @@ class Follow:
             return Reason.ARM
         parts = posture.corner_motions @ np.stack([arm.speeds, arm.speeds - self._speeds], axis=-1)
         fastest, farthest = np.linalg.norm(parts, axis=1).max(axis=0, initial=0.0)
-        if fastest > law.HARD_LIMIT and self._armed:
+        # While it is disarmed or stopped for good, whoever moves it has his own limits.
+        ours = self.state not in (State.DISARMED, State.FAULT)
+        if fastest > law.HARD_LIMIT and ours:
             return Reason.ASTRAY
-        if farthest < _ASTRAY or not self._armed:
+        if farthest < _ASTRAY or not ours:
             self._alike = now
         return Reason.ASTRAY if now - self._alike > _UNLIKE else None
 

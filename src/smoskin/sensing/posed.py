@@ -12,12 +12,13 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics import mlx90393
+from smoskin.magnetics.temperature import temperature_factor
 from smoskin.mechanics.viscoelasticity import Memory, elastomer_prony
 from smoskin.mechanics.weight import sags
 from smoskin.origami.geometry import geometry
 from smoskin.records import Estimate, Reading, Status
 from smoskin.roles import Estimator
-from smoskin.sensing.signals.signals import chip_noise
+from smoskin.sensing.signals.signals import Thermometer, signal_noise
 from smoskin.sensing.signals.turning import change_by_weight
 
 _EARTH: Final = 40e-6
@@ -70,6 +71,10 @@ class PosedEstimator(Estimator):
     def __init__(
         self, estimator: Estimator, design: SkinDesign, turn: Callable[[], Floats]
     ) -> None:
+        # Here, so that whoever only imports the package does not wait for it.
+        from scipy.linalg import block_diag
+        from scipy.stats import chi2
+
         self._estimator, self._turn = estimator, turn
         chips = range(len(design.halls))
         inward = np.swapaxes(geometry(design).chip_axes, 1, 2)
@@ -78,10 +83,8 @@ class PosedEstimator(Estimator):
         sagged = sags(design)
         self._designed = np.stack([change_by_weight(design, chip, sagged) for chip in chips])
         self._creep = elastomer_prony(design.columns.material)
-        self._noise = np.diag(np.tile(chip_noise(design) ** 2, len(chips)))
-        # Here, so that whoever only imports the package does not wait for it.
-        from scipy.stats import chi2
-
+        turns = block_diag(*own)
+        self._noise = turns @ signal_noise(design) @ turns.T
         self._limit = float(chi2.isf(_MISSED, len(self._noise)))
         self._forget()
 
@@ -94,6 +97,8 @@ class PosedEstimator(Estimator):
 
     def zero(self, readings: Sequence[Reading], *, force: bool = False) -> None:
         """Take the mean of readings, all at the present pose, as the zero."""
+        if readings:
+            self._thermometer.step(readings[-1].temperature)
         changes = self._pattern(self._turn(), 0.0)
         self._estimator.zero([self._left(reading, changes) for reading in readings], force=force)
 
@@ -112,18 +117,20 @@ class PosedEstimator(Estimator):
             return self._estimator.step(reading)  # which says what is wrong
         elapsed = 0.0 if self._time is None else min(max(reading.time - self._time, 0.0), _LONGEST)
         self._time = reading.time
+        self._thermometer.step(reading.temperature)
         changes = self._pattern(self._turn(), elapsed)
         estimate = self._estimator.step(self._left(reading, changes))
         if not np.isfinite(reading.field).all():
             return estimate
+        field = (reading.field / self._factor).ravel()
         unsure = self._unsure(changes, elapsed)
         touched = estimate.status in (Status.CONTACT, Status.AMBIGUOUS)
-        if touched and self._explained(reading, changes, unsure):
+        if touched and self._explained(field, changes, unsure):
             estimate = Estimate(time=reading.time, status=Status.NO_CONTACT)
         untouched = estimate.status is Status.NO_CONTACT
         self._idle = self._idle + elapsed if untouched else 0.0
         if untouched:
-            self._learn(reading, changes, unsure)
+            self._learn(field, changes, unsure)
         if self._idle > _SURE or self._changed is None:
             self._changed = changes @ self._known[: self._count]
         return estimate
@@ -135,10 +142,15 @@ class PosedEstimator(Estimator):
         gone = self._known[self._count :] - self._rest if len(self._rest) else 0.0
         return Reading(
             time=reading.time,
-            field=reading.field - (changed + gone).reshape(-1, 3),
+            field=reading.field - self._factor * (changed + gone).reshape(-1, 3),
             temperature=reading.temperature,
             flags=reading.flags,
         )
+
+    @property
+    def _factor(self) -> Floats:
+        """Field of each magnet over its field at the reference temperature, (S, 1)."""
+        return np.asarray(temperature_factor(self._thermometer.magnets))[:, None]
 
     def _unsure(self, changes: Floats, elapsed: float) -> Floats:
         """Variances (C,), T^2, by which less is known of all else than at the reading before.
@@ -150,22 +162,22 @@ class PosedEstimator(Estimator):
         gone = 0.0 if self._changed is None else changed - self._changed
         return np.asarray(self._walked + (_BENDS * gone) ** 2 + 0.0 * changed)
 
-    def _explained(self, reading: Reading, changes: Floats, unsure: Floats) -> bool:
-        """Whether what is not known of the present pose explains all that a reading shows.
+    def _explained(self, field: Floats, changes: Floats, unsure: Floats) -> bool:
+        """Whether what is not known of the present pose explains all of a field (C,), T.
 
         It is what a touch leaves that has moved the arm; at a pose that is known it is nothing.
         """
         if not len(self._rest):
             return False
         pattern = np.hstack([changes, np.eye(len(changes))])
-        left = reading.field.ravel() - pattern @ self._known
+        left = field - pattern @ self._known
         spread = pattern @ self._spread @ pattern.T + self._noise + np.diag(unsure)
         return bool(left @ np.linalg.solve(spread, left) < self._limit)
 
-    def _learn(self, reading: Reading, changes: Floats, unsure: Floats) -> None:
-        """Take in one reading of the untouched skin."""
+    def _learn(self, field: Floats, changes: Floats, unsure: Floats) -> None:
+        """Take in one field (C,), T, of the untouched skin."""
         if not len(self._rest):
-            self._begin(reading, changes)
+            self._begin(field, changes)
             return
         constants = np.arange(self._count, len(self._known))
         self._spread[constants, constants] += unsure
@@ -173,13 +185,13 @@ class PosedEstimator(Estimator):
         pattern = np.hstack([changes, np.eye(len(changes))])
         met = pattern @ self._spread
         gain = np.linalg.solve(met @ pattern.T + self._noise, met).T
-        self._known = self._known + gain @ (reading.field.ravel() - pattern @ self._known)
+        self._known = self._known + gain @ (field - pattern @ self._known)
         spread = self._spread - gain @ met
         self._spread = (spread + spread.T) / 2
 
-    def _begin(self, reading: Reading, changes: Floats) -> None:
-        """Take all else from a first reading: it is what poses do not explain."""
-        rest = reading.field.ravel() - changes @ self._known
+    def _begin(self, field: Floats, changes: Floats) -> None:
+        """Take all else from a first field (C,), T: it is what poses do not explain."""
+        rest = field - changes @ self._known
         crossed = changes @ self._spread
         self._known, self._rest = np.append(self._known, rest), rest
         self._spread = np.block(
@@ -207,6 +219,7 @@ class PosedEstimator(Estimator):
         self._spread = np.diag(np.append(np.full(3, _EARTH), np.repeat(sizes, 9)) ** 2)
         self._rest = np.zeros(0)
         self._pull = None
+        self._thermometer = Thermometer(len(self._own))
         self._changed = None
         self._idle = self._walked = 0.0
         self._time = None

@@ -101,6 +101,8 @@ class FollowedTouch:
     """Whether it stood above 0.60 N."""
     stop_ms: float
     """Longest time from the fall of the force below 0.40 N until it was asked to stand."""
+    fault: str
+    """Name of the fault that stopped the arm; empty where there was none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,7 +146,14 @@ class Demonstration:
         from rich.table import Table
 
         table = Table(title="Touches and the arm")
-        for heading in ("at (mm)", "up to (N)", "moved from (N)", "by (mm)", "off (degrees)"):
+        for heading in (
+            "at (mm)",
+            "up to (N)",
+            "moved from (N)",
+            "by (mm)",
+            "off (degrees)",
+            "fault",
+        ):
             table.add_column(heading, justify="right")
         for touch in self.touches:
             broken = touch.moved_below or touch.still_above
@@ -155,6 +164,7 @@ class Demonstration:
                 "" if began is None else f"{began:.2f}",
                 f"{touch.moved_mm:.0f}",
                 "" if off is None else f"{off:.1f}",
+                touch.fault,
                 style="red" if broken else "",
             )
         return [table]
@@ -384,6 +394,7 @@ def _judged(moments: Sequence[Moment], press: Press) -> FollowedTouch:
         moved_below=bool(rising.any() or (late > _FALLEN).any()),
         still_above=bool((~moving & ~excused & (above > _REACTION)).any()),
         stop_ms=round(1e3 * float(late.max(initial=0.0)), 1),
+        fault=next((m.command.reason.name for m in moments if m.command.reason.fault), ""),
     )
 
 

@@ -1,0 +1,221 @@
+"""How surely an arm yields: the chance to be moved by true force, and by nothing at all.
+
+``python -m studies.yielding force`` presses made skins in the hard world, each calibrated by a
+rig's touches, and asks of each touch whether its readings would move an arm that stands.
+``python -m studies.yielding nobody`` carries an untouched skin along random trajectories at the
+speed limit. Both write a figure or numbers beside the documentation's page.
+"""
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from smoskin.arrays import Floats
+from smoskin.commands.calibrate import calibrate
+from smoskin.commands.score.evaluate import press, readings
+from smoskin.design.skin import SkinDesign
+from smoskin.feasibility import load_design
+from smoskin.mechanics.sheet.touches import Touches
+from smoskin.origami.geometry import geometry
+from smoskin.robot import law
+from smoskin.robot.arm import ArmState
+from smoskin.robot.chain import Chain
+from smoskin.robot.follow import Follow, Seen
+from smoskin.robot.law import Limits
+from smoskin.robot.simulated import SimulatedArm
+from smoskin.sensing.bayes.estimator import BayesEstimator
+from smoskin.sensing.estimators import ZeroFirst
+from smoskin.sensing.posed import PosedEstimator
+from smoskin.sensing.response.table import ResponseTable, load_response_table
+from smoskin.sensing.signals.estimator import ON_AN_ARM
+from smoskin.twin.carried import CarriedSkin
+from smoskin.twin.rig import VirtualRig
+from smoskin.twin.whole import Twin
+from smoskin.twin.world.effect import World
+from smoskin.twin.world.worlds import HARD, PLAIN
+
+FORCES: Final = (0.30, 0.35, 0.40, 0.45, 0.50, 0.55, 0.60, 0.65, 0.70)
+"""Sizes of the true forces, N."""
+FIGURES: Final = Path(__file__).parents[1] / "docs" / "follow.json"
+_TILT: Final = 0.35
+"""Largest drag for a pressing force of 1."""
+_RIM: Final = 10e-3
+"""Distance that touches keep from the rim, m."""
+_RATE: Final = 50.0
+"""Readings a second on a trajectory."""
+_WARMING: Final = 0.1
+"""Rise of the temperature, degC/s: 5 degC in 50 s."""
+_SWING: Final = 9.0
+"""Seconds of slower turns before a trajectory counts, in which poses are learned."""
+
+
+def calibrated(
+    design: SkinDesign, world: World, seed: int, count: int
+) -> tuple[Twin, ResponseTable]:
+    """A made skin of a world, and its table by so many touches of a rig."""
+    twin = world.skin(design, seed)
+    run = None if world.plain else world.run(twin, (seed, 1), bench=True)
+    rig = VirtualRig(twin, seed=seed, run=run)
+    done = calibrate(load_response_table(design.name), rig, design=design, count=count)
+    return twin, done.table
+
+
+def moved(
+    design: SkinDesign, world: World, seeds: Sequence[int], presses: int, touches: int
+) -> dict[str, list[int]]:
+    """How many presses of each force moved the arm, of how many."""
+    limits = Limits()
+    found = dict.fromkeys(FORCES, 0)
+    asked = dict.fromkeys(FORCES, 0)
+    extent = geometry(design).extent
+    for seed in seeds:
+        twin, table = calibrated(design, world, seed, touches)
+        rng = np.random.default_rng([seed, 2])
+        for number, size in enumerate(FORCES):
+            place = _RIM + rng.uniform(size=(presses, 1, 2)) * (extent - 2 * _RIM)
+            bearing = rng.uniform(0, 2 * np.pi, presses)
+            drag = rng.uniform(0, _TILT, presses)
+            push = np.stack([drag * np.cos(bearing), drag * np.sin(bearing), -np.ones(presses)], 1)
+            push *= size / np.linalg.norm(push, axis=1)[:, None]
+            session = press(
+                twin, Touches(position=place, force=push[:, None]), 25.0, world, (seed, 3, number)
+            )
+            stream = readings(twin, session, rng)
+            estimator = ZeroFirst(BayesEstimator(design, table, tracking=ON_AN_ARM), count=15)
+            moves = np.zeros(presses, dtype=bool)
+            for row, reading, idle in zip(stream.row, stream.readings, stream.idle, strict=True):
+                if reading is None:
+                    continue
+                estimate = estimator.step(reading)
+                if row >= 0 and not idle and len(estimate.contacts) == 1:
+                    force = float(np.linalg.norm(estimate.contacts[0].force))
+                    wide = np.linalg.eigvalsh(estimate.covariance[0, :2, :2])[-1] * 5.991
+                    moves[row] |= force >= limits.begin and wide <= limits.ellipse**2
+            found[size] += int(moves.sum())
+            asked[size] += presses
+    return {f"{size:.2f}": [found[size], asked[size]] for size in FORCES}
+
+
+def untouched(design: SkinDesign, seeds: Sequence[int], seconds: float) -> dict[str, float]:
+    """Trajectories at the speed limit, nobody touching: how many asked the arm to move."""
+    found = [carried(design, seed, seconds) for seed in seeds]
+    return {
+        "trajectories": len(found),
+        "asked_to_move": sum(moves for moves, _ in found),
+        "largest_force_N": round(max(force for _, force in found), 4),
+    }
+
+
+def carried(design: SkinDesign, seed: int, seconds: float) -> tuple[bool, float]:
+    """Whether an untouched skin on one trajectory moved the arm, and the largest force felt, N.
+
+    The carrying joints turn along sines whose fastest part moves at the limit, in the Earth's
+    field, with gravity and acceleration on the skin's mass, while all warms.
+    """
+    twin, table = calibrated(design, PLAIN, seed, 15)
+    skin = CarriedSkin(twin, seed=seed)
+    with SimulatedArm(design, lambda: 0.0) as arm:
+        chain, start = arm.chain, arm.state().angles
+    path = trajectory(chain, start, np.random.default_rng([seed, 4]), seconds)
+    postures = [chain.posture(angles) for angles in path]
+    turns = [posture.of_skin(np.eye(3)).T for posture in postures]
+    ends = [posture.on_skin([*geometry(design).extent, 0.0]) for posture in postures]
+    pulls = np.gradient(np.gradient(np.array(ends), 1 / _RATE, axis=0), 1 / _RATE, axis=0)
+    now = [turns[0]]
+    posed = PosedEstimator(BayesEstimator(design, table), design, lambda: now[0])
+    estimator, follow = ZeroFirst(posed), Follow(chain, design)
+    moves, largest = False, 0.0
+    for k, angles in enumerate(path):
+        now[0], time = turns[k], k / _RATE
+        warm = 25.0 + _WARMING * time
+        reading = skin.read(time, (), turns[k], acceleration=pulls[k], temperature=warm)
+        estimate = estimator.step(reading)
+        still = ArmState(angles=angles, speeds=np.zeros(chain.joints))
+        command = follow.step(time, Seen(estimate, time), still)
+        if k == round((_SWING - 1.0) * _RATE):
+            follow.arm()
+        if time > _SWING:
+            moves |= bool(command.speeds.any())
+            sizes = [float(np.linalg.norm(contact.force)) for contact in estimate.contacts]
+            largest = max([largest, *sizes])
+    print(f"seed {seed}: {moves}, {largest:.3f} N, {command.reason.name}", flush=True)
+    return moves, largest
+
+
+def trajectory(
+    chain: Chain, start: Floats, rng: np.random.Generator, seconds: float
+) -> list[Floats]:
+    """Angles at each reading: a swing of each joint, a rest, then sines at the speed limit."""
+    times = np.arange(0.0, seconds, 1 / _RATE)
+    away = np.zeros((len(times), chain.joints))
+    for joint in range(chain.carriers):
+        phase = np.clip((times - 1.0 - 2.0 * joint) / 2.0, 0.0, 1.0)
+        away[:, joint] += 0.25 * np.sin(2 * np.pi * phase)
+        late = np.maximum(times - _SWING, 0.0)
+        rate = rng.uniform(0.3, 1.2)
+        away[:, joint] += rng.uniform(0.05, 0.5) * np.sin(rate * late) * np.minimum(late, 1.0)
+    path = np.clip(start + away, chain.lower, chain.upper)
+    speeds = np.gradient(path, 1 / _RATE, axis=0)
+    fastest = [
+        np.linalg.norm(chain.posture(angles).corner_motions @ speed, axis=1).max()
+        for angles, speed in zip(path[times > _SWING], speeds[times > _SWING], strict=True)
+    ]
+    slower = min(1.0, law.HARD_LIMIT / max(fastest))
+    path[times > _SWING] = start + slower * (path[times > _SWING] - start)
+    return list(path)
+
+
+def draw(found: dict[str, dict[str, list[int]]]) -> None:
+    """The chance to be moved by each force, with 95 % intervals (Wilson), as a figure."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    mpl.rcParams["svg.hashsalt"] = "smoskin"
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(5.6, 3.2), layout="constrained")
+    for shift, (name, forces) in zip((-0.003, 0.003), found.items(), strict=True):
+        sizes = np.array([float(size) for size in forces]) + shift
+        moves, asked = np.array(list(forces.values()), dtype=float).T
+        share, weight = moves / asked, 1.96**2 / asked
+        middle = (share + weight / 2) / (1 + weight)
+        half = np.sqrt(weight * (share * (1 - share) + weight / 4)) / (1 + weight)
+        bars = np.abs(np.stack([share - (middle - half), middle + half - share]))
+        axes.errorbar(sizes, share, bars, marker="o", capsize=2, label=f"{name} world")
+    axes.axvspan(0.45, 0.55, color="0.9", label="dead band")
+    axes.set(xlabel="true force (N)", ylabel="share of touches that move the arm")
+    axes.legend(frameon=False)
+    figure.savefig(FIGURES.with_suffix(".svg"), metadata={"Date": None})
+
+
+def main() -> None:
+    """Measure, and write the numbers."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("what", choices=("force", "nobody"))
+    parser.add_argument("--design", default="curved")
+    parser.add_argument("--seeds", type=int, nargs=2, default=(41, 44), help="first and behind")
+    parser.add_argument("--presses", type=int, default=40, help="presses of each force and skin")
+    parser.add_argument("--touches", type=int, default=60, help="touches of the rig")
+    parser.add_argument("--seconds", type=float, default=20.0, help="of a trajectory")
+    given = parser.parse_args()
+    design, seeds = load_design(given.design), range(*given.seeds)
+    if given.what == "force":
+        found: dict[str, object] = {
+            world.name: moved(design, world, seeds, given.presses, given.touches)
+            for world in (PLAIN, HARD)
+        }
+    else:
+        found = {"nobody": untouched(design, seeds, given.seconds)}
+    known = json.loads(FIGURES.read_text()) if FIGURES.exists() else {}
+    known |= found
+    FIGURES.write_text(json.dumps(known) + "\n")
+    draw({name: known[name] for name in ("plain", "hard") if name in known})
+    print(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main()
