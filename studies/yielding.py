@@ -45,6 +45,8 @@ _TILT: Final = 0.35
 """Largest drag for a pressing force of 1."""
 _RIM: Final = 10e-3
 """Distance that touches keep from the rim, m."""
+_ZEROS: Final = 20
+"""Readings of the untouched skin with which a session begins."""
 _RATE: Final = 50.0
 """Readings a second on a trajectory."""
 _WARMING: Final = 0.1
@@ -85,7 +87,9 @@ def moved(
                 twin, Touches(position=place, force=push[:, None]), 25.0, world, (seed, 3, number)
             )
             stream = readings(twin, session, rng)
-            estimator = ZeroFirst(BayesEstimator(design, table, tracking=ON_AN_ARM), count=15)
+            estimator = BayesEstimator(design, table, tracking=ON_AN_ARM)
+            first = [reading for reading in stream.readings[:_ZEROS] if reading is not None]
+            estimator.zero(first, force=True)
             moves = np.zeros(presses, dtype=bool)
             for row, reading, idle in zip(stream.row, stream.readings, stream.idle, strict=True):
                 if reading is None:
