@@ -282,7 +282,7 @@ def demonstrate(
     *,
     seed: int = 0,
     rate: float = 100.0,
-    calibration_touches: int = 60,
+    calibration_touches: int = 15,
     table: ResponseTable | None = None,
     arm: Callable[[SkinDesign, Callable[[], float]], SimulatedArm] = SimulatedArm,
     limits: Limits | None = None,
