@@ -44,7 +44,8 @@ def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # 180 keep time and show what is missed; 374 learn a skin's law of contact;
     # 3,000 lay sheets on surfaces, unfold them and judge what was found;
     # 3,990 read chips and boards, look after them, learn from one's own touches, exchange tables;
-    # 500 follow the zero of a skin that turns; 280 learn and undo hysteresis;
+    # 500 follow the zero of a skin that turns; 280 learn and undo hysteresis; 95 make
+    # signals linear in motion;
     # 1,360 bend columns under load, stop them and tilt the board;
     # 4,090 draw patterns, moulds and the process sheet of a workshop;
     # 2,610 lay out its boards, check them and write what a board house needs;
@@ -62,7 +63,7 @@ def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # 1,180 characterise a skin from such recordings and put their streams on one rate;
     # 60 hear a loud arm and pool chips' loops;
     # 110 draw a skin's columns and its magnets' sectors on the live page.
-    assert sum(text.count("\n") for text in FILES.values()) <= 54_181
+    assert sum(text.count("\n") for text in FILES.values()) <= 54_300
 
 
 def test_no_file_has_over_450_lines():

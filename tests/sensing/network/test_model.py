@@ -11,7 +11,6 @@ from safetensors.numpy import load_file, save_file
 
 from networks import random_network, tiny_network
 from smoskin.errors import ArgumentError, ModelError
-from smoskin.magnetics.nonlinearity import Bend, field_curvature
 from smoskin.mechanics.viscoelasticity import ELASTIC
 from smoskin.records import Contact, Reading, Status
 from smoskin.sensing.learned.gaussian_process import Prediction
@@ -249,8 +248,9 @@ def test_readings_are_believed_up_to_a_novelty_of_one(skin, monkeypatch):
 
 
 def test_hysteresis_of_its_skin_is_undone(skin, tmp_path):
-    reading, bend = ReducedTwin(skin, seed=None).read([TOUCH]), Bend(field_curvature(skin))
+    reading = ReducedTwin(skin, seed=None).read([TOUCH])
     elastic = zeroed(skin, tiny_network(skin))
+    bend = elastic._signals.straightening
     straight = bend.straightened(elastic._signals.step(reading).values.ravel())
     # A touch far past all plays draws each along, a play behind it.
     loops = Loops(weights=[0.06, 0.08], plays=[0.1, 0.3], reach=np.abs(straight) / 2)

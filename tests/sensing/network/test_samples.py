@@ -84,19 +84,19 @@ def test_their_scatter_is_that_of_skins_misfit_and_noise(table, planar):
 
 
 def test_a_skin_on_an_arm_adds_what_its_zero_lacks_and_what_it_bends_amiss(table, planar):
-    noise, curvature = 0.01 * signal_noise(planar), field_curvature(planar)
+    noise, curvature = 1e-5 * signal_noise(planar), field_curvature(planar)
     exact, pattern = without_scatter(table), turning(planar).whole
     turns = Turns(pattern, curvature)
     source = TouchSource(exact, noise, TouchSpread(margin=0.0, **QUIET), None, turns)
     drawn = source.draw(np.random.default_rng(1), 2000, 6)
     signals = exact.signals(drawn.values[:, :2], drawn.values[:, 2:].astype(float))
-    # A turn of random size moves along its pattern; a quarter of what it adds is amiss, alike
+    # A turn of random size moves along its pattern; a twentieth of what it adds is amiss, alike
     # along a chip's three axes.
     rng, amiss = np.random.default_rng(2), np.zeros((len(signals), 9))
     for moved in rng.multivariate_normal(np.zeros(9), pattern, 200):
         added = cross_signals(curvature, np.broadcast_to(moved, signals.shape), signals)
         each = (added.reshape(-1, 3, 3) ** 2).mean(axis=2).repeat(3, axis=1)
-        amiss += 0.25**2 * each / 200
+        amiss += 0.05**2 * each / 200
     spread = noise + 0.01**2 * pattern + amiss[:, :, None] * np.eye(9)
     apart = drawn.signals - signals
     squared = np.einsum("bi,bij,bj->b", apart, np.linalg.inv(spread), apart)

@@ -7,11 +7,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from smoskin.errors import ArgumentError
-from smoskin.magnetics.nonlinearity import Bend, field_curvature
+from smoskin.magnetics.straightening import Straightening
 from smoskin.records import Contact, HeldTouch, Reading, Status
 from smoskin.sensing.response import labels as module
 from smoskin.sensing.response.labels import Label, Labeller, labelled_touches
 from smoskin.sensing.signals.loops import Loops
+from smoskin.sensing.signals.signals import rest_field
 
 CONTACT = Contact(position=(0.03, 0.05), force=(0.1, 0.0, -0.5))
 
@@ -29,6 +30,7 @@ class PlainSignals:
 
     def __init__(self, design, *, creep):
         type(self).creep = creep
+        self.straightening = Straightening(design, rest_field(design))
 
     def zero(self, readings, *, force):
         type(self).zeroed = tuple(reading.time for reading in readings)
@@ -136,7 +138,7 @@ def test_hysteresis_is_undone_where_touches_left_something(planar):
         for k, x in enumerate((np.zeros(9), touch)):
             play = np.clip(play, x - 5e-5, x + 5e-5)
             read[row, k] = 0.9 * x + 0.1 * play
-    bend = Bend(field_curvature(planar))
+    bend = Straightening(planar, rest_field(planar))
     read = bend.bent(read).reshape(40, 2, 3, 3)
     labels = [Label(CONTACT, held - rest, 25.0, None, None, np.stack([rest, held]))
               for rest, held in read]  # fmt: skip

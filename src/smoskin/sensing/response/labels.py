@@ -13,7 +13,6 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.magnetics.nonlinearity import Bend, field_curvature
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.records import Contact, HeldTouch, Status
 from smoskin.sensing.response.calibrate import LabelledTouches
@@ -95,7 +94,7 @@ class Labeller:
         reads = [label.read for label in labels if label.read is not None]
         if len(reads) < _FEWEST:
             return list(labels), None
-        bend = Bend(field_curvature(self._design))
+        bend = self._signals.straightening
         read = bend.straightened(np.stack(reads).reshape(len(reads), 2, -1))
         noise = np.sqrt(signal_noise(self._design).diagonal())
         loops = learn_loops(read[:, 0], read[:, 1], noise)

@@ -16,7 +16,8 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393, sector
 from smoskin.magnetics.inversion import rest_cross_talk
-from smoskin.magnetics.nonlinearity import Bend, cross_signals, field_curvature
+from smoskin.magnetics.nonlinearity import cross_signals, field_curvature
+from smoskin.magnetics.straightening import Straightening
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, temperature_factor
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.origami.geometry import geometry
@@ -36,8 +37,8 @@ _UNLIKELY: Final = 1e-9
 _OFF: Final = 0.5
 """Share of its magnet's rest field by which a chip of a made skin may be off the design's: a wrong
 chip or axis is off by more, a touch by less than skins differ."""
-_BENT_AMISS: Final = 0.25
-"""Share of what motions add to each other's signals in which made skins differ from the design."""
+_BENT_AMISS: Final = 0.05
+"""Share of what motions add to each other's signals that straightening leaves of a made skin."""
 LET_GO: Final = "readings must be of a skin that nothing touches: let go first"
 """Beginning of what is said to a zero under a touch."""
 
@@ -83,6 +84,18 @@ class Signal(NamedTuple):
     status: Status | None
     """What forbids to estimate a touch from them, `NO_CONTACT` of an idle skin; None where
     nothing does."""
+
+
+class _Zeroed(NamedTuple):
+    """A zero that was taken, and whether it is known and of this skin."""
+
+    untouched: Floats
+    straightening: Straightening
+    zero: Zero
+    known: bool
+    taken: bool
+    left: Floats
+    """What touches had left in the signals then, (C,), T."""
 
 
 class Signals:
@@ -142,8 +155,8 @@ class Signals:
         self._tracking, self._idle = tracking or ZeroTracking(), idle
         self._settling = None if creep is None or not len(creep.times) else Settling(creep)
         self._chips = list(range(len(self.rest_field)) if chips is None else chips)
-        curvature = field_curvature(design)
-        self._bend, self._curvature = Bend(curvature), curvature[self._chips]
+        self._design = design
+        self._curvature = field_curvature(design)[self._chips]
         prompt = 1.0 if creep is None else 1 - float(creep.retardation_shares.sum())
         self.noise = signal_noise(design, self._chips) / prompt**2
         """Covariance N of these chips' signals untouched, (C, C), T^2: undoing creep raises what
@@ -184,7 +197,7 @@ class Signals:
         """
         if not self._tracking.arm:
             return np.zeros_like(self.noise)
-        felt = self._bend.straightened(self._of_all(signals))[self._chips].ravel()
+        felt = self.straightening.straightened(self._of_all(signals))[self._chips].ravel()
         return np.diag(bent_amiss(self._curvature, self._zero.drift, felt) ** 2)
 
     def reset(self) -> None:
@@ -196,7 +209,7 @@ class Signals:
         """Whether the zero is known."""
         self.taken = False
         """Whether the zero was taken from readings of this skin."""
-        self._before: tuple[Floats, Zero, bool, bool, Floats] | None = None
+        self._before: _Zeroed | None = None
         self._unlooping.reset()
         self._begin(np.zeros_like(self.rest_field))
 
@@ -222,7 +235,9 @@ class Signals:
                     f"got chips off by {np.abs(mean).max(axis=1) * 1e3} mT"
                 )
         left = self._unlooping.offset
-        self._before = self._untouched, self._zero, self.zeroed, self.taken, left
+        self._before = _Zeroed(
+            self._untouched, self.straightening, self._zero, self.zeroed, self.taken, left
+        )
         self._unlooping.zero()
         self._begin(mean)
         self.zeroed = self.taken = True
@@ -231,7 +246,9 @@ class Signals:
         """Return to the zero before the last; `ArgumentError` if there is none."""
         if self._before is None:
             raise ArgumentError("zero must have been set, once for each time it is taken back")
-        self._untouched, self._zero, self.zeroed, self.taken, left = self._before
+        self._untouched, self.straightening, self._zero, self.zeroed, self.taken, left = (
+            self._before
+        )
         self._unlooping.offset = left
         self._before = None
         self._rest()
@@ -242,7 +259,9 @@ class Signals:
         Creep is not undone.
         """
         mean = np.mean(self._offsets(readings), axis=0)
-        return self._less_zero(self._bend.straightened(mean + self._ideal - self._untouched))
+        return self._less_zero(
+            self.straightening.straightened(mean + self._ideal - self._untouched)
+        )
 
     def step(self, reading: Reading) -> Signal:
         """Signals of the next reading; the zero follows those of an idle skin."""
@@ -272,6 +291,9 @@ class Signals:
         # At reference temperature: nearly all of it is what a made skin's magnets differ from the
         # designed ones, which weakens as they do.
         self._untouched = self._ideal + offset
+        own = self.rest_field + self._untouched - self._designed
+        self.straightening = Straightening(self._design, own)
+        """Signals that are linear in motion, of this skin as its zero has it, and back."""
         self._zero = Zero(
             self._tracking,
             self._idle,
@@ -313,7 +335,7 @@ class Signals:
 
     def _settled(self, time: float, raised: Floats) -> Floats:
         """Signals of motions as if fields were linear in them, creep and hysteresis undone."""
-        straight = self._bend.straightened(raised)
+        straight = self.straightening.straightened(raised)
         if self._settling is not None:
             elapsed = max(time - self._settled_time, 0.0)
             self._settled_time = time
@@ -327,7 +349,7 @@ class Signals:
 
     def _less_zero(self, straight: Floats) -> Floats:
         """Signals (S, 3), T, of straight ones less the zero: motions add up, fields do not."""
-        return self._bend.bent(straight - self._of_all(self._zero.offset))
+        return self.straightening.bent(straight - self._of_all(self._zero.offset))
 
     def _of_all(self, used: Floats) -> Floats:
         """Numbers (C,) of the chips that are used, 0 of others, (S, 3)."""

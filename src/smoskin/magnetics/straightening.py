@@ -1,0 +1,76 @@
+"""Signals freed of the bend of a made skin's fields: linear in the motions of its magnets.
+
+Decides where each magnet of a made skin is, by the field that its chip reads at rest, and what
+becomes of fields that no motion gives: they stay as they are. Hides the magnets' own field.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from smoskin.arrays import Bools, Floats
+from smoskin.design.skin import SkinDesign
+from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
+from smoskin.origami.geometry import geometry
+
+_STROKE: Final = 3e-3
+"""Largest motion along an axis, m."""
+_STEPS: Final = 8
+"""Most Newton steps."""
+_LAST: Final = 1e-7
+"""Length, m, of a step whose error is below a picometre, as each squares that of the one before."""
+
+
+class Straightening:
+    """Signals x = G u of the motions u behind what chips read, B(p + u) - B(p) = s, and back.
+
+    B is the field of a chip's own magnet in the skin's frame, p where the chip is against it, and G
+    the field's slope there. A made skin's magnet is off its place, tilted and of another strength:
+    p is where the designed one would give the field at rest.
+
+    Parameters
+    ----------
+    design : SkinDesign
+    rest : Floats, shape (S, 3)
+        Field of each chip's own magnet at rest, in the skin's frame, T.
+    """
+
+    def __init__(self, design: SkinDesign, rest: Floats) -> None:
+        magnets = [design.magnet(site.magnet) for site in design.halls]
+        self._magnets = point_charges(magnets)
+        designed = geometry(design).rest
+        moved, found = self._motions(designed, rest[None])
+        self._place = np.where(found[0], designed + moved[0], designed)
+        self._rest, self._slope = self._field(self._place)
+        self._inverse = np.linalg.inv(self._slope)
+
+    def straightened(self, signals: Floats) -> Floats:
+        """Linear signals x of signals s; both of shape (..., 3 S) or (..., S, 3), T."""
+        rows = signals.reshape(-1, *self._rest.shape)
+        moved, found = self._motions(self._place, self._rest + rows)
+        linear = (self._slope @ moved[..., None])[..., 0]
+        return np.asarray(np.where(found, linear, rows).reshape(signals.shape))
+
+    def bent(self, linear: Floats) -> Floats:
+        """Signals s of linear signals x."""
+        rows = linear.reshape(-1, *self._rest.shape)
+        moved = (self._inverse @ rows[..., None])[..., 0]
+        within = (np.abs(moved) <= _STROKE).all(axis=-1, keepdims=True)
+        bent = self._field(self._place + np.where(within, moved, 0.0))[0] - self._rest
+        return np.asarray(np.where(within, bent, rows).reshape(linear.shape))
+
+    def _field(self, places: Floats) -> tuple[Floats, Floats]:
+        """Field and slope at chips' places against their magnets, (..., S, 3)."""
+        return charge_field_and_gradient(*self._magnets, places)
+
+    def _motions(self, start: Floats, fields: Floats) -> tuple[Floats, Bools]:
+        """Motions from places (S, 3) to where fields (T, S, 3) are, m, and whether they are."""
+        moved = np.zeros_like(fields)
+        for _ in range(_STEPS):
+            field, slope = self._field(start + moved)
+            step = np.linalg.solve(slope, (fields - field)[..., None])[..., 0]
+            moved = np.clip(moved + step, -_STROKE, _STROKE)
+            settled = np.abs(step).max(axis=-1, keepdims=True) < _LAST
+            if settled.all():
+                break
+        return moved, np.asarray(settled)
