@@ -9,4 +9,10 @@ const { loadMicroPython } = await import(pathToFileURL(path));
 const { files, program } = JSON.parse(readFileSync(0, "utf8"));
 const python = await loadMicroPython({ heapsize: 4 << 20 });
 for (const [name, text] of Object.entries(files)) python.FS.writeFile(`/${name}`, text);
-python.runPython(program);
+try {
+  python.runPython(program);
+} catch (error) {
+  // Uncaught, node would print the interpreter's one long line first and be cut off.
+  console.error(error.message);
+  process.exitCode = 1;
+}

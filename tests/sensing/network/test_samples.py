@@ -102,7 +102,7 @@ def test_a_skin_on_an_arm_adds_what_its_zero_lacks_and_what_it_bends_amiss(table
     squared = np.einsum("bi,bij,bj->b", apart, np.linalg.inv(spread), apart)
     assert squared.mean() == pytest.approx(9, rel=0.1)
     known = np.linalg.inv(noise + 0.01**2 * pattern)
-    assert np.einsum("bi,ij,bj->b", apart, known, apart).mean() > 2 * 9
+    assert np.einsum("bi,ij,bj->b", apart, known, apart).mean() > 1.15 * 9
 
 
 def test_they_lie_where_they_are_told_to(table):

@@ -37,6 +37,8 @@ _BELIEVED: Final = (0.3, 3)
 """Time, s, and idle readings for which a turn must have held, not to be a touch's beginning."""
 _TAKEN: Final = 20
 """Number of readings that zeros are taken from; for as many the chips' own noise counts."""
+_SAME: Final = 6
+"""Signals among which noise that is learned would be taken for what turns: those of two chips."""
 _HEARD: Final = 200
 """Idle readings over which louder noise is averaged."""
 _LONG: Final = 20.0
@@ -406,7 +408,7 @@ class Zero:
         """Take in an idle change; what was known before fades by the time constant."""
         fading = math.exp(min(elapsed / self.tracking.time_constant, _LONG))
         course = self._course.unsure(self.left) if self._touched else self._course
-        if self.tracking.arm:
+        if self.tracking.arm and len(change) > _SAME:
             self._listen(change, course.zero)
         self._course = course = course.corrected(change, self._noise + self._louder, fading)
         self._touched, self._unseen = False, 0.0
