@@ -4,7 +4,9 @@ Decides how joints follow the speeds they are asked for, and which contacts coun
 """
 
 import os
+import sys
 from collections.abc import Callable
+from ctypes.util import find_library
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, final
 
@@ -169,8 +171,9 @@ class SimulatedArm(Arm):
 
 
 def _mujoco() -> Any:
-    """MuJoCo, which is imported when it is first needed; it draws without a screen if need be."""
-    if not os.environ.get("DISPLAY"):
+    """MuJoCo, which is imported when it is first needed; it draws without a screen if it can."""
+    # Where EGL is asked for and missing the import itself would fail.
+    if "mujoco" not in sys.modules and not os.environ.get("DISPLAY") and find_library("EGL"):
         os.environ.setdefault("MUJOCO_GL", "egl")
     import mujoco
 
