@@ -5,7 +5,7 @@ millimetres.
 """
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from smoskin.fabrication.boards.layout import Layout
@@ -58,20 +58,10 @@ RIGID: Final = House(
 """The house's ordinary process, each number the widest of its page as it has stood over the years
 (lines, vias, drills, unplated holes, size, legend) and of rule files that others made from it:
 0.33 mm from a plated hole to copper, 0.3 mm to a routed edge. Compare them before an order."""
-FLEX: Final = House(
+FLEX: Final = replace(
+    RIGID,
     name="JLCPCB, two-sided flexible circuit, 1/3 oz copper",
     source="https://jlcpcb.com/capabilities/flex-pcb-capabilities",
-    clearance=0.127,
-    track=0.127,
-    via=0.6,
-    drill=0.3,
-    ring=0.15,
-    hole_to_hole=0.5,
-    hole_to_copper=0.33,
-    edge=0.3,
-    unplated=0.5,
-    text=(1.0, 0.15),
-    mask_bridge=0.1,
     largest=(230.0, 400.0),
 )
 """Stack of 0.11 mm: film of 25 um, copper of 12 um on both faces, cover films of 12.5 um. Its page
