@@ -15,12 +15,14 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.inversion import FieldInverse
+from smoskin.mechanics.sheet.touches import Covered, Sticking
 from smoskin.mechanics.viscoelasticity import ELASTIC
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate, Status
 from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.closed_form.measured import MeasuredSheet, cell_answers
 from smoskin.sensing.closed_form.sheets import IdealSheet, Sheet
+from smoskin.sensing.closed_form.statics import StaticSheet
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.estimator import SignalEstimator
 from smoskin.sensing.signals.zero import IdleBand, ZeroTracking
@@ -41,6 +43,10 @@ class ClosedFormEstimator(SignalEstimator):
     known : Calibration or ResponseTable, optional
         What is known of this skin. A calibration reads it as an ideal sheet, by default the one
         designed, and holds the zero; a response table cell by cell, as this very sheet answers.
+    grip : Sticking or Covered, optional
+        How touches hold on to the skin. Where it is given, a calibration reads the skin by the
+        statics of a sheet on columns that bend (`smoskin.sensing.closed_form.statics`), whose cells
+        are named under drags too; by default as the SI's, which a drag shifts and nothing else.
     tracking : ZeroTracking, optional
         How the zero follows drift while the skin is idle.
     idle_field : float
@@ -51,7 +57,8 @@ class ClosedFormEstimator(SignalEstimator):
     Raises
     ------
     ArgumentError
-        If the design has another set of magnets.
+        If the design has another set of magnets, or a grip is given for a skin that is not flat or
+        is known by a table, which knows its own.
     ModelError
         If the calibration or the table belongs to another design, or the table lacks chips.
 
@@ -77,6 +84,7 @@ class ClosedFormEstimator(SignalEstimator):
         design: SkinDesign,
         known: Calibration | ResponseTable | None = None,
         *,
+        grip: Sticking | Covered | None = None,
         tracking: ZeroTracking | None = None,
         idle_field: float = 40e-6,
         least_confidence: float = 0.5,
@@ -103,11 +111,7 @@ class ClosedFormEstimator(SignalEstimator):
             zeroed=not isinstance(known, ResponseTable),
         )
         self._inverse = FieldInverse(design)
-        self._sheet: Sheet = (
-            MeasuredSheet(design, cell_answers(design, known))
-            if isinstance(known, ResponseTable)
-            else IdealSheet(design, calibration)
-        )
+        self._sheet = _sheet(design, calibration if known is None else known, grip)
         self._least_confidence = least_confidence
         designed = self._signals.rest_field
         self._rest = designed, np.zeros_like(designed)
@@ -123,7 +127,7 @@ class ClosedFormEstimator(SignalEstimator):
     def _resting(self) -> tuple[Floats, Floats]:
         """Field of each chip's own magnet at rest, (S, 3), T, and where that is, m."""
         signals = self._signals
-        if not isinstance(self._sheet, IdealSheet):
+        if isinstance(self._sheet, MeasuredSheet):
             return self._rest
         if not np.array_equal(signals.rest, self._rest[0]):
             # A magnet that hangs off its place stays as far off while it moves. S6's offset has it
@@ -151,3 +155,14 @@ class ClosedFormEstimator(SignalEstimator):
             status, covariance = Status.CONTACT, self._covariance[cell][None].copy()
             covariance[0, 2:, 2:] += self._sheet.place[cell] * force[2] ** 2
         return Estimate(time=time, status=status, contacts=(contact,), covariance=covariance)
+
+
+def _sheet(
+    design: SkinDesign, known: Calibration | ResponseTable, grip: Sticking | Covered | None
+) -> Sheet:
+    """The model of the sheet by which motions are read."""
+    if isinstance(known, ResponseTable):
+        if grip is not None:
+            raise ArgumentError("grip must be None where a response table is given")
+        return MeasuredSheet(design, cell_answers(design, known))
+    return IdealSheet(design, known) if grip is None else StaticSheet(design, known, grip)
