@@ -7,6 +7,7 @@ import pytest
 from smoskin.design.document import read_design
 from smoskin.records import Reading
 from smoskin.service.recorder import Recorder
+from smoskin.service.recording import open_recording
 from smoskin.twin.reduced import ReducedTwin
 
 pytest.importorskip("typer")
@@ -49,3 +50,18 @@ def test_a_cut_recording_is_told_and_fails_when_strict(recording):
     assert told.exit_code == 0
     assert "own.mcap is not whole" in told.stderr
     assert run(f"replay:{recording}?speed=max", "--quiet", "--strict").exit_code == 1
+
+
+def test_skins_are_served_recorded_and_told_of(recording, tmp_path):
+    out = tmp_path / "again"
+    sources = [f"{name}=replay:{recording}?speed=max" for name in ("left", "right")]
+    options = ["--feed", "0", "--record", str(out), "--log", str(tmp_path / "log"), "--json"]
+    done = CliRunner().invoke(app, ["serve", *sources, *options])
+    assert done.exit_code == 0, done.stderr
+    assert "Touches of left, right at ws://127.0.0.1:" in done.stderr
+    counters = json.loads(done.stdout.splitlines()[-1])
+    assert {name: told["readings"] for name, told in counters.items()} == {"left": 40, "right": 40}
+    assert len(list(open_recording(out / "left.mcap"))) == 40
+    assert "40 readings" in (tmp_path / "log").read_text()
+    refused = CliRunner().invoke(app, ["serve", "a=replay:a.mcap", "a=replay:b.mcap"])
+    assert "names of skins must differ; got 'a' twice" in str(refused.exception)

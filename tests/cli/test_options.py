@@ -44,6 +44,7 @@ USUAL = {
     "score": {
         "skins": 2, "touches": 60, "drag": 0.0, "pairs": 40, "seed": 1, "world": "hard",
     },
+    "serve": {"zero": True, "host": "127.0.0.1", "feed": 8770, "every": 10.0},
     "simulate": {"temperature": 25.0, "mechanics": "whole", "seed": 0},
     "sweep": {"kind": "grid", "temperature": "25", "skins": 0, "mechanics": "whole", "seed": 0},
     "table": {"seed": 0},
@@ -88,6 +89,9 @@ ENDS = {
     ("score", "drag"): (0, None),
     ("score", "pairs"): (0, 10_000),
     ("score", "seed"): (0, None),
+    ("serve", "seconds"): (0, None),
+    ("serve", "feed"): (0, 65535),
+    ("serve", "every"): (0.1, None),
     ("simulate", "seed"): (0, None),
     ("sweep", "skins"): (0, 10_000),
     ("sweep", "seed"): (0, None),

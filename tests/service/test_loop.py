@@ -177,7 +177,7 @@ def test_rate_and_latency_are_measured() -> None:
 def test_the_rate_is_that_of_the_last_thousand_readings() -> None:
     """The first 500 come ten times as slowly and are forgotten; two readings have one interval."""
     moments = np.cumsum([*[0.1] * 500, *[0.01] * 1000]).tolist()
-    clock = iter([moment for moment in moments for _ in range(2)])  # at arrival, and when done
+    clock = iter([moment for moment in moments for _ in range(3)])  # at arrival, estimated, done
     loop = Loop(ListSource(ticks(1500)), FlagEstimator(), clock=lambda: next(clock))
     rates = []
     for _ in loop:

@@ -29,7 +29,7 @@ _GROUPS: Final = {
     "Simulate": ("simulate", "sweep", "table"),
     "Train, judge, design": ("train", "learn", "score", "optimise", "new-design", "tessellate"),
     "Build": ("fabricate",),
-    "Move a robot": ("follow",),
+    "Robots and other programs": ("serve", "follow"),
 }
 """Commands by what they are for, in the order of the help."""
 

@@ -1,6 +1,7 @@
 """Commands that run a skin: the demonstration, and any source of readings."""
 
 import json
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -157,6 +158,64 @@ def run(
             summary = watch.summary
             say(json.dumps({"summary": summary.as_json()}) if as_json else summary)
     if summary.failure or (strict and summary.damage):
+        raise typer.Exit(1)
+
+
+@app.command(
+    epilog=examples(
+        "serve twin://planar --feed 8770",
+        "serve left=serial:///dev/ttyACM0 right=serial:///dev/ttyACM1 "
+        "--calibration left=left.table --calibration right=right.table",
+    )
+)
+def serve(
+    sources: Annotated[list[str], Argument(metavar="[NAME=]SOURCE...", help="As of smoskin run.")],
+    calibration: Annotated[
+        list[str] | None, Option(metavar="[NAME=]FILE", help="Of a skin, as of smoskin run.")
+    ] = None,
+    arm: Carried = False,
+    zero: Zeroed = True,
+    seconds: Seconds = None,
+    host: Annotated[str, Option(help="Address to listen at; the token is needed beyond this.")] = (
+        "127.0.0.1"
+    ),
+    feed: Annotated[int, Option(min=0, max=65535, help="TCP port of the JSON feed.")] = 8770,
+    view: Annotated[bool, Option("--view", help="Serve each skin's live page.")] = False,
+    record: Annotated[File, Option(help="Folder in which each skin is recorded.")] = None,
+    force: Force = False,
+    every: Annotated[float, Option(min=0.1, help="Tell counters each so many seconds.")] = 10.0,
+    log: Annotated[File, Option(help="Append the log here, as lines of JSON.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Read any number of skins and hand their touches to other programs, until Ctrl-C.
+
+    Programs get them as JSON over a WebSocket (docs/feed.md). A skin that fails leaves the others
+    alone; the exit code is 1 if one did.
+    """
+    from smoskin.commands.serve.log import logged_to
+    from smoskin.commands.serve.skins import Service, counters_line, wanted_skins
+    from smoskin.service.bridges.feed import Feed
+
+    def say(sentence: str) -> None:
+        typer.echo(sentence, err=True)
+
+    wanted = wanted_skins(sources, calibration or (), record)
+    if record is not None:
+        record.mkdir(parents=True, exist_ok=True)
+    with ExitStack() as stack:
+        if log is not None:
+            stack.enter_context(logged_to(log))
+        told = stack.enter_context(Feed(host=host, port=feed))
+        options = {"arm": arm, "zero": zero, "view": view, "force": force}
+        service = stack.enter_context(Service(wanted, [told], **options, say=say))
+        say(f"Touches of {', '.join(service.skins)} at {told.url}")
+        for counters in service.run(seconds, every):
+            typer.echo(json.dumps(counters) if as_json else counters_line(counters))
+        if as_json:
+            typer.echo(json.dumps(service.counters()))
+    for name, failure in service.failures.items():
+        say(f"error: {name}: {failure}")
+    if service.failures:
         raise typer.Exit(1)
 
 

@@ -9,7 +9,7 @@ import math
 import os
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -24,7 +24,8 @@ from smoskin.roles import Estimator, Resource, Sink, Source
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst, load_estimator
 from smoskin.sensing.signals.zero import ZeroTracking
-from smoskin.service.loop import Loop
+from smoskin.service.bridges.values import estimate_values, number
+from smoskin.service.loop import Counters, Loop
 from smoskin.service.recorder import Recorder
 from smoskin.service.replay import ReplaySource
 from smoskin.service.source import TwinSource, open_source
@@ -110,6 +111,8 @@ class Watch(Resource):
         played at other speeds; without `seconds` it stays behind its end.
     say : callable
         Called with sentences about what is going on.
+    bridges : callable
+        Function of this watch, when its `design` and `chips` are known, that gives further sinks.
 
     Raises
     ------
@@ -139,10 +142,12 @@ class Watch(Resource):
         view: bool = False,
         port: int = 0,
         say: Callable[[str], object] = lambda sentence: None,
+        bridges: Callable[["Watch"], Sequence[Sink]] = lambda watch: (),
     ) -> None:
         if record is not None:
             check_output(record, force=force)
         self._seconds = seconds
+        self._zero_asked = threading.Event()
         self._begun, self._shown = set[int](), dict[int, Status]()  # readings, by their numbers
         with ExitStack() as stack:
             if str(url).startswith("twin:"):
@@ -158,19 +163,16 @@ class Watch(Resource):
             self._page: _Page | None = None
             self._seekable = view and record is None and self._played is not None
             if view and skin is not None:
-                # A recording of one that is sought in would hold what nobody did.
-                seekable = self._played if self._seekable else None
-                self._page = stack.enter_context(_Page(skin, port, self._source, seekable))
-                if seekable is not None:
-                    seekable.on_rewind = self._estimator.reset
-                    seekable.stays = lambda: seconds is None
+                self._page = stack.enter_context(self._page_of(skin, port))
             self._recorder: Recorder | None = None
             if record is not None and skin is not None:
                 _make_room(record, self._source)
                 self._recorder = stack.enter_context(
                     Recorder(record, skin, attachments=_files(calibration), on_failure=say)
                 )
-            sinks = [sink for sink in (self._recorder, self._page) if sink is not None]
+            self.design, self.chips = skin, self._source.chips
+            own = (sink for sink in (self._recorder, self._page) if sink is not None)
+            sinks = *own, *map(stack.enter_context, bridges(self))
             self._loop = stack.enter_context(Loop(self._source, self._estimator, sinks=sinks))
             stack.pop_all()
         if self._page is not None:
@@ -193,11 +195,24 @@ class Watch(Resource):
                 self._shown[number] = estimate.status
             yield estimate
             # Not while something touches: it would be the zero.
-            if self._page is not None and self._page.zero_asked.is_set() and not touched:
-                self._page.zero_asked.clear()
+            if self._zero_asked.is_set() and not touched:
+                self._zero_asked.clear()
                 self._estimator.reset()
             if self._seconds is not None and estimate.time - first >= self._seconds:
                 return
+
+    def _page_of(self, skin: SkinDesign, port: int) -> "_Page":
+        """The live page, where a recording is sought in unless it is recorded anew."""
+        # A recording of one that is sought in would hold what nobody did.
+        seekable = self._played if self._seekable else None
+        if seekable is not None:
+            seekable.on_rewind = self._estimator.reset
+            seekable.stays = lambda: self._seconds is None
+        return _Page(skin, port, self._source, seekable, self.ask_zero)
+
+    def ask_zero(self) -> None:
+        """Take the next readings of the untouched skin as its zero; from any thread."""
+        self._zero_asked.set()
 
     def close(self) -> None:
         """End source, page and recording."""
@@ -209,6 +224,11 @@ class Watch(Resource):
         return None if self._page is None else self._page.url
 
     @property
+    def counters(self) -> Counters:
+        """What the loop has done so far."""
+        return self._loop.counters
+
+    @property
     def summary(self) -> Summary:
         """What has been read so far; what is shown again on the page counts once."""
         counters, recorder = self._loop.counters, self._recorder
@@ -217,9 +237,9 @@ class Watch(Resource):
         line = asdict(self._source.counters) if isinstance(self._source, SerialSource) else {}
         return Summary(
             readings=sum(statuses.values()),
-            rate_hz=_rounded(counters.rate, 2),
-            latency_ms_median=_rounded(counters.latency_median * 1e3, 3),
-            latency_ms_p99=_rounded(counters.latency_p99 * 1e3, 3),
+            rate_hz=number(counters.rate, 2),
+            latency_ms_median=number(counters.latency_median * 1e3, 3),
+            latency_ms_p99=number(counters.latency_p99 * 1e3, 3),
             statuses={status.name: n for status in Status if (n := statuses[status])},
             touches=len(self._begun),
             skipped=self._source.missed if isinstance(self._source, TwinSource) else 0,
@@ -249,18 +269,22 @@ class _Page(Sink):
     """The live page of a source, beside the truth where the skin is virtual."""
 
     def __init__(
-        self, design: SkinDesign, port: int, source: Source, player: ReplaySource | None
+        self,
+        design: SkinDesign,
+        port: int,
+        source: Source,
+        player: ReplaySource | None,
+        on_zero: Callable[[], None],
     ) -> None:
         from smoskin.service.page.view import View
 
         self._player = player
         self._twin = source if isinstance(source, TwinSource) else None
-        self.zero_asked = threading.Event()
         self._view = View(
             design,
             port=port,
             on_press=None if self._twin is None else self._press,
-            on_zero=self.zero_asked.set,
+            on_zero=on_zero,
             player=player,
         )
         self.url = self._view.url
@@ -325,11 +349,6 @@ def _files(calibration: str | os.PathLike[str] | None) -> dict[str, bytes]:
     return {Path(calibration).name: read_input(calibration, _ATTACHED)}
 
 
-def _rounded(value: float, digits: int) -> float | None:
-    """A number for JSON, which has no NaN."""
-    return round(value, digits) if math.isfinite(value) else None
-
-
 def thinned(
     estimates: Iterator[Estimate], *, every: float | None = None, changes: bool = False
 ) -> Iterator[tuple[Estimate, bool]]:
@@ -352,20 +371,12 @@ def thinned(
 
 def estimate_line(estimate: Estimate, *, as_json: bool) -> str:
     """One estimate as a line of text, or of JSON, in millimetres and newtons."""
-    touches = [
-        {
-            "x_mm": round(float(contact.position[0]) * 1e3, 3),
-            "y_mm": round(float(contact.position[1]) * 1e3, 3),
-            "force_N": contact.force.round(4).tolist(),
-        }
-        for contact in estimate.contacts
-    ]
-    status = estimate.status.name
+    values = estimate_values(estimate)
     if as_json:
-        return json.dumps({"time_s": estimate.time, "status": status, "contacts": touches})
+        return json.dumps(values)
     places = "".join(
         f"  x {touch['x_mm']:6.1f} mm  y {touch['y_mm']:6.1f} mm  "
         "F ({:+.3f}, {:+.3f}, {:+.3f}) N".format(*touch["force_N"])
-        for touch in touches
+        for touch in values["contacts"]
     )
-    return f"{estimate.time:10.3f} s  {status:<14}{places}"
+    return f"{estimate.time:10.3f} s  {estimate.status.name:<14}{places}"

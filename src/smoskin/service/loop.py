@@ -6,6 +6,7 @@ live page does, and counts what it passes over.
 """
 
 import logging
+import math
 import threading
 import time
 from collections import Counter, deque
@@ -25,6 +26,49 @@ from smoskin.roles import Estimator, Resource, Sink, Source
 _LOG: Final = logging.getLogger(__name__)
 _WINDOW: Final = 1000
 """Number of last readings that rate and latency are told of."""
+_DECADES: Final = (-6, 1)
+"""Powers of ten, s, between which durations are told apart."""
+_PER_DECADE: Final = 20
+"""Classes of durations a decade; neighbours differ by 12 %."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Latency:
+    """How long a stage of the loop has taken since its begin, s; NaN before the first reading."""
+
+    median: float
+    p99: float
+    p999: float
+    """99.9th percentile."""
+    worst: float
+
+
+class Histogram:
+    """Durations since the begin, in classes that are 12 % wide: its size stays what it is."""
+
+    def __init__(self) -> None:
+        low, high = _DECADES
+        self._counts = np.zeros((high - low) * _PER_DECADE + 1, dtype=np.int64)
+        self._worst = math.nan
+
+    def add(self, duration: float) -> None:
+        """Count a duration, s; shorter and longer ones than a class tells go to the ends."""
+        decades = math.log10(max(duration, 1e-12)) - _DECADES[0]
+        index = min(max(math.ceil(decades * _PER_DECADE), 0), len(self._counts) - 1)
+        self._counts[index] += 1
+        self._worst = max(duration, self._worst) if self._worst == self._worst else duration
+
+    @property
+    def latency(self) -> Latency:
+        """What is counted; percentiles are the upper ends of their classes, at most the worst."""
+        total = np.cumsum(self._counts)
+        if not total[-1]:
+            return Latency(median=math.nan, p99=math.nan, p999=math.nan, worst=math.nan)
+        classes = np.searchsorted(total, np.array([0.5, 0.99, 0.999]) * total[-1])
+        ends = np.minimum(10.0 ** (_DECADES[0] + classes / _PER_DECADE), self._worst)
+        return Latency(
+            **dict(zip(("median", "p99", "p999"), ends.tolist(), strict=True)), worst=self._worst
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +88,11 @@ class Counters:
     first."""
     latency_p99: float
     """The 99th percentile of that time, s."""
+    stages: Mapping[str, Latency]
+    """How long estimating and handing to the sinks have taken since the begin: ``estimate`` from a
+    reading's arrival to its estimate, ``sinks`` from there until every sink has it."""
+    latest: float
+    """When the last reading was done with, s on the loop's clock; NaN before the first."""
 
 
 @final
@@ -101,6 +150,8 @@ class Loop(Resource):
         self._statuses: Counter[Status] = Counter()
         self._arrivals: deque[float] = deque(maxlen=_WINDOW)
         self._latencies: deque[float] = deque(maxlen=_WINDOW)
+        self._stages = {"estimate": Histogram(), "sinks": Histogram()}
+        self._done = math.nan
 
     def __iter__(self) -> Iterator[Estimate]:
         """Estimates, one for each reading, until the source ends or misses the deadline."""
@@ -108,12 +159,16 @@ class Loop(Resource):
             while (reading := self._source.read(self._deadline)) is not None:
                 arrival = self._clock()
                 estimate = self._estimator.step(reading)
+                estimated = self._clock()
                 for sink in self._sinks:
                     sink.write(reading, estimate)
                 with self._lock:
+                    self._done = self._clock()
                     self._statuses[estimate.status] += 1
                     self._arrivals.append(arrival)
-                    self._latencies.append(self._clock() - arrival)
+                    self._latencies.append(self._done - arrival)
+                    self._stages["estimate"].add(estimated - arrival)
+                    self._stages["sinks"].add(self._done - estimated)
                 yield estimate
         finally:
             self.close()
@@ -124,6 +179,8 @@ class Loop(Resource):
         with self._lock:
             statuses = dict(self._statuses)
             arrivals, latencies = list(self._arrivals), list(self._latencies)
+            stages = {name: histogram.latency for name, histogram in self._stages.items()}
+            latest = self._done
         elapsed = arrivals[-1] - arrivals[0] if arrivals else 0.0
         median, p99 = np.percentile(latencies, [50, 99]) if latencies else (np.nan, np.nan)
         return Counters(
@@ -133,6 +190,8 @@ class Loop(Resource):
             rate=(len(arrivals) - 1) / elapsed if elapsed > 0.0 else float("nan"),
             latency_median=float(median),
             latency_p99=float(p99),
+            stages=MappingProxyType(stages),
+            latest=latest,
         )
 
     def close(self) -> None:

@@ -7,10 +7,8 @@ viewer's server is made to ask.
 
 import asyncio
 import gzip
-import hmac
 import io
 import logging
-import secrets
 import threading
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
@@ -18,9 +16,10 @@ from http import HTTPStatus
 from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import urlsplit
 
 from smoskin.errors import ArgumentError, MissingExtraError, SmoskinError
+from smoskin.service.bridges.door import HERE, Door, tokens_in_address
 
 if TYPE_CHECKING:
     import viser
@@ -30,8 +29,6 @@ if TYPE_CHECKING:
     Handler: TypeAlias = Callable[[ServerConnection], Awaitable[None]]
     Answerer: TypeAlias = Callable[[ServerConnection, Request], Response | None]
 
-HOST: Final = "127.0.0.1"
-_NAMES: Final = (HOST, "localhost")
 _HEADERS: Final = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "frame-ancestors 'none'",
@@ -57,7 +54,7 @@ def serve(port: int, title: str, head: str, body: str) -> tuple["viser.ViserServ
     page = page.replace("<title>Viser</title>", head, 1).replace("<body>", f"<body>{body}", 1)
     door = _Door(page)
     with redirect_stdout(io.StringIO()), _asked(door):  # the standard output is the caller's
-        server = viser.ViserServer(host=HOST, port=port, label=title, verbose=False)
+        server = viser.ViserServer(host=HERE, port=port, label=title, verbose=False)
     door.port = server.get_port()
     # The server takes the next port where one is in use; an address given must hold.
     if (port and door.port != port) or not door.stands:
@@ -68,30 +65,26 @@ def serve(port: int, title: str, head: str, body: str) -> tuple["viser.ViserServ
                 "the page must be guarded; this version of viser passes the guard by"
             )
         raise ArgumentError(f"port must be free; got {port}, which is in use")
-    return server, f"http://{HOST}:{door.port}/?token={door.token}"
+    return server, f"http://{HERE}:{door.port}/?token={door.token}"
 
 
-class _Door:
-    """Who may come in, and what they get first."""
+class _Door(Door):
+    """Who may come in, the token's cookie included, and what they get first."""
 
     def __init__(self, page: str) -> None:
-        self.token = secrets.token_urlsafe(16)
-        self.port = 0
+        super().__init__()
         self.stands = False
         self._page = gzip.compress(page.encode())
 
     def refusal(self, request: "Request") -> str:
         """Why a request is refused; empty for one that may come in."""
-        places = [f"{name}:{self.port}" for name in _NAMES]
+        places = self.places
         hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
         if len(hosts) != 1 or hosts[0] not in places:
             return "the page is asked for by another machine's name"
         if any(origin not in [f"http://{place}" for place in places] for origin in origins):
             return "another page asks"
-        if not any(
-            hmac.compare_digest(known.encode(), self.token.encode())
-            for known in (*self._in_address(request), *self._in_cookies(request))
-        ):
+        if not self.opened_by([*tokens_in_address(request), *self._in_cookies(request)]):
             return "the address lacks its token: open the one that was printed"
         return ""
 
@@ -125,10 +118,6 @@ class _Door:
     def _cookie(self) -> str:
         # Pages of one machine share their cookies whatever the port.
         return f"smoskin-{self.port}"
-
-    def _in_address(self, request: "Request") -> list[str]:
-        """Tokens in the address."""
-        return parse_qs(urlsplit(request.path).query).get("token", [])
 
     def _in_cookies(self, request: "Request") -> list[str]:
         """Tokens in the cookies; the viewer's own connection has no other place for one."""

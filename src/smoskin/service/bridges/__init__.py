@@ -1,0 +1,1 @@
+"""Bridges from the loop to other programs."""
