@@ -55,10 +55,21 @@ def test_a_cut_recording_is_told_and_fails_when_strict(recording):
 def test_skins_are_served_recorded_and_told_of(recording, tmp_path):
     out = tmp_path / "again"
     sources = [f"{name}=replay:{recording}?speed=max" for name in ("left", "right")]
-    options = ["--feed", "0", "--record", str(out), "--log", str(tmp_path / "log"), "--json"]
+    options = [
+        "--feed",
+        "0",
+        "--foxglove",
+        "0",
+        "--record",
+        str(out),
+        "--log",
+        str(tmp_path / "log"),
+        "--json",
+    ]
     done = CliRunner().invoke(app, ["serve", *sources, *options])
     assert done.exit_code == 0, done.stderr
     assert "Touches of left, right at ws://127.0.0.1:" in done.stderr
+    assert done.stderr.count("ws://127.0.0.1:") == 2
     counters = json.loads(done.stdout.splitlines()[-1])
     assert {name: told["readings"] for name, told in counters.items()} == {"left": 40, "right": 40}
     assert len(list(open_recording(out / "left.mcap"))) == 40

@@ -91,6 +91,7 @@ ENDS = {
     ("score", "seed"): (0, None),
     ("serve", "seconds"): (0, None),
     ("serve", "feed"): (0, 65535),
+    ("serve", "foxglove"): (0, 65535),
     ("serve", "every"): (0.1, None),
     ("simulate", "seed"): (0, None),
     ("sweep", "skins"): (0, 10_000),

@@ -1,6 +1,6 @@
 """What every sink promises, asked of each of them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,8 @@ from smoskin.errors import ArgumentError
 from smoskin.feasibility import load_design
 from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Sink
+from smoskin.service.bridges.feed import Feed
+from smoskin.service.bridges.foxglove import Foxglove
 from smoskin.service.page.view import View
 from smoskin.service.recorder import Recorder
 
@@ -17,13 +19,18 @@ PLANAR = load_design("planar")
 TOUCH = Contact(position=(0.045, 0.080), force=(0.1, -0.05, -0.5))
 
 
-@pytest.fixture(params=["recorder", "view"])
-def make(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[[], Sink]:
+@pytest.fixture(params=["recorder", "view", "feed", "foxglove"])
+def make(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callable[[], Sink]]:
     if request.param == "recorder":
         pytest.importorskip("mcap")
-        return lambda: Recorder(tmp_path / "touch.mcap", PLANAR)
-    pytest.importorskip("viser")
-    return lambda: View(PLANAR)
+        yield lambda: Recorder(tmp_path / "touch.mcap", PLANAR)
+    elif request.param == "view":
+        pytest.importorskip("viser")
+        yield lambda: View(PLANAR)
+    else:
+        pytest.importorskip("websockets" if request.param == "feed" else "foxglove")
+        with Feed() if request.param == "feed" else Foxglove() as server:
+            yield lambda: server.add("skin", len(PLANAR.halls), PLANAR)
 
 
 def reading(time: float, chips: int = 3) -> Reading:

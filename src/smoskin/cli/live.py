@@ -3,13 +3,26 @@
 import json
 from contextlib import ExitStack
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from typer import Argument, Option
 
-from smoskin.cli.frame import Carried, Design, File, Force, Json, Number, Text, app, examples, tell
+from smoskin.cli.frame import (
+    Carried,
+    Design,
+    File,
+    Force,
+    Json,
+    Number,
+    Text,
+    Whole,
+    app,
+    examples,
+    tell,
+)
 from smoskin.feasibility import load_design
 from smoskin.hardware.wire.packet import Format
 from smoskin.sensing.response.table import load_response_table
@@ -180,6 +193,9 @@ def serve(
         "127.0.0.1"
     ),
     feed: Annotated[int, Option(min=0, max=65535, help="TCP port of the JSON feed.")] = 8770,
+    foxglove: Annotated[
+        Whole, Option(min=0, max=65535, help="TCP port for Foxglove on this machine, often 8765.")
+    ] = None,
     view: Annotated[bool, Option("--view", help="Serve each skin's live page.")] = False,
     record: Annotated[File, Option(help="Folder in which each skin is recorded.")] = None,
     force: Force = False,
@@ -189,26 +205,28 @@ def serve(
 ) -> None:
     """Read any number of skins and hand their touches to other programs, until Ctrl-C.
 
-    Programs get them as JSON over a WebSocket (docs/feed.md). A skin that fails leaves the others
-    alone; the exit code is 1 if one did.
+    Programs get them as JSON over a WebSocket (docs/feed.md), Foxglove by its own protocol. A skin
+    that fails leaves the others alone; the exit code is 1 if one did.
     """
     from smoskin.commands.serve.log import logged_to
     from smoskin.commands.serve.skins import Service, counters_line, wanted_skins
     from smoskin.service.bridges.feed import Feed
+    from smoskin.service.bridges.foxglove import Foxglove
 
-    def say(sentence: str) -> None:
-        typer.echo(sentence, err=True)
-
+    say = partial(typer.echo, err=True)
     wanted = wanted_skins(sources, calibration or (), record)
     if record is not None:
         record.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
         if log is not None:
             stack.enter_context(logged_to(log))
-        told = stack.enter_context(Feed(host=host, port=feed))
+        bridges: list[Feed | Foxglove] = [stack.enter_context(Feed(host=host, port=feed))]
+        if foxglove is not None:
+            bridges.append(stack.enter_context(Foxglove(port=foxglove)))
         options = {"arm": arm, "zero": zero, "view": view, "force": force}
-        service = stack.enter_context(Service(wanted, [told], **options, say=say))
-        say(f"Touches of {', '.join(service.skins)} at {told.url}")
+        service = stack.enter_context(Service(wanted, bridges, **options, say=say))
+        places = " and ".join(bridge.url for bridge in bridges)
+        say(f"Touches of {', '.join(service.skins)} at {places}")
         for counters in service.run(seconds, every):
             typer.echo(json.dumps(counters) if as_json else counters_line(counters))
         if as_json:

@@ -22,7 +22,7 @@ from smoskin.arguments import typed
 from smoskin.design.document import format_design
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, RecordingError, require
-from smoskin.records import Estimate, HeldTouch, Reading, Status
+from smoskin.records import Estimate, HeldTouch, Reading
 from smoskin.roles import Sink
 from smoskin.service import ros
 from smoskin.service.recording import (
@@ -52,8 +52,6 @@ _RIG_SCHEMAS: Final = {
     TOUCH_TOPIC: ros.TOUCH,
 }
 """Message types of what a rig says."""
-_WRENCH_KNOWN: Final = (Status.CONTACT, Status.NO_CONTACT, Status.AMBIGUOUS)
-"""Statuses of estimates that tell the wrench on the skin."""
 
 
 @final
@@ -304,7 +302,7 @@ class Recorder(Sink):
             if topic not in self._channels:
                 self._declare(topic, ros.POSITION)
             self._add(topic, self._codec.encode_position(contact, stamp))
-        if estimate.status in _WRENCH_KNOWN:
+        if estimate.status in ros.WRENCH_KNOWN:
             self._add(WRENCH_TOPIC, self._codec.encode_wrench(estimate.contacts, stamp))
 
     def _describe(self) -> None:

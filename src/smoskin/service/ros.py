@@ -33,6 +33,8 @@ DOCUMENT: Final = "std_msgs/msg/String"
 TOUCH: Final = "smoskin_msgs/msg/Touch"
 PHASE: Final = "smoskin_msgs/msg/Phase"
 
+WRENCH_KNOWN: Final = (Status.CONTACT, Status.NO_CONTACT, Status.AMBIGUOUS)
+"""Statuses of estimates that tell the wrench on the skin."""
 _MEANINGLESS: Final = int(ChipFlag.MISSING | ChipFlag.WRAPPED | ChipFlag.INVALID)
 """Flags of chips whose field is no field at all; viewers get NaN."""
 _HEAD: Final = struct.Struct("<4xiIQd")
@@ -96,17 +98,23 @@ def _typestore() -> "Typestore":
 class Codec:
     """Records to CDR bytes and back; stamps are times of the wall clock, ns.
 
+    Parameters
+    ----------
+    within : str
+        Name before those of the frames, such as ``left/``, where there are several skins.
+
     Raises
     ------
     MissingExtraError
         If rosbags is not installed.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, within: str = "") -> None:
         try:
             from rosbags.serde import SerdeError
         except ImportError as error:
             raise MissingExtraError("recording and replaying", "recording") from error
+        self._within = within
         self._store = _typestore()
         self._wrong = (SerdeError, *_WRONG)
 
@@ -294,7 +302,7 @@ class Codec:
         return self._new("builtin_interfaces/msg/Time", *divmod(stamp, _SECOND))
 
     def _header(self, frame: str, stamp: int) -> Any:
-        return self._new("std_msgs/msg/Header", self._time(stamp), frame)
+        return self._new("std_msgs/msg/Header", self._time(stamp), self._within + frame)
 
     def _vector(self, xyz: Floats) -> Any:
         return self._new("geometry_msgs/msg/Vector3", *xyz.tolist())
