@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from smoskin.errors import DesignError
-from smoskin.fabrication.layout import board_box, column_places, frame_box, pillar_places
+from smoskin.fabrication.layout import column_places, pillar_places
 from smoskin.origami.geometry import geometry
+from smoskin.origami.outline import board_box, frame_box
 
 
 def test_the_board_holds_the_frame_and_the_frame_the_columns(planar):

@@ -31,10 +31,22 @@ def test_only_magnets_on_the_sheet_weigh_on_it(planar):
 
 
 def test_a_board_weighs_as_glass_fibre_does(planar):
-    length, width = geometry(planar).extent
+    """With what stands round the sheet: columns, the frame with its clearance, and a margin."""
+    columns = geometry(planar).sheet.vertices[geometry(planar).sheet.columns][..., :2]
+    out = planar.columns.radius + planar.frame.clearance + 3e-3 + 2e-3
+    length, width = np.ptp(columns, axis=(0, 1)) + 2 * out
     assert board_mass(planar) == pytest.approx(1850.0 * length * width * planar.board.thickness)
     thick = replace(planar, board=replace(planar.board, thickness=2 * planar.board.thickness))
     assert board_mass(thick) == pytest.approx(2 * board_mass(planar))
+
+
+def test_the_board_weighs_what_the_bill_says(planar):
+    pytest.importorskip("shapely")
+    from smoskin.fabrication.materials import bill
+    from smoskin.fabrication.workshop import Workshop
+
+    listed = next(item for item in bill(planar, Workshop()) if item.part == "circuit board")
+    assert listed.mass_g == pytest.approx(1e3 * board_mass(planar))
 
 
 def test_a_skin_that_hangs_sags_by_its_weight_over_its_springs(planar):

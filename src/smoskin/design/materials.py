@@ -78,3 +78,16 @@ FILMS: Final[Mapping[str, Film]] = MappingProxyType(
         ),
     }
 )
+
+DENSITY: Final[Mapping[str, float]] = MappingProxyType(
+    {
+        "acrylic": 1190.0,
+        "polyimide": 1420.0,
+        "adhesive": 1000.0,
+        "rubber": 1070.0,
+        "magnet": 5500.0,
+        "board": 1850.0,
+        "print": 1240.0,
+    }
+)
+"""kg/m3; rubber: Smooth-On's Ecoflex bulletin, magnet: bonded NdFeB, print: solid PLA or PETG."""

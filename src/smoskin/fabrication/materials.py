@@ -7,24 +7,16 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Final
 
+from smoskin.design.materials import DENSITY
 from smoskin.design.skin import SkinDesign
-from smoskin.fabrication.layout import board_box, circuit_thickness, column_places
+from smoskin.fabrication.layout import column_places
 from smoskin.fabrication.moulds.sheet import scale
 from smoskin.fabrication.moulds.solids import Part
 from smoskin.fabrication.pattern.flat import flat_sheet
 from smoskin.fabrication.pattern.sheets import carrier_size, panels
 from smoskin.fabrication.workshop import Workshop
+from smoskin.origami.outline import board_box, circuit_thickness
 
-DENSITY: Final = {
-    "acrylic": 1190.0,
-    "polyimide": 1420.0,
-    "adhesive": 1000.0,
-    "rubber": 1070.0,
-    "magnet": 5500.0,
-    "board": 1850.0,
-    "print": 1240.0,
-}
-"""kg/m3; rubber: Smooth-On's Ecoflex bulletin, magnet: bonded NdFeB, print: solid PLA or PETG."""
 _SPARE: Final = 1.3
 """Rubber that is mixed over what is cast: it stays in cups and syringes."""
 

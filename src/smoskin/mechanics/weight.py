@@ -6,17 +6,17 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from smoskin.arrays import Floats
+from smoskin.design.materials import DENSITY
 from smoskin.design.skin import SkinDesign
 from smoskin.mechanics.board import board_of, carried
 from smoskin.mechanics.sheet.lattice import column_beam
 from smoskin.origami.geometry import geometry
+from smoskin.origami.outline import board_box, circuit_thickness, shell_thickness
 
 GRAVITY: Final = 9.81
 """m/s^2."""
 _POINTS: Final = 12
 """Points of the rule that finds the middle of an arc."""
-_ACRYLIC, _MAGNET, _BOARD = 1190.0, 5500.0, 1850.0
-"""Densities, kg/m^3: panels, bonded magnets, the board."""
 
 
 def panel_masses(design: SkinDesign) -> Floats:
@@ -25,20 +25,24 @@ def panel_masses(design: SkinDesign) -> Floats:
     corners = sheet.vertices[sheet.facets]
     sides = corners[:, [1, 3]] - corners[:, :1]
     areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-    return np.asarray(_ACRYLIC * design.panels.thickness * areas)
+    return np.asarray(DENSITY[design.panels.material] * design.panels.thickness * areas)
 
 
 def magnet_masses(design: SkinDesign) -> list[float]:
     """Masses of the magnets, kg; those on the base weigh on nothing that moves."""
     return [
-        _MAGNET * math.pi * magnet.radius**2 * magnet.height if magnet.mount == "sheet" else 0.0
+        DENSITY["magnet"] * math.pi * magnet.radius**2 * magnet.height
+        if magnet.mount == "sheet"
+        else 0.0
         for magnet in design.magnets
     ]
 
 
 def board_mass(design: SkinDesign) -> float:
-    """Mass of the board, kg."""
-    return _BOARD * design.board.thickness * float(np.prod(geometry(design).extent))
+    """Mass of the board with its margins, kg; of a limb's, its film and the printed shell."""
+    width, length = board_box(design).size
+    circuit = DENSITY["board"] * circuit_thickness(design)
+    return width * length * (circuit + DENSITY["print"] * shell_thickness(design))
 
 
 def board_load(design: SkinDesign) -> Floats:
@@ -73,7 +77,7 @@ def sags(design: SkinDesign) -> Sags:
     >>> from smoskin.design.document import read_design
     >>> sheet, board = sags(read_design("planar"))
     >>> (1e3 * sheet).round(2).tolist(), (1e3 * board[:3].diagonal()).round(2).tolist()
-    ([0.13, 0.13, 0.02], [0.57, 0.57, 0.11])
+    ([0.13, 0.13, 0.02], [0.7, 0.7, 0.13])
     """
     skin = geometry(design)
     whole, column = skin.sheet, column_beam(design)

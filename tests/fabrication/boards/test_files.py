@@ -15,7 +15,7 @@ from fabrication.boards.gerbers import area
 from smoskin.errors import FileError
 from smoskin.fabrication.boards.circuit import Circuit
 from smoskin.fabrication.boards.files import board_files, layouts_of, write
-from smoskin.fabrication.layout import board_box
+from smoskin.origami.outline import board_box
 
 FILES = {file.path: file.content.decode() for file in board_files(PLANAR)}
 

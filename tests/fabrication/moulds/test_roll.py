@@ -9,14 +9,7 @@ import shapely
 import trimesh
 
 from smoskin.errors import DesignError
-from smoskin.fabrication.layout import (
-    board_box,
-    circuit_thickness,
-    column_places,
-    frame_level,
-    level_of,
-    shell_thickness,
-)
+from smoskin.fabrication.layout import column_places
 from smoskin.fabrication.moulds import assembly
 from smoskin.fabrication.moulds.files import solid_files
 from smoskin.fabrication.moulds.holders import holders
@@ -27,6 +20,13 @@ from smoskin.fabrication.moulds.tools import fold_jig, foot_jig
 from smoskin.fabrication.pattern.flat import flat_sheet
 from smoskin.fabrication.workshop import Workshop
 from smoskin.origami.geometry import geometry
+from smoskin.origami.outline import (
+    board_box,
+    circuit_thickness,
+    frame_level,
+    level_of,
+    shell_thickness,
+)
 from smoskin.records import Contact
 from solid_overlaps import overlaps
 

@@ -31,13 +31,8 @@ from smoskin.fabrication.boards.layout import (
     other,
     rounded,
 )
-from smoskin.fabrication.layout import (
-    board_box,
-    chip_places,
-    circuit_thickness,
-    column_places,
-    pillar_places,
-)
+from smoskin.fabrication.layout import chip_places, column_places, pillar_places
+from smoskin.origami.outline import board_box, circuit_thickness
 
 _RINGS: Final = {"TRIG": 2.4, "SDA": 3.0, "SCL": 3.6, "+3V3": 4.3, "GND": 4.95}
 """mm: half the side of each net's ring, from the innermost."""

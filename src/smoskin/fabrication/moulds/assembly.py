@@ -11,20 +11,7 @@ from shapely import Polygon
 
 from smoskin.design.skin import Magnet, SkinDesign
 from smoskin.errors import DesignError
-from smoskin.fabrication.layout import (
-    at_level,
-    board_box,
-    circuit_thickness,
-    column_places,
-    frame_box,
-    frame_level,
-    laid_flat,
-    level_of,
-    magnet_height,
-    pillar_places,
-    pose,
-    shell_thickness,
-)
+from smoskin.fabrication.layout import column_places, magnet_height, pillar_places, pose
 from smoskin.fabrication.moulds.covers import covers, guide
 from smoskin.fabrication.moulds.holders import holders
 from smoskin.fabrication.moulds.roll import rolled
@@ -33,6 +20,16 @@ from smoskin.fabrication.moulds.solids import Part, Slab, disc, extruded, prism,
 from smoskin.fabrication.pattern.flat import FlatSheet
 from smoskin.fabrication.workshop import Workshop
 from smoskin.origami.geometry import geometry
+from smoskin.origami.outline import (
+    at_level,
+    board_box,
+    circuit_thickness,
+    frame_box,
+    frame_level,
+    laid_flat,
+    level_of,
+    shell_thickness,
+)
 
 BASE_FLOOR: Final = 2.0e-3
 """m: base under the pocket of its magnet."""

@@ -14,12 +14,13 @@ from shapely import Polygon
 
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import DesignError
-from smoskin.fabrication.layout import FRAME_WALL, frame_box, frame_level, laid_flat, pose
+from smoskin.fabrication.layout import pose
 from smoskin.fabrication.moulds.roll import rolled
 from smoskin.fabrication.moulds.sheet import clear_of_ridge
 from smoskin.fabrication.moulds.solids import Part, Slab, disc, extruded, prism
 from smoskin.fabrication.workshop import Workshop
 from smoskin.origami.geometry import geometry
+from smoskin.origami.outline import FRAME_WALL, frame_box, frame_level, laid_flat
 
 PLAY: Final = 0.25e-3
 """m: of a bar in its bush on every side; covers that are not pressed move less, and stay free."""

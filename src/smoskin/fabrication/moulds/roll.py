@@ -11,9 +11,9 @@ import numpy as np
 
 from smoskin.arrays import Floats, Ints
 from smoskin.design.skin import SkinDesign
-from smoskin.fabrication.layout import at_level, level_of
 from smoskin.fabrication.moulds.solids import Part
 from smoskin.origami.geometry import geometry
+from smoskin.origami.outline import at_level, level_of
 
 STRIP: Final = 2.5e-3
 """m: width of a strip on the developed surface; a facet lies 0.01 mm under the reference limb's."""

@@ -15,14 +15,7 @@ from shapely import MultiPoint, Polygon
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import DesignError
-from smoskin.fabrication.layout import (
-    at_level,
-    chip_places,
-    column_places,
-    frame_box,
-    frame_level,
-    level_of,
-)
+from smoskin.fabrication.layout import chip_places, column_places
 from smoskin.fabrication.moulds.assembly import frame_opening, pillar_height
 from smoskin.fabrication.moulds.creasing import creasing_moulds
 from smoskin.fabrication.moulds.roll import rolled
@@ -41,6 +34,7 @@ from smoskin.fabrication.pattern.flat import FlatSheet
 from smoskin.fabrication.pattern.sheets import carrier_size, pin_places
 from smoskin.fabrication.workshop import MAGNET_TEMPERATURE, Workshop
 from smoskin.origami.geometry import geometry
+from smoskin.origami.outline import at_level, frame_box, frame_level, level_of
 
 _RIM: Final = 4e-3
 """m: mould round its outermost cavity."""

@@ -6,12 +6,7 @@ import numpy as np
 
 from smoskin.design.skin import SkinDesign
 from smoskin.fabrication.drawing import Drawing
-from smoskin.fabrication.layout import (
-    board_box,
-    circuit_thickness,
-    column_places,
-    magnet_height,
-)
+from smoskin.fabrication.layout import column_places, magnet_height
 from smoskin.fabrication.moulds.assembly import base_inner_radius, pillar_height
 from smoskin.fabrication.moulds.covers import PLAY, STROKE, bush_length
 from smoskin.fabrication.moulds.creasing import FOLD_STAGES
@@ -25,6 +20,7 @@ from smoskin.fabrication.process.pictures import Picture
 from smoskin.fabrication.workshop import MAGNET_TEMPERATURE, PRESS_TEMPERATURE, Workshop
 from smoskin.origami.cell import dihedral_angles
 from smoskin.origami.geometry import geometry
+from smoskin.origami.outline import board_box, circuit_thickness
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
