@@ -63,6 +63,7 @@ def test_record_then_replay_gives_the_same_estimates(tmp_path):
     assert "idle.mcap" in refused("run", "twin://planar", "--record", str(file))
 
 
+@pytest.mark.slow
 def test_a_bench_calibrates_a_skin_and_the_skin_runs_with_it(tmp_path):
     table, file = tmp_path / "touches.csv", tmp_path / "skin.toml"
     made = smoskin("virtual-bench", str(table), "--seed", "2", "--sheet", "reduced")

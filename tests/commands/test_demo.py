@@ -58,6 +58,7 @@ def test_headless_finds_every_touch_and_says_how_well(planar, tmp_path):
     assert Status.NOT_CALIBRATED not in statuses[20:]
 
 
+@pytest.mark.slow
 def test_touches_that_a_busy_machine_read_nothing_of_are_told_apart(planar, monkeypatch):
     """The machine stands still while the second touch of the hand is held."""
     write = demo._Stage.write

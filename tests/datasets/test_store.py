@@ -103,6 +103,7 @@ write_dataset(folder, made_up.design, made_up.sweep, simulation=made_up, engine=
 """
 
 
+@pytest.mark.slow
 def test_a_sweep_killed_at_random_moments_equals_an_unbroken_one(planar, tmp_path, unbroken):
     """The whole process dies, twice, at a random moment, and a chunk in the middle is lost."""
     draw = np.random.default_rng(0)

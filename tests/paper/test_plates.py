@@ -132,6 +132,7 @@ def test_the_fit_is_drawn_with_its_numbers(found):
     assert "Not in the paper" in plate.caption
 
 
+@pytest.mark.slow
 def test_the_search_for_the_device_is_drawn_with_what_it_met(planar):
     from paper.beyond.device_search import draw
     from paper.models.device import Study

@@ -89,6 +89,7 @@ def test_a_made_skin_is_bounded_much_like_its_design(planar):
     assert ((ratio > 0.5) & (ratio < 2)).all()
 
 
+@pytest.mark.slow
 def test_a_row_of_cells_is_blind_across_it(planar):
     magnets = [
         replace(m, corner=c) for m, c in zip(planar.magnets, [(3, 0), (4, 1), (2, 1)], strict=True)

@@ -56,6 +56,7 @@ def test_magnets_are_placed_where_they_tell_most(planar, sheet):
                 assert value(corners | {name: corner}) >= best
 
 
+@pytest.mark.slow
 def test_numbers_are_rounded_to_what_a_workshop_sets(planar):
     odd = replace(
         planar,

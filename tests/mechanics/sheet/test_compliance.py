@@ -47,6 +47,7 @@ def test_small_forces_move_vertices_as_the_whole_sheet_says(small, soft):
         np.testing.assert_allclose(one / force, compliance[:, :, vertex, axis], atol=2e-3 * scale)
 
 
+@pytest.mark.slow
 def test_two_small_presses_move_besides_what_the_second_order_says(small):
     """Second differences of presses of the whole sheet, of readings of any motion of it."""
     model, rng = BarHinge(small, grip=Frictionless()), np.random.default_rng(3)

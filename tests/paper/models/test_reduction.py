@@ -112,6 +112,7 @@ def test_other_layouts_fit_as_well(long_planar):
     assert_allclose([*found.attenuation, found.scale], [0.7, 0.3, 0.4], rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_rigid_sheet_on_rigid_columns_is_the_reduced_model(planar):
     pytest.importorskip("jax")
     from smoskin.mechanics.sheet.model import BarHinge

@@ -62,6 +62,7 @@ def test_every_cell_is_found_without_noise(request, skin, force, shear):
         np.testing.assert_allclose(seen.force[:2], shear, atol=within)
 
 
+@pytest.mark.slow
 def test_3600_noisy_touches_fall_on_the_right_cell(planar):
     twin, estimator = ReducedTwin(planar, seed=3), ClosedFormEstimator(planar)
     contacts = touches(planar, 0.5, (0.0, 0.0)) * 100

@@ -384,6 +384,7 @@ def test_a_place_is_not_touched_again_within_two_millimetres(away, again):
     assert (np.abs(planner.next().position - first.position).max() < 1e-9) == again
 
 
+@pytest.mark.slow
 def test_touches_that_may_end_a_range_as_one_did_are_barred_until_one_of_them_is_made():
     """Against the rule, written out for every touch that may be proposed."""
     table = random_table(seed=3)
