@@ -89,6 +89,7 @@ ENDS = {
     ("score", "drag"): (0, None),
     ("score", "pairs"): (0, 10_000),
     ("score", "seed"): (0, None),
+    ("ros", "seconds"): (0, None),
     ("serve", "seconds"): (0, None),
     ("serve", "feed"): (0, 65535),
     ("serve", "foxglove"): (0, 65535),

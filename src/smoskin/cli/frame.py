@@ -29,7 +29,7 @@ _GROUPS: Final = {
     "Simulate": ("simulate", "sweep", "table"),
     "Train, judge, design": ("train", "learn", "score", "optimise", "new-design", "tessellate"),
     "Build": ("fabricate",),
-    "Robots and other programs": ("serve", "follow"),
+    "Robots and other programs": ("serve", "ros", "follow"),
 }
 """Commands by what they are for, in the order of the help."""
 

@@ -1,4 +1,4 @@
-"""The command that lets an arm follow touches."""
+"""Commands for robots: an arm that follows touches, and a node of ROS 2."""
 
 import queue
 import sys
@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from smoskin.cli.frame import File, Force, Json, Number, Text, app, examples, tell
+from smoskin.cli.frame import Carried, File, Force, Json, Number, Text, app, examples, tell
 from smoskin.feasibility import load_design
 
 
@@ -69,6 +69,58 @@ def follow(
         say=say,
     )
     say(f"{counters.readings} readings at {counters.rate:.0f} Hz.")
+
+
+@app.command(
+    epilog=examples(
+        "ros serial:///dev/ttyACM0 --calibration skin.table",
+        "ros twin://planar -- --ros-args -r __ns:=/left -p prefix:=left_",
+    )
+)
+def ros(
+    source: Annotated[str, Argument(help="Source of the skin, as of smoskin run.")],
+    arguments: Annotated[
+        list[str] | None, Argument(metavar="[-- --ros-args ...]", help="Arguments of ROS.")
+    ] = None,
+    design: Annotated[Text, Option(help="Design of the skin; by default the source's own.")] = None,
+    calibration: Annotated[File, Option(help="File of this skin, as of smoskin run.")] = None,
+    arm: Carried = False,
+    seconds: Annotated[Number, Option(min=0.0, help="Stop after so many seconds.")] = None,
+    record: Annotated[File, Option(help="Write everything to this new MCAP file.")] = None,
+    force: Force = False,
+) -> None:
+    """Be a ROS 2 node that publishes what a skin reads and feels (docs/ros.md).
+
+    The first 20 readings are the zero; the service skin/zero takes a new one.
+    """
+    from smoskin.commands.run import Watch
+    from smoskin.errors import ArgumentError
+    from smoskin.service.bridges.ros import RosNode
+
+    def say(sentence: object) -> None:
+        typer.echo(str(sentence), err=True)
+
+    def node_of(watch: Watch) -> list[RosNode]:
+        if watch.design is None:
+            raise ArgumentError(f"design must be given: {source!r} does not name it")
+        node = RosNode(watch.design, zero=watch.ask_zero, arguments=arguments or ())
+        say(f"The node {node.name} publishes.")
+        return [node]
+
+    with Watch(
+        source,
+        None if design is None else load_design(design),
+        calibration=calibration,
+        arm=arm,
+        seconds=seconds,
+        record=record,
+        force=force,
+        say=say,
+        bridges=node_of,
+    ) as watch:
+        for _ in watch:
+            pass
+        say(watch.summary)
 
 
 def _hear(words: "queue.Queue[str]") -> None:

@@ -95,6 +95,12 @@ def _typestore() -> "Typestore":
     return store
 
 
+def shown_field(reading: Reading, chip: int) -> Floats:
+    """One chip's field for viewers, (3,), T; NaN where the chip's numbers mean nothing."""
+    meaningless = bool(reading.flags[chip] & _MEANINGLESS)
+    return np.full(3, np.nan) if meaningless else reading.field[chip]
+
+
 class Codec:
     """Records to CDR bytes and back; stamps are times of the wall clock, ns.
 
@@ -161,10 +167,8 @@ class Codec:
 
     def encode_field(self, reading: Reading, chip: int, stamp: int) -> bytes:
         """One chip's field for viewers, in T; NaN where the chip's numbers mean nothing."""
-        bad = bool(reading.flags[chip] & _MEANINGLESS)
-        field = np.full(3, np.nan) if bad else reading.field[chip]
         header = self._header(f"chip{chip}", stamp)
-        return self._encode(FIELD, header, self._vector(field), np.zeros(9))
+        return self._encode(FIELD, header, self._vector(shown_field(reading, chip)), np.zeros(9))
 
     def encode_position(self, contact: Contact, stamp: int) -> bytes:
         """A contact's place on the undeformed skin for viewers, in m."""
