@@ -46,7 +46,9 @@ CONTROLS = [
     ("GuiHtml", "", None, True),
     ("GuiFolder", "Picture", None, True),
     ("GuiSlider", "Deformation ×", 10.0, True),
+    ("GuiSlider", "Taken apart", 0.0, True),
     ("GuiSlider", "Sheet opacity", 0.6, True),
+    ("GuiCheckbox", "Scales", False, True),
     ("GuiCheckbox", "Trail", True, True),
     ("GuiHtml", "", None, True),
     ("GuiPanel", "", None, True),
@@ -78,6 +80,7 @@ def test_sliders_have_their_ends_and_steps(page):
         "Shear x, N": (-0.4, 0.4, 0.05),
         "Shear y, N": (-0.4, 0.4, 0.05),
         "Deformation ×": (1.0, 30.0, 1.0),
+        "Taken apart": (0.0, 1.0, 0.05),
         "Sheet opacity": (0.1, 1.0, 0.1),
     }
     assert only(page, "GuiDropdown").props.options == ("one", "other")
@@ -91,7 +94,7 @@ def test_controls_stand_in_their_folders(page):
         for kind in ("GuiSlider", "GuiCheckbox", "GuiButtonGroup", "GuiDropdown")
         for one in of_kind(page, kind)
     }
-    picture = ("Deformation ×", "Sheet opacity", "Trail")
+    picture = ("Deformation ×", "Taken apart", "Sheet opacity", "Scales", "Trail")
     hand = ("Press, N", "Shear x, N", "Shear y, N", "Hold the hand still")
     assert inside == {
         **dict.fromkeys(picture, "Picture"),

@@ -56,12 +56,13 @@ def test_a_ruler_beside_the_skin_has_a_tick_every_10_mm_and_a_number_every_20(sc
     np.testing.assert_allclose(along[1:, 0], along[:-1, 1], atol=1e-5)  # piece by piece
     line = np.stack([along[0, 0], along[-1, 1]])
     np.testing.assert_allclose(line[:, axis], [0, extent], atol=1e-5)
-    # It stands off the board, which reaches 2 mm beyond the sheet, by less than half a tick.
+    # It stands off the board, which reaches beyond the frame, by less than half a tick.
     beside = line[0, 1 - axis]
     assert beside == line[1, 1 - axis]
-    assert LOW[1 - axis] - 0.5 < beside < LOW[1 - axis] - 0.2
+    edge = drawn["/board"].vertices[:, 1 - axis].min()
+    assert edge - 0.5 < beside < edge - 0.2
     other = lines[np.abs(lines[:, 0, 1 - axis] - lines[:, 1, 1 - axis]) > 0.5][0, 0, axis]
-    assert LOW[axis] - other == pytest.approx(LOW[1 - axis] - beside)
+    assert drawn["/board"].vertices[:, axis].min() - other == pytest.approx(edge - beside, abs=1e-5)
     ticks = lines[
         np.isclose(lines[:, 0, 1 - axis], beside) & (lines[:, 0, axis] == lines[:, 1, axis])
     ]
@@ -232,8 +233,11 @@ def test_the_board_and_its_chips_lie_under_the_sheet(scene):
     drawn = nodes(scene)
     board = drawn["/board"]
     low, high = board.vertices.min(axis=0), board.vertices.max(axis=0)
-    np.testing.assert_allclose(low, [*LOW[:2] - 0.2, BASE - 0.16], rtol=1e-6)
-    np.testing.assert_allclose(high, [*HIGH[:2] + 0.2, BASE], rtol=1e-6)
+    # Past the outer columns: their radius, the frame's clearance, its wall of 3 mm, a rim of 2 mm.
+    past = 100 * (PLANAR.columns.radius + PLANAR.frame.clearance) + 0.3 + 0.2
+    feet = SHEET.vertices[SHEET.columns.ravel(), :2] * 100
+    np.testing.assert_allclose(low, [*feet.min(axis=0) - past, BASE - 0.16], rtol=1e-5)
+    np.testing.assert_allclose(high, [*feet.max(axis=0) + past, BASE], rtol=1e-5)
     for site, chip in zip(PLANAR.halls, SKIN.chips, strict=True):
         np.testing.assert_allclose(drawn[f"/chips/{site.name}"].position, chip * 100)
         assert drawn[f"/chips/{site.name}/label"].text == site.name
@@ -256,5 +260,5 @@ def test_the_skin_fills_the_picture_and_stays_in_it(narrow, size):
     reach = np.tan(field_of_view / 2) * np.array((size[0] / size[1], 1.0))
     low, high = (seen / reach).min(axis=0), (seen / reach).max(axis=0)
     assert (np.abs([low, high]) < 1).all()
-    assert (high - low).max() > 1.2  # of the 2 from edge to edge
+    assert (high - low).max() > 1.05  # of the 2 from edge to edge
     assert (np.abs(low + high) < 0.4).all()  # in the middle

@@ -9,7 +9,8 @@ from smoskin.records import Contact
 
 pytest.importorskip("viser")
 from smoskin.service.page.markers import attitude
-from smoskin.service.page.scene import pick, shell
+from smoskin.service.page.scene import pick
+from smoskin.service.page.stack import BOARD_DRAWN, board
 from smoskin.service.page.view import View
 
 CURVED = read_design("curved")
@@ -18,10 +19,10 @@ AXIS = np.array([0.0, SKIN.extent[1] / 2, -CURVED.limb.skin_radius])
 
 
 def test_the_board_is_a_shell_round_the_limb():
-    places, faces = shell(CURVED, 1.6e-3, 2e-3)
+    places, faces = board(CURVED)
     radii = np.linalg.norm((places - AXIS)[:, 1:], axis=1)
     top = CURVED.limb.skin_radius - CURVED.columns.height
-    np.testing.assert_allclose(np.unique(radii.round(9)), [top - 1.6e-3, top])
+    np.testing.assert_allclose(np.unique(radii.round(9)), [top - BOARD_DRAWN, top])
     assert set(faces.ravel()) == set(range(len(places)))
 
 

@@ -277,11 +277,19 @@ def test_a_chips_heading_says_what_is_wrong_with_it(view):
 
 def test_what_is_drawn_is_told_in_the_legend_in_its_colour():
     from smoskin.service.page.parts import css, html
-    from smoskin.service.page.scene import COLUMN, CREASE, ESTIMATED, MAGNETISED, SUNK, TRUE
+    from smoskin.service.page.scene import (
+        COLUMN,
+        CREASE,
+        ESTIMATED,
+        FRAME,
+        MAGNETISED,
+        SUNK,
+        TRUE,
+    )
 
     colors = dict(panels._LEGEND)
     drawn = {"estimated": ESTIMATED, "true": TRUE, "rest": CREASE, "sunk": SUNK}
-    assert colors == drawn | {"magnetised": MAGNETISED, "column": COLUMN}
+    assert colors == drawn | {"magnetised": MAGNETISED, "column": COLUMN, "frame": FRAME}
     text = html("legend", **{name: css(color) for name, color in colors.items()})
     for color in colors.values():
         assert f"rgb({color[0]}, {color[1]}, {color[2]})" in text

@@ -14,6 +14,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact
 from smoskin.service.page.markers import LIFT, UNITS, attitude
+from smoskin.service.page.stack import board_corners
 
 if TYPE_CHECKING:
     import viser
@@ -28,7 +29,7 @@ _GAP: Final = 0.35
 def draw_rulers(server: "viser.ViserServer", design: SkinDesign) -> None:
     """Draw a ruler along x in front of the board and one along y at its left."""
     skin = geometry(design)
-    low, level, extent = skin.developed.min(axis=0), -design.columns.height, skin.extent * 1e3
+    low, level, extent = board_corners(design)[0], -design.columns.height, skin.extent * 1e3
     lines = []
 
     def drawn(place: Floats) -> Floats:

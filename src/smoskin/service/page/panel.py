@@ -23,6 +23,7 @@ from smoskin.service.page.scene import (
     COLUMN,
     CREASE,
     ESTIMATED,
+    FRAME,
     MAGNETISED,
     SUNK,
     TRUE,
@@ -58,6 +59,7 @@ _LEGEND: Final = (
     ("sunk", SUNK),
     ("magnetised", MAGNETISED),
     ("column", COLUMN),
+    ("frame", FRAME),
 )
 _BAD: Final = ChipFlag.MISSING | ChipFlag.INVALID
 _QUANTITIES: Final = (
@@ -157,7 +159,11 @@ class Panel:
         """Add how the skin is drawn, and what the colours mean."""
         with gui.add_folder("Picture"):
             self._exaggeration = gui.add_slider("Deformation ×", 1.0, 30.0, 1.0, 10.0)
+            self._apart = gui.add_slider(
+                "Taken apart", 0.0, 1.0, 0.05, 0.0, hint="Lifts the parts off each other."
+            )
             self._opacity = gui.add_slider("Sheet opacity", 0.1, 1.0, 0.1, 0.6)
+            self._scaled = gui.add_checkbox("Scales", False, hint="They cover the sheet.")
             self._trail = gui.add_checkbox("Trail", True, hint="Places that were estimated last.")
             colors = {name: css(color) for name, color in _LEGEND}
             gui.add_html(html("legend", **colors))
@@ -172,6 +178,11 @@ class Panel:
         """How much larger than life deformation is drawn, the sheet's opacity, and the trail."""
         trail = self.tally.trail if self._trail.value else np.zeros((0, 2))
         return float(self._exaggeration.value), float(self._opacity.value), trail
+
+    @property
+    def spread(self) -> tuple[float, bool]:
+        """How far apart the skin is drawn, 0 to 1, and whether its scales are."""
+        return float(self._apart.value), bool(self._scaled.value)
 
     def relabel(self, action: str, label: str) -> None:
         """Let a button that did one thing do its opposite."""

@@ -17,6 +17,7 @@ from smoskin.records import Contact, Estimate, Reading
 from smoskin.service.page.board import Cells, draw_rulers
 from smoskin.service.page.inside import Columns, inward_arrows
 from smoskin.service.page.markers import LIFT, UNITS, Marker, attitude
+from smoskin.service.page.stack import Scales, Words, board, frame, lift
 
 if TYPE_CHECKING:
     import viser
@@ -41,14 +42,19 @@ _PAPER: Final = (247, 226, 186)
 _BOARD: Final = (108, 138, 130)
 _MAGNET: Final = (58, 62, 70)
 _CHIP: Final = (24, 26, 30)
+FRAME: Final = (92, 96, 104)
+_SCALE: Final = (206, 212, 220)
 _CREASE_LIFT: Final = 0.015
 """Place of the creases over the sheet, in units of the scene: they lie on it, not in it."""
-_BOARD_DRAWN: Final = 1.6e-3
-"""m: thickness of the board."""
-_BOARD_RIM: Final = 2e-3
-"""m: how far it reaches past the sheet."""
-_STRIPS: Final = 24
-"""Flat strips of which a board round a limb is drawn."""
+_PARTS: Final = {
+    "board": ("/board", "/chips", "/rulers"),
+    "frame": ("/frame",),
+    "columns": ("/columns",),
+    "magnets": ("/magnets",),
+    "sheet": ("/sheet", "/creases", "/cells", "/trail", "/true", "/estimated"),
+    "scales": ("/scales",),
+}
+"""Nodes of the scene that are lifted with each part."""
 _VIVID_DEPTH: Final = 0.2e-3
 """m: a crease is darkest where it has sunk this deep."""
 
@@ -91,7 +97,7 @@ def camera(design: SkinDesign, *, narrow: bool = False) -> tuple[Floats, Floats,
     # The near edge looks larger than the far one: aim a little in front of the middle.
     target = (low + high) / 2 - size * np.array((0.02, 0.06, 0.0))
     towards = np.array((-0.08, -0.6, 1.6) if narrow else (-0.26, -0.95, 1.05))
-    distance = size * (2.45 if narrow else 1.8)
+    distance = size * (2.7 if narrow else 1.95)
     return target + towards / np.linalg.norm(towards) * distance, target, _FIELD_OF_VIEW
 
 
@@ -136,25 +142,6 @@ def pick(
     return np.clip(weights @ skin.developed[faces[hit], :2], 0.0, skin.extent)
 
 
-def shell(design: SkinDesign, thickness: float, rim: float) -> tuple[Floats, Ints]:
-    """Vertices, m, and triangles of a board so thick, reaching so far past the sheet, m."""
-    skin = geometry(design)
-    places, top = skin.developed[:, :2], -design.columns.height
-    low, high = places.min(axis=0) - rim, places.max(axis=0) + rim
-    across = np.linspace(low[1], high[1], _STRIPS + 1)
-    ring = np.array([(low[0], top), (high[0], top), (high[0], top - thickness),
-                     (low[0], top - thickness)])  # fmt: skip
-    flat = np.array([(x, y, z) for y in across for x, z in ring])
-    sides = [
-        (4 * k + a, 4 * k + b, 4 * k + 4 + b, 4 * k + 4 + a)
-        for k in range(_STRIPS)
-        for a, b in ((0, 1), (1, 2), (2, 3), (3, 0))
-    ]
-    last = 4 * _STRIPS
-    quads = np.array([*sides, (3, 2, 1, 0), (last, last + 1, last + 2, last + 3)])
-    return skin.roll.places(flat), triangles(quads)
-
-
 def _linear(color: tuple[int, int, int]) -> Floats:
     """A colour as the viewer takes those of single lines: in linear light, 0 to 255."""
     return np.asarray(255 * (np.array(color) / 255) ** 2.2)
@@ -170,11 +157,18 @@ class SkinScene:
         self._creases = creases(sheet.facets)
         self._markers: dict[str, list[Marker]] = {"/true": [], "/estimated": []}
         self._hung: list[tuple[viser.CylinderHandle, int, Floats]] = []
+        self._based: list[tuple[viser.CylinderHandle, Floats]] = []
+        self._apart = 0.0
+        self._lifted: dict[str, viser.SceneNodeHandle] = {
+            name: server.scene.add_frame(name, show_axes=False)
+            for name in ("/rulers", "/chips", "/magnets", "/cells", "/true", "/estimated")
+        }
+        """Nodes that are lifted with all that is under them, by their names."""
         self._rest = self._drawn = sheet.vertices
         self._stage()
         self._stage_parts()
         self._columns = Columns(design)
-        self._standing = server.scene.add_mesh_simple(
+        self._standing = self._lifted["/columns"] = server.scene.add_mesh_simple(
             "/columns",
             (self._columns.places(self._rest) * UNITS).astype(np.float32),
             self._columns.triangles,
@@ -183,10 +177,10 @@ class SkinScene:
         )
         draw_rulers(server, design)
         self._cells = Cells(server, design, ESTIMATED)
-        self._dots = server.scene.add_point_cloud(
+        self._dots = self._lifted["/trail"] = server.scene.add_point_cloud(
             "/trail", np.zeros((0, 3)), ESTIMATED, point_size=0.14, point_shape="circle"
         )
-        self.sheet = server.scene.add_mesh_simple(
+        self.sheet = self._lifted["/sheet"] = server.scene.add_mesh_simple(
             "/sheet",
             self._drawn * UNITS,
             triangles(sheet.facets),
@@ -195,17 +189,46 @@ class SkinScene:
             side="double",
         )
         """The node that takes clicks."""
-        self._lines = server.scene.add_line_segments(
+        self._lines = self._lifted["/creases"] = server.scene.add_line_segments(
             "/creases",
             self._drawn[self._creases] * UNITS,
             # One colour for all would stay white when each gets its own.
             np.broadcast_to(_linear(CREASE).astype(np.uint8), (len(self._creases), 2, 3)),
             thickness=0.05,
         )
+        self._scales = Scales(design)
+        self._cover = self._lifted["/scales"] = server.scene.add_mesh_simple(
+            "/scales",
+            (self._scales.places(self._rest) * UNITS).astype(np.float32),
+            self._scales.triangles,
+            color=_SCALE,
+            opacity=0.35,
+            flat_shading=True,
+            visible=False,
+        )
+        self._words = Words(server, design)
+
+    def spread(self, apart: float, scaled: bool) -> None:
+        """Lift the parts off each other, 0 to 1 of the way, and show the scales or not.
+
+        A skin that is taken apart shows them anyhow.
+        """
+        self._cover.visible = scaled or apart > 0.0
+        if apart == self._apart:
+            return
+        self._apart = apart
+        for part, names in _PARTS.items():
+            for name in names:
+                self._lifted[name].position = (0.0, 0.0, lift(part, apart))
+        for node, place in self._based:
+            away = lift("base", apart) - lift("magnets", apart)
+            node.position = (place[0], place[1], place[2] + away)
+        self._words.show(apart)
 
     def place_under(self, origin: ArrayLike, direction: ArrayLike) -> Floats | None:
         """The place on the skin that a ray of the viewer's scene meets first, (2,), m."""
-        return pick(self._design, self._drawn, np.asarray(origin) / UNITS, direction)
+        start = np.asarray(origin) - (0.0, 0.0, lift("sheet", self._apart))
+        return pick(self._design, self._drawn, start / UNITS, direction)
 
     def draw(self, moment: Moment, exaggeration: float, opacity: float, trail: Floats) -> None:
         """Show estimates solid, with their 95 % ellipses, and the truth translucent.
@@ -225,6 +248,10 @@ class SkinScene:
         columns = (self._columns.places(self._drawn) * UNITS).astype(np.float32)
         if not np.array_equal(columns, self._standing.vertices):
             self._standing.vertices = columns  # fifteen times the sheet's data
+        if self._cover.visible:
+            scales = (self._scales.places(self._drawn) * UNITS).astype(np.float32)
+            if not np.array_equal(scales, self._cover.vertices):
+                self._cover.vertices = scales
         self.sheet.opacity = opacity if opacity < 1.0 else None
         for node, vertex, offset in self._hung:
             node.position = tuple(points[vertex] + offset)
@@ -286,10 +313,13 @@ class SkinScene:
             "/light/sky", sky_color=(255, 255, 255), ground_color=(186, 194, 206), intensity=1.9
         )
         scene.add_light_directional("/light/sun", intensity=2.2, position=(-30.0, -6.0, 22.0))
-        places, faces = shell(self._design, _BOARD_DRAWN, _BOARD_RIM)
-        scene.add_mesh_simple(
-            "/board", places * UNITS, faces, color=_BOARD, flat_shading=True, side="double"
-        )
+        for name, (places, faces), color in (
+            ("/board", board(self._design), _BOARD),
+            ("/frame", frame(self._design), FRAME),
+        ):
+            self._lifted[name] = scene.add_mesh_simple(
+                name, places * UNITS, faces, color=color, flat_shading=True, side="double"
+            )
 
     def _stage_parts(self) -> None:
         """Set chips and magnets; magnets on the sheet hang from the nearest of its vertices."""
@@ -325,3 +355,5 @@ class SkinScene:
                 offsets = place - LIFT * places.magnet_axes[index][:, 2] - self._rest * UNITS
                 vertex = int(np.argmin(np.linalg.norm(offsets, axis=1)))
                 self._hung.append((node, vertex, offsets[vertex]))
+            else:
+                self._based.append((node, place))

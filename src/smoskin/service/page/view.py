@@ -312,6 +312,7 @@ class View(Sink):
                 now = newest.arrival  # what stands is not silent
             announced = (self._panel.player.write() if write else None) or announced
         with self._server.atomic():
+            self._scene.spread(*self._panel.spread)
             if newest is not None:
                 self._scene.draw(newest, *self._panel.picture)
                 if new:
