@@ -167,14 +167,7 @@ class SkinScene:
         self._rest = self._drawn = sheet.vertices
         self._stage()
         self._stage_parts()
-        self._columns = Columns(design)
-        self._standing = self._lifted["/columns"] = server.scene.add_mesh_simple(
-            "/columns",
-            (self._columns.places(self._rest) * UNITS).astype(np.float32),
-            self._columns.triangles,
-            color=COLUMN,
-            side="double",
-        )
+        self._stage_columns()
         draw_rulers(server, design)
         self._cells = Cells(server, design, ESTIMATED)
         self._dots = self._lifted["/trail"] = server.scene.add_point_cloud(
@@ -195,16 +188,6 @@ class SkinScene:
             # One colour for all would stay white when each gets its own.
             np.broadcast_to(_linear(CREASE).astype(np.uint8), (len(self._creases), 2, 3)),
             thickness=0.05,
-        )
-        self._scales = Scales(design)
-        self._cover = self._lifted["/scales"] = server.scene.add_mesh_simple(
-            "/scales",
-            (self._scales.places(self._rest) * UNITS).astype(np.float32),
-            self._scales.triangles,
-            color=_SCALE,
-            opacity=0.35,
-            flat_shading=True,
-            visible=False,
         )
         self._words = Words(server, design)
 
@@ -320,6 +303,27 @@ class SkinScene:
             self._lifted[name] = scene.add_mesh_simple(
                 name, places * UNITS, faces, color=color, flat_shading=True, side="double"
             )
+
+    def _stage_columns(self) -> None:
+        """Set what stands under the sheet and what lies on it: columns and scales."""
+        self._columns = Columns(self._design)
+        self._standing = self._lifted["/columns"] = self._server.scene.add_mesh_simple(
+            "/columns",
+            (self._columns.places(self._rest) * UNITS).astype(np.float32),
+            self._columns.triangles,
+            color=COLUMN,
+            side="double",
+        )
+        self._scales = Scales(self._design)
+        self._cover = self._lifted["/scales"] = self._server.scene.add_mesh_simple(
+            "/scales",
+            (self._scales.places(self._rest) * UNITS).astype(np.float32),
+            self._scales.triangles,
+            color=_SCALE,
+            opacity=0.35,
+            flat_shading=True,
+            visible=False,
+        )
 
     def _stage_parts(self) -> None:
         """Set chips and magnets; magnets on the sheet hang from the nearest of its vertices."""
