@@ -7,8 +7,16 @@ import numpy as np
 import pytest
 
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import DesignError
-from smoskin.feasibility import MARGIN, RATED_PRESS, RATED_SHEAR, check_design, field_extent
+from smoskin.errors import ArgumentError, DesignError
+from smoskin.feasibility import (
+    MARGIN,
+    RATED_PRESS,
+    RATED_SHEAR,
+    check_design,
+    field_extent,
+    load_design,
+    suited_to,
+)
 from smoskin.magnetics import mlx90393, sector
 from smoskin.mechanics.reduced.stiffness import board_stiffness, stiffness_map
 from smoskin.origami.cell import size
@@ -156,3 +164,37 @@ def test_notches_that_tie_columns_are_refused(planar):
     design = replace(planar, magnets=(planar.magnets[0], tight, planar.magnets[2]))
     with pytest.raises(DesignError, match=r"play must be at least .* do not tie the columns"):
         check_design(design)
+
+
+@pytest.mark.parametrize("name", ["planar", "optimised", "curved"])
+@pytest.mark.parametrize("tesla", [0.4, 0.55, 0.7, 0.85, 1.0])
+def test_gaps_make_up_for_other_magnets(name, tesla):
+    """Read at rest as designed, but for the steps of shims, and in range on made skins."""
+    design = load_design(name)
+    suited = suited_to(design, tesla / sector.VACUUM_PERMEABILITY)
+    check_design(suited)
+    assert {magnet.remanence for magnet in suited.magnets} == {tesla / sector.VACUUM_PERMEABILITY}
+    for before, after in zip(design.halls, suited.halls, strict=True):
+        rest, designed = field_extent(suited, after), field_extent(design, before)
+        share = np.linalg.norm(rest.rest) / np.linalg.norm(designed.rest)
+        assert 0.94 < share <= 1.0
+        near = replace(after, gap=after.gap - 0.5e-3)
+        halls = tuple(near if site == after else site for site in suited.halls)
+        worst = 1.09 * field_extent(replace(suited, halls=halls), near).largest
+        assert (worst <= 50e-3).all()
+        assert (worst <= 0.95 * mlx90393.full_scale(suited.hall_setting)).all()
+
+
+def test_weaker_magnets_come_nearer(planar):
+    gaps = [
+        suited_to(planar, tesla / sector.VACUUM_PERMEABILITY).halls[1].gap
+        for tesla in (1.0, 0.7, 0.4)
+    ]
+    assert gaps == sorted(gaps, reverse=True)
+    assert len(set(gaps)) == 3
+    assert gaps[0] == pytest.approx(planar.halls[1].gap)
+
+
+def test_what_is_no_magnet_is_refused(planar):
+    with pytest.raises(ArgumentError, match=r"remanence must lie in 300000..1.2e\+06 A/m; got 0.6"):
+        suited_to(planar, 0.6)

@@ -6,7 +6,8 @@ range over the whole stroke.
 """
 
 import os
-from dataclasses import dataclass
+from bisect import bisect_left
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Final
 
@@ -15,7 +16,7 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.design.document import read_design
 from smoskin.design.skin import HallSite, Magnet, SkinDesign
-from smoskin.errors import DesignError
+from smoskin.errors import ArgumentError, DesignError
 from smoskin.magnetics import mlx90393, sector
 from smoskin.mechanics.reduced.attenuation import magnet_displacements, profiles
 from smoskin.mechanics.reduced.stiffness import board_stiffness, stiffness_map
@@ -28,6 +29,20 @@ RATED_SHEAR: Final = 0.5
 """N: the largest drag that it must read without saturating."""
 MARGIN: Final = 0.95
 """Share of a chip's range that the rated stroke may use."""
+SHIM: Final = 0.1e-3
+"""m: step in which gaps are made."""
+_REMANENCES: Final = 0.3e6, 1.2e6
+"""A/m: 0.38 to 1.5 T, of what may be a bonded magnet."""
+_LEAST_GAP: Final = 2.0e-3
+"""m: the package over the sensing point, the holder's floor, a deep press and play."""
+_MOST_GAP: Final = 12e-3
+"""m: more than columns leave room for."""
+_SLIP: Final = 0.5e-3
+"""m: nearer than designed, a made skin's magnet under the rated press."""
+_STRONGER: Final = 1.09
+"""Strongest magnet of a set over the one measured."""
+_FRONT_END: Final = 50e-3
+"""T: largest field along an axis for which the chip is specified."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,6 +100,75 @@ def field_extent(design: SkinDesign, site: HallSite) -> FieldExtent:
     points = np.stack([x, y, np.full_like(x, rest[2])], axis=-1)
     seen = sector.field(magnet, points) @ mlx90393.rotation(site)
     return FieldExtent(rest=seen[4, 4], largest=np.abs(seen).max(axis=(0, 1)), stroke=stroke)
+
+
+def suited_to(design: SkinDesign, remanence: float) -> SkinDesign:
+    """The design with gaps and gain for magnets of this remanence, A/m.
+
+    Each gap changes, by shims or a lower holder, until its chip reads at rest as designed, or is as
+    small as can be; the finest gain follows that holds the rated stroke of made skins.
+
+    Raises
+    ------
+    ArgumentError
+        If the remanence is no permanent magnet's.
+    DesignError
+        If no gap and gain keep a chip in its range.
+
+    Examples
+    --------
+    >>> weak = suited_to(load_design("planar"), 0.55 / 1.2566e-6)  # bonded magnets of 0.55 T
+    >>> [round(1e3 * site.gap, 1) for site in weak.halls], weak.hall_setting.gain_selection
+    ([4.4, 4.3, 4.3], 3)
+    """
+    if not _REMANENCES[0] <= remanence <= _REMANENCES[1]:
+        low, high = _REMANENCES
+        raise ArgumentError(f"remanence must lie in {low:g}..{high:g} A/m; got {remanence:g}")
+    magnets = tuple(replace(magnet, remanence=remanence) for magnet in design.magnets)
+    other = replace(design, magnets=magnets, provenance={})
+    sites, worst = [], np.zeros(3)
+    for site in design.halls:
+        gap = _suited_gap(design, other, site)
+        sites.append(replace(site, gap=gap))
+        worst = np.maximum(worst, _made_field(other, site, gap))
+    for gain in reversed(range(8)):
+        setting = replace(design.hall_setting, gain_selection=gain)
+        if (worst <= MARGIN * mlx90393.full_scale(setting)).all():
+            return replace(other, halls=tuple(sites), hall_setting=setting)
+    raise DesignError(
+        f"no gain holds {1e3 * float(worst.max()):.1f} mT at resolution "
+        f"{design.hall_setting.resolution}; a coarser one would do"
+    )
+
+
+def _suited_gap(design: SkinDesign, other: SkinDesign, site: HallSite) -> float:
+    """Least gap at which a chip of the other design reads no more at rest than designed, m."""
+    most = np.linalg.norm(field_extent(design, site).rest)
+
+    def fits(gap: float) -> bool:
+        near = replace(site, gap=gap)
+        rest = np.linalg.norm(field_extent(_with_site(other, site, near), near).rest)
+        return bool(rest <= most and (_made_field(other, site, gap) <= _FRONT_END).all())
+
+    gaps = np.arange(_LEAST_GAP, _MOST_GAP, SHIM).round(9).tolist()
+    k = bisect_left(gaps, True, key=fits)
+    if k == len(gaps):
+        raise DesignError(
+            f"hall site {site.name!r}: no gap up to {1e3 * _MOST_GAP:g} mm brings the magnets into "
+            "the range of the chip"
+        )
+    return float(gaps[k])
+
+
+def _made_field(design: SkinDesign, site: HallSite, gap: float) -> Floats:
+    """Largest field on each axis of a chip over the rated stroke of made skins, (3,), T."""
+    near = replace(site, gap=gap - _SLIP)
+    return _STRONGER * field_extent(_with_site(design, site, near), near).largest
+
+
+def _with_site(design: SkinDesign, old: HallSite, new: HallSite) -> SkinDesign:
+    """The design with one chip at another gap."""
+    return replace(design, halls=tuple(new if site == old else site for site in design.halls))
 
 
 def _stroke(design: SkinDesign, magnet: Magnet) -> float:

@@ -48,11 +48,11 @@ def test_a_new_design_is_written_as_asked(monkeypatch, tmp_path):
     done = invoke("new-design", "mine", "--out", "a.toml")
     assert (done.exit_code, done.stdout) == (0, ""), done.output
     assert done.stderr == "Now: edit a.toml, then smoskin info a.toml\n"
-    assert (asked[-1], Path("a.toml").read_text()) == (("mine", "planar", None), "text")
+    assert (asked[-1], Path("a.toml").read_text()) == (("mine", "planar", None, None), "text")
     assert isinstance(invoke("new-design", "mine", "--out", "a.toml").exception, FileError)
-    some = "--cells 2x3 --from optimised --force"
+    some = "--cells 2x3 --from optimised --remanence 0.6 --force"
     assert invoke("new-design", "mine", "--out", "a.toml", *some.split()).exit_code == 0
-    assert asked[-1] == ("mine", "optimised", "2x3")
+    assert asked[-1] == ("mine", "optimised", "2x3", 0.6)
 
 
 @pytest.mark.parametrize(

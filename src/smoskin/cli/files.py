@@ -57,22 +57,32 @@ def _draw_pattern(paths: list[Path], plot: Path, *, force: bool) -> None:
     save_figure(draw_pattern(pattern, broken_rules(pattern), paths[0].name), plot)
 
 
-@app.command(epilog=examples("new-design mine --out mine.toml --cells 6x8"))
+@app.command(
+    epilog=examples(
+        "new-design mine --out mine.toml --cells 6x8",
+        "new-design mine --out mine.toml --remanence 0.6",
+    )
+)
 def new_design(
     name: Annotated[str, Argument(help="Name of the new design.")],
     out: Annotated[Path, Option(help="The design (TOML) to write.", dir_okay=False)],
     cells: Annotated[Text, Option(help="Cells along x and y, such as 6x8.")] = None,
     base: Annotated[str, Option("--from", help="Design to start from.")] = "planar",
+    remanence: Annotated[
+        float | None,
+        Option(help="Remanence of your magnets, T: gaps and gain follow.", show_default=False),
+    ] = None,
     force: Force = False,
 ) -> None:
     """Write a design to start from, each part with what it means.
 
-    It is a copy of another one, which can be built and read; magnets move with the cells.
+    It is a copy of another one, which can be built and read; magnets move with the cells. Measure
+    one magnet over one chip first: the process sheet of smoskin fabricate says what it then has.
     """
     from smoskin.commands.new_design import new_design as make
 
     check_output(out, force=force)
-    write_output(out, make(name, base, cells).encode())
+    write_output(out, make(name, base, cells, remanence).encode())
     typer.echo(f"Now: edit {out}, then smoskin info {out}", err=True)
 
 

@@ -10,7 +10,8 @@ from typing import Final
 from smoskin.design.document import format_design
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.feasibility import check_design, load_design
+from smoskin.feasibility import check_design, load_design, suited_to
+from smoskin.magnetics.sector import VACUUM_PERMEABILITY
 
 _PARTS: Final = {
     "name": "Name of the design; units stand in the names of the values.",
@@ -29,7 +30,9 @@ _PARTS: Final = {
 }
 
 
-def new_design(name: str, base: str = "planar", cells: str | None = None) -> str:
+def new_design(
+    name: str, base: str = "planar", cells: str | None = None, remanence: float | None = None
+) -> str:
     """The commented TOML document of a new design of this name.
 
     Parameters
@@ -38,11 +41,14 @@ def new_design(name: str, base: str = "planar", cells: str | None = None) -> str
         Name or path of the design that it starts from.
     cells : str, optional
         Cells along x and y, such as ``6x8``; magnets move with them to the nearest corner.
+    remanence : float, optional
+        T: that of the magnets at hand, for which gaps and gain are chosen
+        (`smoskin.feasibility.suited_to`).
 
     Raises
     ------
     ArgumentError
-        If the cells are no two numbers.
+        If the cells are no two numbers, or the remanence is no permanent magnet's.
     DesignError
         If there is no such base, or the new design cannot be built or read by its chips.
     """
@@ -50,6 +56,8 @@ def new_design(name: str, base: str = "planar", cells: str | None = None) -> str
     design = replace(old, name=name, provenance={})
     if cells is not None:
         design = _resized(design, _size(cells))
+    if remanence is not None:
+        design = suited_to(design, remanence / VACUUM_PERMEABILITY)
     check_design(design)
     text = format_design(design)
     for line, meaning in _PARTS.items():

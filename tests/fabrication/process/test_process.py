@@ -19,7 +19,7 @@ from smoskin.fabrication.process.pictures import (
     plan,
     through_a_magnet,
 )
-from smoskin.fabrication.process.readings import first_readings
+from smoskin.fabrication.process.readings import first_readings, suited_magnets
 from smoskin.fabrication.process.tolerances import CUT, made_tolerances, tolerance_table
 from smoskin.fabrication.workshop import Workshop
 from smoskin.feasibility import field_extent, load_design
@@ -91,6 +91,17 @@ def test_first_readings_are_those_of_the_feasibility_check(planar, files):
         assert (np.abs(reading.high) < reading.full_scale).all()
         assert told[site.name]["address"] == site.address
         assert told[site.name]["designed_mT"] == pytest.approx(1e3 * rest, abs=0.1)
+
+
+def test_the_sheet_says_what_to_build_with_other_magnets(planar, files):
+    rows = suited_magnets(planar)
+    assert [row.remanence for row in rows] == [0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]
+    readings = np.array([row.reading for row in rows])
+    rest = np.linalg.norm(field_extent(planar, planar.halls[0]).rest)
+    np.testing.assert_allclose(readings[-1] / rest, 1.0 / 1.0103, rtol=1e-3)
+    np.testing.assert_allclose(readings / readings[-1], [row.remanence for row in rows])
+    page = files["process.html"].decode()
+    assert "<td>0.4</td><td>12.5</td><td>3.7</td><td>3.6</td><td>3.6</td><td>3</td>" in page
 
 
 def test_the_table_is_the_twin_s_tolerances(planar):

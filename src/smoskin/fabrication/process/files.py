@@ -10,7 +10,7 @@ from smoskin.fabrication.moulds.files import Solids
 from smoskin.fabrication.pattern.flat import flat_sheet
 from smoskin.fabrication.pattern.sheets import sheet_drawings
 from smoskin.fabrication.process.page import Sheet, html, pdf_sheet
-from smoskin.fabrication.process.readings import first_readings
+from smoskin.fabrication.process.readings import first_readings, suited_magnets
 from smoskin.fabrication.process.steps import steps_of
 from smoskin.fabrication.process.tolerances import tolerance_table
 from smoskin.fabrication.process.view import LARGEST, view
@@ -30,6 +30,7 @@ def process_files(
         tools=solids.tools,
         tolerances=tolerance_table(design),
         readings=first_readings(design),
+        suited=suited_magnets(design),
     )
     expected = {
         reading.chip: {

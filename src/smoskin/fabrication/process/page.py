@@ -13,7 +13,7 @@ from smoskin.fabrication.drawing import pdf_of, pdf_path, pdf_text
 from smoskin.fabrication.materials import Item
 from smoskin.fabrication.moulds.solids import Part
 from smoskin.fabrication.process.pictures import Picture
-from smoskin.fabrication.process.readings import FirstReading
+from smoskin.fabrication.process.readings import FirstReading, Suited
 from smoskin.fabrication.process.steps import Step
 from smoskin.fabrication.process.tolerances import Tolerance
 
@@ -41,6 +41,7 @@ class Sheet:
     """Moulds and jigs, before they are split."""
     tolerances: tuple[Tolerance, ...]
     readings: tuple[FirstReading, ...]
+    suited: tuple[Suited, ...]
 
     @property
     def title(self) -> str:
@@ -71,10 +72,22 @@ class Sheet:
             [r.chip, f"0x{r.address:02x}", *(_between(r, axis) for axis in range(3))]
             for r in self.readings
         ]
+        chips = [f"gap of {site.name}, mm" for site in self.design.halls]
+        suited = [["remanence, T", "one magnet over one chip, mT", *chips, "gain_selection"]]
+        suited += [
+            [
+                f"{s.remanence:.1f}",
+                f"{1e3 * s.reading:.1f}",
+                *(f"{1e3 * gap:.1f}" for gap in s.gaps),
+                str(s.gain),
+            ]
+            for s in self.suited
+        ]
         return [
             ("Bill of materials", bill),
             ("Moulds and jigs, and what each may be made of", tools),
             ("Tolerances: the twin's made skins are drawn from the same table", limits),
+            ("Magnets by what one of them reads over one chip at the design's gap", suited),
             ("First power-up: readings of a good skin, untouched, in the chips' own axes", first),
         ]
 

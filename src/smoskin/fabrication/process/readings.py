@@ -7,8 +7,11 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
-from smoskin.fabrication.process.tolerances import made_tolerances
+from smoskin.errors import DesignError
+from smoskin.fabrication.process.tolerances import REMANENCE, made_tolerances
+from smoskin.feasibility import field_extent, suited_to
 from smoskin.magnetics import mlx90393
+from smoskin.magnetics.sector import VACUUM_PERMEABILITY
 from smoskin.records import Motion
 from smoskin.twin.manufacture import drawn_skin
 from smoskin.twin.readout import Readout
@@ -52,3 +55,38 @@ def first_readings(design: SkinDesign) -> tuple[FirstReading, ...]:
         )
         for s, site in enumerate(design.halls)
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Suited:
+    """What to build with magnets of one remanence."""
+
+    remanence: float
+    """T."""
+    reading: float
+    """T: field of a magnet over the first chip at the design's gap."""
+    gaps: tuple[float, ...]
+    """m: gap of each chip."""
+    gain: int
+    """GAIN_SEL of all of them."""
+
+
+def suited_magnets(design: SkinDesign) -> tuple[Suited, ...]:
+    """Gaps and gain by what one magnet over one chip reads, before the rest is built."""
+    site, rows = design.halls[0], []
+    rest = float(np.linalg.norm(field_extent(design, site).rest))
+    designed = design.magnet(site.magnet).remanence
+    for remanence in np.linspace(*REMANENCE, 7).round(2).tolist():
+        try:
+            built = suited_to(design, remanence / VACUUM_PERMEABILITY)
+        except DesignError:  # none of the chips' gains holds these magnets
+            continue
+        rows.append(
+            Suited(
+                remanence=remanence,
+                reading=rest * remanence / VACUUM_PERMEABILITY / designed,
+                gaps=tuple(own.gap for own in built.halls),
+                gain=built.hall_setting.gain_selection,
+            )
+        )
+    return tuple(rows)

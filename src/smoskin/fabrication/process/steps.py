@@ -194,7 +194,8 @@ def _magnets(design: SkinDesign) -> Step:
         ),
         checks=(
             "one magnet over one chip at its gap, before the rest is built: bonded magnets "
-            "have 0.4 to 1.0 T; choose gap (shims) and gain by the reading",
+            "have 0.4 to 1.0 T; gaps (shims) and gain by the reading: table of magnets, or "
+            "smoskin new-design --remanence",
             "sectors' height within 0.1 mm",
         ),
         picture=pictures.sectors(design),
