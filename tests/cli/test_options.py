@@ -50,6 +50,7 @@ USUAL = {
     "table": {"seed": 0},
     "tessellate": {"scale": 1.0, "at": "0,0,0", "along": "1,0,0", "time_limit": 60.0},
     "train": {"drag": 0.0, "seed": 0, "out": "network.safetensors"},
+    "view": {"port": 0},
     "virtual-bench": {"seed": 0, "sheet": "whole", "out": "touches.csv"},
 }  # fmt: skip
 """What a command does where nothing is said: people and scripts build on it."""
@@ -108,6 +109,8 @@ ENDS = {
     ("train", "members"): (1, 100),
     ("train", "minutes"): (0.01, None),
     ("train", "seed"): (0, None),
+    ("view", "port"): (0, 65535),
+    ("view", "seconds"): (0, None),
     ("virtual-bench", "seed"): (0, None),
 }
 """Least and largest values that are taken."""

@@ -1,6 +1,9 @@
 """Commands about files: what one is, and a design to start from."""
 
 import json
+import math
+import time
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -8,9 +11,43 @@ import typer
 from typer import Argument, Option
 
 from smoskin.cli.frame import File, Force, Json, Text, app, examples
+from smoskin.cli.live import Port, Seconds
 from smoskin.errors import ArgumentError
 from smoskin.feasibility import load_design
 from smoskin.outputs import check_output, write_output
+
+
+@app.command(
+    epilog=examples(
+        "view touch.mcap", "view planar", "view skin.table", "view sheet.fold", "view parts.stl"
+    )
+)
+def view(
+    file: Annotated[
+        Path, Argument(help="A file, a folder of tessellate or fabricate, or a shipped design.")
+    ],
+    design: Annotated[
+        Text, Option(help="Design that a table, network or calibration is of.")
+    ] = None,
+    seconds: Seconds = None,
+    port: Port = 0,
+) -> None:
+    """Look at a file in a browser.
+
+    A recording is played, paused and sought in; a design, and a table, network or calibration, is a
+    virtual skin that the mouse presses; a sheet (FOLD) folds by a slider, coloured by strain; a
+    mesh (STL, OBJ, PLY) and the folders of tessellate and fabricate are shown in space. The page
+    stays until Ctrl-C.
+    """
+    from smoskin.commands.view import Shown
+
+    end = math.inf if seconds is None else time.monotonic() + seconds
+    with Shown(file, design=design, port=port, say=partial(typer.echo, err=True)) as page:
+        for _ in page:
+            if time.monotonic() >= end:
+                return
+        while page.watch is None and time.monotonic() < end:
+            time.sleep(0.1)
 
 
 @app.command(

@@ -24,7 +24,7 @@ _UsageError: Final[type[typer.BadParameter]] = typer.BadParameter.__base__  # ty
 _EVERY: Final = 5.0
 """s between lines of progress where there is no terminal."""
 _GROUPS: Final = {
-    "See and read a skin": ("demo", "run", "info", "check", "convert", "doctor", "board"),
+    "See and read a skin": ("demo", "run", "view", "info", "check", "convert", "doctor", "board"),
     "Calibrate a skin": ("calibrate", "touches", "report", "fit-paper", "virtual-bench"),
     "Simulate": ("simulate", "sweep", "table"),
     "Train, judge, design": ("train", "learn", "score", "optimise", "new-design", "tessellate"),

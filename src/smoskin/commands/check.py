@@ -106,6 +106,11 @@ def check_file(path: Path) -> Checked:
     )
 
 
+def kind_of(path: Path) -> str:
+    """Name of the kind of a file, with its article, by how it begins."""
+    return _kind_of(path).name
+
+
 def _kind_of(path: Path) -> _Kind:
     """The kind of a file, by how it begins."""
     if path.is_dir():

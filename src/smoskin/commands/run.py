@@ -97,6 +97,8 @@ class Watch(Resource):
         File of this skin, as `smoskin.load_estimator` reads it, or it is taken to be as designed.
     arm : bool
         Whether an arm turns the skin, as `smoskin.load_estimator` takes it.
+    uncalibrated : bool
+        Whether the table of a design will do, as `smoskin.load_estimator` takes it.
     zero : bool
         Whether the first 20 good readings are the zero: nothing may touch the skin in them, and
         they are answered by `Status.NOT_CALIBRATED`.
@@ -135,6 +137,7 @@ class Watch(Resource):
         *,
         calibration: str | os.PathLike[str] | None = None,
         arm: bool = False,
+        uncalibrated: bool = False,
         zero: bool = True,
         seconds: float | None = None,
         record: str | os.PathLike[str] | None = None,
@@ -158,7 +161,7 @@ class Watch(Resource):
                 say(self._damage)
             needed = calibration is None or view or record is not None
             skin = _design_of(self._source, str(url), design, needed=needed)
-            estimator = _estimator_of(skin, calibration, arm)
+            estimator = _estimator_of(skin, calibration, arm, uncalibrated)
             self._estimator = ZeroFirst(estimator) if zero else estimator
             self._page: _Page | None = None
             self._seekable = view and record is None and self._played is not None
@@ -256,13 +259,16 @@ class Watch(Resource):
 
 
 def _estimator_of(
-    skin: SkinDesign | None, calibration: str | os.PathLike[str] | None, arm: bool
+    skin: SkinDesign | None,
+    calibration: str | os.PathLike[str] | None,
+    arm: bool,
+    uncalibrated: bool,
 ) -> Estimator:
     """What reads a skin: by its calibration, else as the paper does one that is as designed."""
     if calibration is None and skin is not None:
         return ClosedFormEstimator(skin, tracking=ZeroTracking(arm=arm))
     assert calibration is not None
-    return load_estimator(calibration, skin, arm=arm)
+    return load_estimator(calibration, skin, arm=arm, uncalibrated=uncalibrated)
 
 
 class _Page(Sink):

@@ -6,6 +6,8 @@ no neighbourhood of a vertex folds flat. Hides frames that inherit.
 
 import json
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -23,6 +25,8 @@ _EXACT: Final = 1e-4
 """Angle, rad, by which rounded coordinates may break a rule."""
 _FLAT: Final = 1e-9
 """Height over its extent with which a frame counts as flat."""
+_UNITS: Final = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 25.4e-3}
+"""Metres in FOLD's units."""
 _FOLDS: Final = {"M": "mountain", "V": "valley"}
 _LETTERS: Final = frozenset("BMVFUCJ")
 
@@ -147,20 +151,80 @@ def read_pattern(path: Path | str) -> CreasePattern:
     DesignError
         If it cannot be read, is no FOLD document, or no frame of it is flat.
     """
-    text = read_text(path, _LARGEST, DesignError)
-    try:
-        document = json.loads(text)
-        frames = [document, *document.get("file_frames", ())]
-        for number, frame in enumerate(frames):
-            whole = _inherited(frames, number)
-            pattern = _flat(whole) if "vertices_coords" in frame else None
+    with _told(path):
+        for frame in _frames(path):
+            pattern = _flat(frame)
             if pattern is not None:
                 return pattern
+    raise DesignError(f"{path}: must have a flat frame, with edges; got folded forms alone")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FoldedForms:
+    """A sheet of V vertices in S states, with its faces."""
+
+    frames: Floats
+    """(S, V, 3), m: states from flat to folded, in the document's order."""
+    faces: tuple[tuple[int, ...], ...]
+    """Vertices round each face."""
+
+
+@typed
+def read_forms(path: Path | str) -> FoldedForms:
+    """The states of a FOLD document's sheet; flat ones come first, the document's own form last.
+
+    Coordinates are millimetres unless the document says another unit.
+
+    Raises
+    ------
+    DesignError
+        If it cannot be read, is no FOLD document, has no faces, or its frames differ in vertices.
+    """
+    with _told(path):
+        frames = _frames(path)
+        faces = next((frame["faces_vertices"] for frame in frames if "faces_vertices" in frame), ())
+        polygons = tuple(tuple(int(vertex) for vertex in face) for face in faces)
+        unit = _UNITS.get(frames[0].get("frame_unit", "mm"), _UNITS["mm"])
+        states = [unit * _places(frame["vertices_coords"]) for frame in frames]
+        if not polygons or min(map(len, polygons)) < 3:
+            raise DesignError("faces_vertices must name three vertices or more of every face")
+        if {len(state) for state in states} != {len(states[0])}:
+            raise DesignError("frames must have the same vertices; got other numbers of them")
+        last = max(map(max, polygons))
+        if last >= len(states[0]) or min(map(min, polygons)) < 0:
+            raise DesignError(f"faces must have vertices 0 to {len(states[0]) - 1}; got {last}")
+        # A document's own form comes first in it, and its frames lead there.
+        return FoldedForms(frames=np.array([*states[1:], states[0]]), faces=polygons)
+
+
+def _frames(path: Path | str) -> list[dict[str, Any]]:
+    """Frames of a FOLD document that have vertices of their own, with what they inherit."""
+    document = json.loads(read_text(path, _LARGEST, DesignError))
+    frames = [document, *document.get("file_frames", ())]
+    places = [k for k, frame in enumerate(frames) if "vertices_coords" in frame]
+    if not places:
+        raise DesignError("must be a FOLD document; got no vertices_coords")
+    return [_inherited(frames, k) for k in places]
+
+
+@contextmanager
+def _told(path: Path | str) -> Iterator[None]:
+    """Whatever is wrong with a document is one sentence, with its name."""
+    try:
+        yield
     except DesignError as error:
-        raise DesignError(f"{path}: {error}") from error
+        told = str(error)
+        raise DesignError(told if told.startswith(f"{path}") else f"{path}: {told}") from error
     except (AttributeError, IndexError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise DesignError(f"{path}: must be a FOLD document; got {error!r}") from error
-    raise DesignError(f"{path}: must have a flat frame, with edges; got folded forms alone")
+
+
+def _places(coordinates: Any) -> Floats:
+    """Vertices (V, 3) of two or three coordinates each."""
+    places = np.array(coordinates, dtype=float)
+    if places.ndim != 2 or places.shape[1] not in (2, 3) or not np.isfinite(places).all():
+        raise DesignError("vertices_coords must be rows of two or three finite numbers")
+    return np.pad(places, ((0, 0), (0, 3 - places.shape[1])))
 
 
 def _inherited(frames: list[dict[str, Any]], number: int) -> dict[str, Any]:
@@ -174,9 +238,7 @@ def _inherited(frames: list[dict[str, Any]], number: int) -> dict[str, Any]:
 
 def _flat(frame: dict[str, Any]) -> CreasePattern | None:
     """The pattern of a frame; None if it is not flat or has no edges."""
-    places = np.array(frame["vertices_coords"], dtype=float)
-    if places.ndim != 2 or not np.isfinite(places).all():
-        raise DesignError("vertices_coords must be rows of two or three finite numbers")
+    places = _places(frame["vertices_coords"])
     depth = np.ptp(places[:, 2:], axis=0)
     if (depth > _FLAT * np.ptp(places)).any() or not frame.get("edges_vertices"):
         return None

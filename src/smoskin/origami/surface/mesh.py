@@ -122,6 +122,17 @@ def read_mesh(path: str | PathLike[str]) -> Mesh:
     MissingExtraError
         If trimesh, the extra ``mesh``, is not installed.
     """
+    vertices, triangles = read_triangles(path)
+    if len(triangles) <= LARGEST and np.isfinite(vertices).all():
+        vertices, triangles = _merged(vertices, triangles)
+    return Mesh(vertices, triangles)
+
+
+def read_triangles(path: str | PathLike[str]) -> tuple[Floats, Ints]:
+    """Vertices (V, 3), m, and triangles (T, 3) of such a file as they are, of any bodies.
+
+    Errors are those of `read_mesh`, but for `Mesh`'s own.
+    """
     require("reading meshes", "mesh", "trimesh")
     import trimesh
 
@@ -136,9 +147,7 @@ def read_mesh(path: str | PathLike[str]) -> Mesh:
         raise ArgumentError(f"{path} cannot be read as a mesh: {error}") from error
     if not len(triangles):
         raise ArgumentError(f"{path} must hold triangles; got none")
-    if len(triangles) <= LARGEST and np.isfinite(vertices).all():
-        vertices, triangles = _merged(vertices, triangles)
-    return Mesh(1e-3 * vertices, triangles)
+    return 1e-3 * vertices, triangles
 
 
 def halved(facets: Ints) -> Ints:

@@ -18,7 +18,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 from urllib.parse import urlsplit
 
-from smoskin.errors import ArgumentError, MissingExtraError, SmoskinError
+from smoskin.errors import ArgumentError, MissingExtraError, SmoskinError, require
+from smoskin.roles import Resource
 from smoskin.service.bridges.door import HERE, Door, tokens_in_address
 
 if TYPE_CHECKING:
@@ -66,6 +67,50 @@ def serve(port: int, title: str, head: str, body: str) -> tuple["viser.ViserServ
             )
         raise ArgumentError(f"port must be free; got {port}, which is in use")
     return server, f"http://{HERE}:{door.port}/?token={door.token}"
+
+
+class StillPage(Resource):
+    """A page of one file, served to browsers on this machine that know its address.
+
+    `ArgumentError` if the port is taken; 0 takes a free one.
+    """
+
+    def __init__(self, content: bytes, *, port: int = 0) -> None:
+        require("pages", "view", "websockets")
+        from websockets.sync.server import serve as serve_sockets
+
+        door = _Door(content.decode())
+
+        def answer(connection: Any, request: "Request") -> "Response | None":
+            return door.answer(connection, request, _nothing)
+
+        def end(connection: Any) -> None:
+            """A still page has nothing to say to a socket."""
+
+        try:
+            self._server = serve_sockets(
+                end, HERE, port, process_request=answer, logger=_quiet_log()
+            )
+        except OSError as error:
+            raise ArgumentError(f"port must be free; got {port}: {error.strerror}") from error
+        door.port = self._server.socket.getsockname()[1]
+        self.url = f"http://{HERE}:{door.port}/?token={door.token}"
+        """Address of the page, with the token that lets a browser in."""
+        self._thread = threading.Thread(
+            target=self._server.serve_forever, name="smoskin-page", daemon=True
+        )
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the page; any number of times."""
+        self._server.shutdown()
+        self._thread.join(5.0)
+
+
+def _nothing(connection: Any, request: "Request") -> "Response":
+    """What a still page answers to anything but a request for itself."""
+    answer: Response = connection.respond(HTTPStatus.NOT_FOUND, "Nothing here.\n")
+    return answer
 
 
 class _Door(Door):
