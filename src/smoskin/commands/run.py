@@ -217,6 +217,10 @@ class Watch(Resource):
         """Take the next readings of the untouched skin as its zero; from any thread."""
         self._zero_asked.set()
 
+    def stop(self) -> None:
+        """End the source, from any thread; iterating ends soon after."""
+        self._loop.stop()
+
     def close(self) -> None:
         """End source, page and recording."""
         self._loop.close()

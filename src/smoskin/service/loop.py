@@ -194,6 +194,10 @@ class Loop(Resource):
             latest=latest,
         )
 
+    def stop(self) -> None:
+        """End the source, from any thread: iterating ends, and closes the sinks, soon after."""
+        self._source.close()
+
     def close(self) -> None:
         """Close the source and every sink, whatever any of them raises."""
         if not self._closed and _LOG.isEnabledFor(logging.INFO):

@@ -16,6 +16,7 @@ from smoskin.commands.serve.skins import Service, counters_line, wanted_skins
 from smoskin.errors import ArgumentError, SourceError
 from smoskin.records import Estimate, Reading, Status
 from smoskin.roles import Sink
+from smoskin.service.recording import open_recording
 from touch_recordings import record
 
 
@@ -123,6 +124,22 @@ def test_a_skin_whose_estimates_stop_counts_as_silent(tmp_path, monkeypatch, cap
     assert states[-1] == "silent" or "silent" in states
     assert "skin gives no estimates for 0.05 s" in caplog.text
     assert service.failures == {}
+
+
+def test_a_service_that_is_ended_records_what_was_read(tmp_path):
+    """Sinks are closed behind the reading that the loop is at, not under it."""
+    path, kept = record(tmp_path / "touch.mcap", 200), tmp_path / "kept"
+    kept.mkdir()
+    slow = Kept(lambda: time.sleep(0.005))
+    wanted = wanted_skins([f"replay:{path}?speed=max"], folder=kept)
+    with Service(wanted, [Given(skin=slow)]) as service:
+        next(service.run(every=0.05))
+    counters = service.counters()["skin"]
+    assert service.failures == {}
+    assert 0 < counters["readings"] < 200
+    recording = open_recording(kept / "skin.mcap")
+    assert not recording.damage
+    assert len(list(recording)) == counters["readings"] == slow.written
 
 
 def test_one_that_cannot_be_opened_closes_what_was(tmp_path):

@@ -204,10 +204,11 @@ class Served(Resource):
         }
 
     def close(self) -> None:
-        """End reading."""
-        self.watch.close()
+        """End reading; what has been read is recorded first."""
         if self._thread.ident is not None:
+            self.watch.stop()
             self._thread.join(_CLOSE_DEADLINE)
+        self.watch.close()
 
 
 class Service(Resource):

@@ -174,7 +174,7 @@ def learn_loops(rests: Floats, held: Floats, noise: Floats) -> Loops:
     noise might are none.
     """
     # Here, so that whoever only imports the package does not wait for it.
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
     rests, held = floats("rests", rests, (None,)), floats("held", held, (None,))
     plays, reach = np.array(PLAYS), np.abs(held).max(axis=0)
@@ -192,7 +192,7 @@ def learn_loops(rests: Floats, held: Floats, noise: Floats) -> Loops:
         before = np.diff([np.zeros_like(widths), *left[:-1]], axis=0) / rest_spread
         moved = [np.swapaxes(before[..., chip], 1, 2).reshape(-1, len(plays)) for chip in chips]
         for chip, found, explained in zip(chips, *_pooled(moved, seen), strict=True):
-            if explained < chi2.isf(_CHANCE, len(plays)):
+            if explained < chdtri(len(plays), _CHANCE):
                 found = np.zeros(len(plays))
             found = found * min(1.0, 0.99 * _MOST / max(found.sum(), 1e-12))
             weights[:, chip] = found[:, None]

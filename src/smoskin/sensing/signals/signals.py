@@ -325,12 +325,12 @@ class Signals:
 
     def _check_rest(self, deviations: Floats) -> None:
         """Raise unless noise explains deviations (N, S, 3), T, of readings from their mean."""
-        from scipy.stats import chi2  # so that whoever only imports the package does not wait
+        from scipy.special import chdtri  # so that whoever imports the package does not wait
 
         flat = deviations.reshape(len(deviations), -1)
         freedom = (len(flat) - 1) * flat.shape[1]
         moved = float(np.einsum("bi,ij,bj->", flat, self._precision, flat)) / _LOUDER**2
-        if freedom and moved > chi2.isf(_UNLIKELY, freedom):
+        if freedom and moved > chdtri(freedom, _UNLIKELY):
             raise ArgumentError(f"{LET_GO}; got readings that move by {_rms(flat):.3g} uT")
 
     def _settled(self, time: float, raised: Floats) -> Floats:
