@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from smoskin.errors import SmoskinError
     from smoskin.feasibility import load_design
     from smoskin.records import ChipFlag, Contact, Estimate, Reading, Status
+    from smoskin.robot.contacts import SkinContacts
     from smoskin.roles import ContactLaw, Estimator, Sink, Source
     from smoskin.sensing.bayes.estimator import BayesEstimator
     from smoskin.sensing.closed_form.calibration import Calibration
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from smoskin.sensing.network.estimator import NetworkEstimator
     from smoskin.sensing.network.model import load_network
     from smoskin.sensing.response.table import load_response_table
+    from smoskin.service.bridges.tactile import TactileSkin
     from smoskin.service.loop import Loop, run
     from smoskin.service.recorder import Recorder
     from smoskin.service.recording import open_recording
@@ -63,10 +65,12 @@ __all__ = [
     "Recorder",
     "ReducedTwin",
     "Sink",
+    "SkinContacts",
     "SkinDesign",
     "SmoskinError",
     "Source",
     "Status",
+    "TactileSkin",
     "Twin",
     "VirtualRig",
     "ZeroFirst",
@@ -96,6 +100,7 @@ _HOMES = {
     "errors": "SmoskinError",
     "feasibility": "load_design",
     "records": "ChipFlag Contact Estimate Reading Status",
+    "robot.contacts": "SkinContacts",
     "roles": "ContactLaw Estimator Sink Source",
     "sensing.bayes.estimator": "BayesEstimator",
     "sensing.closed_form.calibration": "Calibration",
@@ -106,6 +111,7 @@ _HOMES = {
     "sensing.network.estimator": "NetworkEstimator",
     "sensing.network.model": "load_network",
     "sensing.response.table": "load_response_table",
+    "service.bridges.tactile": "TactileSkin",
     "service.loop": "Loop run",
     "service.recorder": "Recorder",
     "service.recording": "open_recording",

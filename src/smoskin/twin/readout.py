@@ -195,6 +195,9 @@ class MagneticSkin(VirtualSkin):
     noise: np.random.Generator | None
     """Generator of the noise of live readings; None where the chips are ideal."""
 
+    def forget(self) -> None:
+        """Answer the next touch as if it were the first, to the last bit; nothing by default."""
+
     @typed
     def field(self, motion: Motion, temperature: ArrayLike = REFERENCE_TEMPERATURE) -> Floats:
         """As `VirtualSkin.field`."""

@@ -146,6 +146,10 @@ class Twin(MagneticSkin):
         for drag in (0.0, 1e-3):
             self.motion([Contact(position=place, force=(drag, 0.0, -1e-3))])
 
+    def forget(self) -> None:
+        """As `MagneticSkin.forget`: solutions start from rest again."""
+        self._states.clear()
+
     @typed
     def motion(
         self, contacts: Sequence[Contact] = (), *, temperature: float = REFERENCE_TEMPERATURE

@@ -120,6 +120,11 @@ class BayesEstimator(SignalEstimator):
         """Covariance of what is not known of a touch of a newton, (C, C), T^2/N^2."""
         return self._solver.misfit
 
+    def reset(self) -> None:
+        """Return to the zero of the start and forget earlier readings, how warm they were too."""
+        super().reset()
+        self._solved_at = np.nan
+
     def _forget(self) -> None:
         self._leads, self._rival, self._alone = {}, None, None
 
