@@ -3,6 +3,7 @@
 import gc
 import math
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -14,7 +15,8 @@ from smoskin.design.document import read_design
 from smoskin.errors import ArgumentError, SmoskinError, SourceError
 from smoskin.records import ChipFlag, Estimate, Reading, Status
 from smoskin.roles import Estimator, Sink, Source
-from smoskin.service.loop import Loop, run
+from smoskin.service import loop as loop_module
+from smoskin.service.loop import Aside, Loop, run
 from smoskin.service.recorder import Recorder
 from smoskin.service.recording import open_recording
 
@@ -291,6 +293,66 @@ def test_a_sink_that_fails_to_close_does_not_keep_others_open() -> None:
     with pytest.raises(SmoskinError, match="stuck"):
         list(run(source, FlagEstimator(), sinks=[Stubborn(), last]))
     assert (source.closed, last.closings) == (True, 1)
+
+
+def test_a_sink_that_stands_still_aside_does_not_hold_up_the_loop() -> None:
+    go = threading.Event()
+    sink = ListSink(lambda: go.wait(10.0))
+    readings = ticks(50)
+    with Aside(sink, room=8) as aside:
+        loop = Loop(ListSource(readings), FlagEstimator(), sinks=[aside])
+        estimates = iter(loop)
+        for _ in readings:  # all of them, while not a single one is written
+            next(estimates)
+        assert sink.taken == []
+        assert loop.counters.dropped in (41, 42)  # one may be in the sink's hands
+        go.set()
+        assert list(estimates) == []
+    assert [reading for reading, _ in sink.taken] == readings[: 50 - aside.dropped]
+    assert sink.closings == 1
+
+
+def test_what_can_wait_loses_nothing_aside() -> None:
+    sink, readings = ListSink(lambda: time.sleep(1e-4)), ticks(300)
+    with Loop(
+        ListSource(readings), FlagEstimator(), sinks=[Aside(sink, room=2, patience=10.0)]
+    ) as loop:
+        list(loop)
+    assert [reading for reading, _ in sink.taken] == readings
+    assert loop.counters.dropped == 0
+
+
+def test_what_a_sink_raises_aside_is_raised_where_it_is_written() -> None:
+    def fail() -> None:
+        raise SmoskinError("full of readings")
+
+    sink = ListSink(fail)
+    aside = Aside(sink)
+
+    def write_until_it_raises() -> None:
+        for moment in range(10_000):
+            aside.write(at(float(moment)))
+            time.sleep(1e-3)
+
+    with pytest.raises(SmoskinError, match="full of readings"):
+        write_until_it_raises()
+    with pytest.raises(SmoskinError, match="full of readings"):
+        aside.close()
+    aside.close()
+    assert sink.closings == 1
+    with pytest.raises(ArgumentError, match=r"room must be >= 1 and patience .*; got 0 and"):
+        Aside(sink, room=0)
+
+
+def test_a_sink_that_never_moves_again_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(loop_module, "_CLOSE_DEADLINE", 0.05)
+    go = threading.Event()
+    aside = Aside(ListSink(lambda: go.wait(10.0)))
+    aside.write(at(0.0))
+    aside.write(at(1.0))
+    with pytest.raises(SmoskinError, match=r"ListSink has not taken . readings within 0\.05 s"):
+        aside.close()
+    go.set()
 
 
 def test_the_wrong_number_of_chips_is_wrong_use() -> None:

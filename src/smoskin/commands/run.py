@@ -25,13 +25,15 @@ from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst, load_estimator
 from smoskin.sensing.signals.zero import ZeroTracking
 from smoskin.service.bridges.values import estimate_values, number
-from smoskin.service.loop import Counters, Loop
+from smoskin.service.loop import Aside, Counters, Loop
 from smoskin.service.recorder import Recorder
 from smoskin.service.replay import ReplaySource
 from smoskin.service.source import TwinSource, open_source
 
 _ATTACHED: Final = 1 << 28
 """Bytes of a calibration that a recording takes along, at most."""
+_PATIENCE: Final = 10.0
+"""s that a recording of what can wait waits for the disk."""
 _TOLD: Final = ("corrupt", "repeated", "late", "dropped", "restarts", "reconnections")
 """Counters of a line that a summary tells where they are not 0."""
 
@@ -168,13 +170,18 @@ class Watch(Resource):
             if view and skin is not None:
                 self._page = stack.enter_context(self._page_of(skin, port))
             self._recorder: Recorder | None = None
+            self._recording: Aside | None = None
             if record is not None and skin is not None:
                 _make_room(record, self._source)
                 self._recorder = stack.enter_context(
                     Recorder(record, skin, attachments=_files(calibration), on_failure=say)
                 )
+                # What is played or simulated can wait for a disk, which chips do not.
+                waits = isinstance(self._source, ReplaySource | TwinSource)
+                patience = _PATIENCE if waits else 0.0
+                self._recording = stack.enter_context(Aside(self._recorder, patience=patience))
             self.design, self.chips = skin, self._source.chips
-            own = (sink for sink in (self._recorder, self._page) if sink is not None)
+            own = (sink for sink in (self._recording, self._page) if sink is not None)
             sinks = *own, *map(stack.enter_context, bridges(self))
             self._loop = stack.enter_context(Loop(self._source, self._estimator, sinks=sinks))
             stack.pop_all()
@@ -238,7 +245,7 @@ class Watch(Resource):
     @property
     def summary(self) -> Summary:
         """What has been read so far; what is shown again on the page counts once."""
-        counters, recorder = self._loop.counters, self._recorder
+        counters, recording = self._loop.counters, self._recording
         statuses = Counter(self._shown.values()) if self._seekable else counters.statuses
         played = None if self._played is None else self._played.recording
         line = asdict(self._source.counters) if isinstance(self._source, SerialSource) else {}
@@ -253,8 +260,8 @@ class Watch(Resource):
             lost=line.get("lost", 0) if played is None else played.lost_readings,
             line=line,
             damage=self._damage,
-            not_recorded=0 if recorder is None else recorder.dropped,
-            failure="" if recorder is None else recorder.failure,
+            not_recorded=0 if recording is None else recording.dropped,
+            failure="" if self._recorder is None else self._recorder.failure,
         )
 
     @property

@@ -2,7 +2,7 @@
 
 Decides the order of things (read, estimate, hand to every sink, yield) and what is closed when. The
 loop waits for its sinks: one that may be slow takes what it is given in a thread of its own, as the
-live page does, and counts what it passes over.
+live page does, or `Aside` does for it, and counts what it passes over.
 """
 
 import logging
@@ -11,16 +11,17 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from queue import Full, Queue
 from types import MappingProxyType
 from typing import Final, final
 
 import numpy as np
 
 from smoskin.arguments import typed
-from smoskin.errors import ArgumentError
-from smoskin.records import Estimate, Status
+from smoskin.errors import ArgumentError, SmoskinError
+from smoskin.records import Estimate, Reading, Status
 from smoskin.roles import Estimator, Resource, Sink, Source
 
 _LOG: Final = logging.getLogger(__name__)
@@ -30,6 +31,8 @@ _DECADES: Final = (-6, 1)
 """Powers of ten, s, between which durations are told apart."""
 _PER_DECADE: Final = 20
 """Classes of durations a decade; neighbours differ by 12 %."""
+_CLOSE_DEADLINE: Final = 10.0
+"""s for a sink to write what waits for it at the end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -211,6 +214,86 @@ class Loop(Resource):
             for sink in reversed(self._sinks):
                 stack.callback(sink.close)
             stack.callback(self._source.close)
+
+
+@final
+class Aside(Sink):
+    """A sink in a thread of its own: a disk that stands still does not hold up the loop.
+
+    Readings wait for it in their order. Where as many as there is room for wait already, `write`
+    waits in its turn, and what has found no room in time is passed over and counted; a sink that
+    has kept it waiting so once is waited for again when it has moved. What the sink raises is
+    raised by the next `write`, or by `close`.
+
+    Parameters
+    ----------
+    sink : Sink
+        Closed with this one, behind the last reading.
+    room : int
+        Readings that may wait.
+    patience : float
+        s for room to be made: 0 for readings that come by a clock.
+    """
+
+    @typed
+    def __init__(self, sink: Sink, *, room: int = 4096, patience: float = 0.0) -> None:
+        if room < 1 or not 0.0 <= patience < float("inf"):
+            raise ArgumentError(
+                f"room must be >= 1 and patience finite and >= 0; got {room} and {patience} s"
+            )
+        self._sink, self._patience = sink, patience
+        self._waiting: Queue[tuple[Reading, Estimate | None] | None] = Queue(room)
+        self._passed, self._stands, self._closed = 0, False, False
+        self._failure: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name="smoskin-aside", daemon=True)
+        self._thread.start()
+
+    @property
+    def dropped(self) -> int:
+        """Readings that found no room, and those that the sink itself passed over."""
+        return self._passed + self._sink.dropped
+
+    def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
+        """Let the sink take a reading when it can; raises what it raised before."""
+        self._raise_failure()
+        if self._closed:
+            raise SmoskinError(f"{type(self._sink).__name__} is closed")
+        patience = 0.0 if self._stands else self._patience
+        try:
+            self._waiting.put((reading, estimate), block=patience > 0.0, timeout=patience)
+            self._stands = False
+        except Full:
+            self._stands = True
+            self._passed += 1
+
+    def close(self) -> None:
+        """Close the sink when it has taken what waits; `SmoskinError` if it does not in 10 s."""
+        if self._closed:
+            return
+        self._closed = True
+        end = time.monotonic() + _CLOSE_DEADLINE
+        with suppress(Full):
+            self._waiting.put(None, timeout=_CLOSE_DEADLINE)
+        self._thread.join(max(0.0, end - time.monotonic()))
+        if self._thread.is_alive():
+            raise SmoskinError(
+                f"{type(self._sink).__name__} has not taken {self._waiting.qsize()} readings "
+                f"within {_CLOSE_DEADLINE} s"
+            )
+        self._sink.close()
+        self._raise_failure()
+
+    def _run(self) -> None:
+        while (item := self._waiting.get()) is not None:
+            if self._failure is None:
+                try:
+                    self._sink.write(*item)
+                except Exception as error:  # for the thread that writes
+                    self._failure = error
+
+    def _raise_failure(self) -> None:
+        if self._failure is not None:
+            raise self._failure
 
 
 def run(

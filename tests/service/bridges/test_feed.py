@@ -158,6 +158,33 @@ def test_a_client_that_does_not_read_loses_what_is_old_and_delays_nobody(feed):
     assert seen == sorted(set(seen))
 
 
+def test_what_comes_faster_than_it_can_be_told_is_not_kept(feed):
+    """A recording that is read as fast as possible must not fill the memory."""
+    sink, count = feed.add("skin", 3, counters=dict), 3_000
+    began, go = threading.Event(), threading.Event()
+
+    def hold() -> None:
+        began.set()
+        go.wait(10.0)
+
+    feed.add("busy", 3, zero=hold)
+    with listening(feed) as client:
+        client.send('{"type": "zero", "skin": "busy"}')
+        assert began.wait(10.0)  # the feed's thread stands
+        gc.collect()
+        before = len(gc.get_objects())
+        for k in range(count):
+            sink.write(reading(float(k)))
+        assert len(gc.get_objects()) - before < count
+        go.set()
+        messages = [told(client)]
+        while messages[-1].get("sequence") != count - 1:
+            messages.append(told(client))
+        client.send('{"type": "counters", "skin": "skin"}')
+        heard = sum(message["type"] == "estimate" for message in messages)
+        assert told(client)["skipped_for_you"] == count - heard > 0
+
+
 def test_zero_and_counters_are_asked_for_by_a_skins_name(feed):
     asked = threading.Event()
     feed.add("left", 3, zero=asked.set, counters=lambda: {"readings": 7})

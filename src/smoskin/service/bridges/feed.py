@@ -118,6 +118,9 @@ class Feed(Resource):
         self._door = Door(host)
         self._skins: dict[str, _Skin] = {}
         self._clients: set[_Client] = set()
+        self._lock = threading.Lock()
+        self._published: deque[tuple[str, Callable[[], Mapping[str, Any]]]] = deque(maxlen=_BEHIND)
+        self._untold = 0
         self._closed = False
         self._loop = asyncio.new_event_loop()
         self._ended = asyncio.Event()
@@ -185,14 +188,29 @@ class Feed(Resource):
 
     def publish(self, skin: str, message: Callable[[], Mapping[str, Any]]) -> None:
         """Send a message, made only if anybody listens; never waits."""
-        if self._clients and not self._closed:
-            self._loop.call_soon_threadsafe(self._spread, skin, message)
+        if not self._clients or self._closed:
+            return
+        with self._lock:
+            idle = not self._published
+            # Readings that come unpaced are more than can be told: the oldest go untold.
+            self._untold += len(self._published) == _BEHIND
+            self._published.append((skin, message))
+        if idle:
+            self._loop.call_soon_threadsafe(self._spread)
 
-    def _spread(self, skin: str, message: Callable[[], Mapping[str, Any]]) -> None:
-        text = json.dumps(message(), allow_nan=False)
-        now = self._loop.time()
+    def _spread(self) -> None:
+        """Offer what has been published to every client."""
+        with self._lock:
+            published, untold = list(self._published), self._untold
+            self._published.clear()
+            self._untold = 0
         for client in self._clients:
-            client.offer(skin, text, now)
+            client.skipped += untold
+        for skin, message in published:
+            text = json.dumps(message(), allow_nan=False)
+            now = self._loop.time()
+            for client in self._clients:
+                client.offer(skin, text, now)
 
     async def _listen(self, host: str, port: int, begun: "Future[int]") -> None:
         """Serve until the end."""
