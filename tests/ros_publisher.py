@@ -28,4 +28,4 @@ with RosNode(load_design("planar"), zero=lambda: None) as node:
     lasted = time.monotonic() - begun
     time.sleep(0.5)
 ms = 1e3 * np.percentile(took, [50, 99, 99.9, 100])
-print(json.dumps({"seconds": lasted, "write_ms": ms.tolist()}))
+print(json.dumps({"seconds": lasted, "write_ms": ms.tolist(), "dropped": node.dropped}))

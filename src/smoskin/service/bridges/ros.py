@@ -7,6 +7,7 @@ sourced ROS 2 workspace brings, or wheels of pip (``docs/ros.md``).
 
 import logging
 import threading
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any, Final, final
@@ -25,7 +26,7 @@ from smoskin.service.ros import WRENCH_KNOWN, shown_field
 
 _LOG: Final = logging.getLogger(__name__)
 _KEPT: Final = 100
-"""Messages of a topic that wait for a reliable subscriber, at most."""
+"""Messages of a topic that wait for a reliable subscriber, and readings for ROS, at most."""
 _CONTACTS: Final = 2
 """Topics of contacts; estimators tell no more of them apart."""
 _NS: Final = 1_000_000_000
@@ -138,6 +139,8 @@ class RosNode(Sink):
         self._touched = self._closed = False
         self._readings = self._told = 0
         self._flags = np.zeros(len(design.halls), int)
+        self._waiting: deque[tuple[int, Reading, Estimate | None]] = deque(maxlen=_KEPT)
+        self._dropped = 0
         self._context = rclpy.Context()
         try:
             rclpy.init(args=list(arguments), context=self._context)
@@ -152,8 +155,12 @@ class RosNode(Sink):
         self._publish_frames()
         self._executor = rclpy.executors.SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
-        self._thread = threading.Thread(target=self._spin, name="smoskin-ros", daemon=True)
-        self._thread.start()
+        self._threads = [
+            threading.Thread(target=work, name=f"smoskin-ros-{name}", daemon=True)
+            for name, work in (("answers", self._spin), ("topics", self._publish))
+        ]
+        for thread in self._threads:
+            thread.start()
 
     @property
     def name(self) -> str:
@@ -161,7 +168,7 @@ class RosNode(Sink):
         return str(self._node.get_fully_qualified_name())
 
     def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
-        """Publish a reading and its estimate; it does not wait for subscribers."""
+        """Have a reading and its estimate published; it never waits for ROS or subscribers."""
         chips = len(self._design.halls)
         if len(reading.field) != chips:
             raise ArgumentError(
@@ -169,22 +176,20 @@ class RosNode(Sink):
             )
         if self._closed:
             raise SmoskinError("the node is closed")
-        message = self._messages
-        stamp = message.time(self._stamps(reading.time))
-        if self._node.get_parameter("fields").value:
-            for chip, publisher in enumerate(self._fields):
-                field = message.vector(shown_field(reading, chip))
-                header = message.header(stamp, self._frame(f"chip{chip}"))
-                publisher.publish(message.MagneticField(header=header, magnetic_field=field))
-        touches: list[tuple[Floats, Floats]] = []
-        if estimate is not None and estimate.status in WRENCH_KNOWN:
-            touches = self._publish_touches(estimate, stamp)
+        stamp = self._stamps(reading.time)
         with self._heard:
+            self._dropped += len(self._waiting) == self._waiting.maxlen
+            self._waiting.append((stamp, reading, estimate))
             self._readings += 1
             self._flags |= reading.flags
             if estimate is not None:
-                self._status, self._touched = estimate.status, bool(touches)
+                self._status, self._touched = estimate.status, bool(estimate.contacts)
             self._heard.notify_all()
+
+    @property
+    def dropped(self) -> int:
+        """How many readings ROS was too slow for."""
+        return self._dropped
 
     def close(self) -> None:
         """End the node; any number of times."""
@@ -194,12 +199,32 @@ class RosNode(Sink):
             self._closed = True
             self._heard.notify_all()
         self._executor.shutdown(_ZEROED_WITHIN)
-        self._thread.join(_ZEROED_WITHIN)
+        for thread in self._threads:
+            thread.join(_ZEROED_WITHIN)
         self._node.destroy_node()
         self._context.try_shutdown()
 
-    def _publish_touches(self, estimate: Estimate, stamp: Any) -> list[tuple[Floats, Floats]]:
-        """Publish the touches that are strong enough, and give them."""
+    def _publish(self) -> None:
+        """Publish what waits, until the end and what waits then."""
+        while True:
+            with self._heard:
+                if not self._heard.wait_for(lambda: self._waiting or self._closed, _PERIOD):
+                    continue
+                if not self._waiting:
+                    return
+                moment, reading, estimate = self._waiting.popleft()
+            message = self._messages
+            stamp = message.time(moment)
+            if self._node.get_parameter("fields").value:
+                for chip, publisher in enumerate(self._fields):
+                    field = message.vector(shown_field(reading, chip))
+                    header = message.header(stamp, self._frame(f"chip{chip}"))
+                    publisher.publish(message.MagneticField(header=header, magnetic_field=field))
+            if estimate is not None and estimate.status in WRENCH_KNOWN:
+                self._publish_touches(estimate, stamp)
+
+    def _publish_touches(self, estimate: Estimate, stamp: Any) -> None:
+        """Publish the touches that are strong enough."""
         message = self._messages
         least = self._node.get_parameter("least_force").value
         touches = [
@@ -217,7 +242,6 @@ class RosNode(Sink):
             x, y, z = place.tolist()
             point = message.Point(x=x, y=y, z=z)
             publisher.publish(message.PointStamped(header=header, point=point))
-        return touches
 
     def _frame(self, name: str) -> str:
         return f"{self._prefix}{name}"
@@ -313,7 +337,8 @@ class RosNode(Sink):
             for chip, flag in enumerate(flags)
         }
         rate = f"{count / _PERIOD:.1f}"
-        values = {"readings": str(self._readings), "rate, Hz": rate, **faults}
+        values = {"readings": str(self._readings), "rate, Hz": rate, "dropped": str(self._dropped)}
+        values |= faults
         told = message.DiagnosticStatus(
             level=level,
             name=f"{self.name}: skin",
