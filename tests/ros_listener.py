@@ -16,7 +16,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import MagneticField
 from std_srvs.srv import Trigger
 
-asked = {"topics": [], "until": ["", 0], "deadline": 20.0, "best_effort": False, "calls": []}
+asked = {
+    "topics": [],
+    "until": ["", 0],
+    "deadline": 20.0,
+    "best_effort": False,
+    "calls": [],
+    "more": 1,
+}
 asked |= json.loads(sys.argv[1])
 TYPES = {"field": MagneticField, "wrench": WrenchStamped, "frames": TransformStamped}
 TYPES |= {"contact0": PointStamped, "contact1": PointStamped, "/diagnostics": DiagnosticArray}
@@ -100,9 +107,9 @@ def hear_until(topic, count):
 
 
 hear_until(*asked["until"])
-before = {topic: len(messages) for topic, messages in heard.items()}
 answers = [call(*given) for given in asked["calls"]]
+by_then = {topic: len(messages) for topic, messages in heard.items()}
 if asked["calls"]:
-    hear_until(asked["until"][0], len(heard[asked["until"][0]]) + 30)
-print(json.dumps({"heard": heard, "before": before, "answers": answers}), flush=True)
+    hear_until(asked["until"][0], len(heard[asked["until"][0]]) + asked["more"])
+print(json.dumps({"heard": heard, "by_then": by_then, "answers": answers}), flush=True)
 rclpy.shutdown()

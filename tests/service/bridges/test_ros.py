@@ -220,11 +220,17 @@ def test_another_process_hears_all_of_a_live_skin(start):
 
 def test_the_zero_is_taken_when_asked_for(start):
     pytest.importorskip("typer")
-    asked = {"topics": ["skin/wrench"], "until": ["skin/wrench", 5]}
-    listener = listening(start, **asked, calls=[["zero"], ["set", "fields", False]])
+    wrench, field = "skin/wrench", "skin/chip0/field"
+    calls = [["zero"], ["set", "fields", False]]
+    asked = {"topics": [wrench, field], "until": [wrench, 5], "calls": calls, "more": 30}
+    listener = listening(start, **asked)
     start("-m", "smoskin", "ros", "twin://planar?mechanics=reduced&rate=50")
     told = result(listener, 60)
     assert told["answers"] == [[True, "The zero is taken."], True]
+    # From then on there are wrenches, but no fields.
+    later = {topic: len(told["heard"][topic]) - told["by_then"][topic] for topic in (wrench, field)}
+    assert later[wrench] >= 30
+    assert later[field] <= 5
 
 
 @pytest.mark.slow
