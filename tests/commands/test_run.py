@@ -222,6 +222,9 @@ def test_the_page_shows_and_presses_a_virtual_skin(planar, monkeypatch):
         def write(self, reading, estimate, *, truth=(), vertices=None):
             self.shown.append((estimate, truth, vertices))
 
+        def show_drift(self, drift):
+            assert drift.shape == (3, 3)
+
         def close(self):
             self.closed = True
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from smoskin.commands.calibrate import TouchCalibration, TouchStep, calibrate
 from smoskin.commands.hand import Hand, JudgedTouch, Touch
-from smoskin.commands.readers import ZEROS, Readers
+from smoskin.commands.readers import ZEROS, Readers, bound_of
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.origami.geometry import geometry
@@ -317,6 +317,8 @@ class _Stage(Sink):
 
         rig = VirtualRig(self.twin, seed=seed)
         done = calibrate(table, rig, design=self.twin.design, count=count, progress=follow)
+        if self._view is not None:
+            self._view.show_bound(bound_of(self.twin.design, done.table))
         self.tell()
         return done
 
@@ -363,6 +365,7 @@ class _Stage(Sink):
         self._rounds += 1
         if self._view is not None and self._rounds % 25 == 0:
             self._latency = loop.counters.latency_median
+            self._view.show_drift(readers.drift)
         if self._choices:
             readers.choose(self._choices.popleft())
             self.tell()

@@ -7,11 +7,28 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 from smoskin.arrays import Floats
+from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.records import Estimate, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.estimators import ZeroFirst
+from smoskin.sensing.response.bound import bound_map
+from smoskin.sensing.response.table import ResponseTable
+from smoskin.sensing.signals.signals import signal_noise
+from smoskin.service.page.carpet import Bound
 
+
+def bound_of(design: SkinDesign, table: ResponseTable) -> Bound:
+    """How finely a touch of 0.5 N can be placed over the skin of a table."""
+    noise = signal_noise(design, table.chips)
+    bounds = bound_map(table, noise, force=_FORCE, misfit=True, places=_PLACES)
+    return Bound(bounds.x, bounds.y, bounds.location, _FORCE)
+
+
+_FORCE: Final = 0.5
+"""N: force of the touch whose bound is mapped."""
+_PLACES: Final = (31, 41)
+"""Places of that map along x and y."""
 ZEROS: Final = 20
 """Readings of the untouched skin that are its zero."""
 

@@ -15,17 +15,21 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from smoskin.arrays import Floats
+from smoskin.commands.readers import bound_of
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.hardware.serial import SerialSource
 from smoskin.outputs import check_output, read_input
 from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator, Resource, Sink, Source
+from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst, load_estimator
 from smoskin.sensing.signals.zero import ZeroTracking
 from smoskin.service.bridges.values import estimate_values, number
 from smoskin.service.loop import Aside, Counters, Loop
+from smoskin.service.page.carpet import Bound
 from smoskin.service.recorder import Recorder
 from smoskin.service.replay import ReplaySource
 from smoskin.service.source import TwinSource, open_source
@@ -34,6 +38,8 @@ _ATTACHED: Final = 1 << 28
 """Bytes of a calibration that a recording takes along, at most."""
 _PATIENCE: Final = 10.0
 """s that a recording of what can wait waits for the disk."""
+_DRIFT_EVERY: Final = 25
+"""Readings from one look at the zero's drift to the next."""
 _TOLD: Final = ("corrupt", "repeated", "late", "dropped", "restarts", "reconnections")
 """Counters of a line that a summary tells where they are not 0."""
 
@@ -168,7 +174,7 @@ class Watch(Resource):
             self._page: _Page | None = None
             self._seekable = view and record is None and self._played is not None
             if view and skin is not None:
-                self._page = stack.enter_context(self._page_of(skin, port))
+                self._page = stack.enter_context(self._page_of(skin, port, estimator))
             self._recorder: Recorder | None = None
             self._recording: Aside | None = None
             if record is not None and skin is not None:
@@ -201,6 +207,8 @@ class Watch(Resource):
             first = estimate.time if first is None else first
             if touched:
                 self._begun.add(began)
+            if self._page is not None and count % _DRIFT_EVERY == 0:
+                self._page.show_drift(self._estimator.drift)
             if self._seekable:
                 self._shown[number] = estimate.status
             yield estimate
@@ -211,14 +219,20 @@ class Watch(Resource):
             if self._seconds is not None and estimate.time - first >= self._seconds:
                 return
 
-    def _page_of(self, skin: SkinDesign, port: int) -> "_Page":
-        """The live page, where a recording is sought in unless it is recorded anew."""
+    def _page_of(self, skin: SkinDesign, port: int, estimator: Estimator) -> "_Page":
+        """The live page, with the map of a table's bound.
+
+        A recording is sought in there unless it is recorded anew.
+        """
         # A recording of one that is sought in would hold what nobody did.
         seekable = self._played if self._seekable else None
         if seekable is not None:
             seekable.on_rewind = self._estimator.reset
             seekable.stays = lambda: self._seconds is None
-        return _Page(skin, port, self._source, seekable, self.ask_zero)
+        page = _Page(skin, port, self._source, seekable, self.ask_zero)
+        if isinstance(estimator, BayesEstimator):
+            page.show_bound(bound_of(skin, estimator.table))
+        return page
 
     def ask_zero(self) -> None:
         """Take the next readings of the untouched skin as its zero; from any thread."""
@@ -309,6 +323,14 @@ class _Page(Sink):
     def _press(self, contacts: tuple[Contact, ...]) -> None:
         if self._twin is not None:
             self._twin.touch(contacts)
+
+    def show_bound(self, bound: Bound) -> None:
+        """Offer a heat map of how finely touches can be placed."""
+        self._view.show_bound(bound)
+
+    def show_drift(self, drift: Floats) -> None:
+        """Tell how far the zero has followed."""
+        self._view.show_drift(drift)
 
     def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
         """Show a reading, its estimate and, of a virtual skin, the true touch."""

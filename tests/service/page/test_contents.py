@@ -49,13 +49,19 @@ CONTROLS = [
     ("GuiSlider", "Taken apart", 0.0, True),
     ("GuiSlider", "Sheet opacity", 0.6, True),
     ("GuiCheckbox", "Scales", False, True),
+    ("GuiCheckbox", "Map of the bound", False, False),
+    ("GuiHtml", "", None, False),
     ("GuiCheckbox", "Trail", True, True),
     ("GuiHtml", "", None, True),
     ("GuiPanel", "", None, True),
     ("GuiHtml", "", None, True),
+    ("GuiHtml", "", None, True),
     ("GuiUplot", "S1", None, True),
     ("GuiUplot", "S2", None, True),
     ("GuiUplot", "S3", None, True),
+    ("GuiSlider", "Threshold, N", 0.5, True),
+    ("GuiUplot", "Force", None, True),
+    ("GuiHtml", "", None, True),
 ]
 """What a reader meets from top to bottom: kind, label, value, whether it is shown."""
 
@@ -81,6 +87,7 @@ def test_sliders_have_their_ends_and_steps(page):
         "Shear y, N": (-0.4, 0.4, 0.05),
         "Deformation ×": (1.0, 30.0, 1.0),
         "Taken apart": (0.0, 1.0, 0.05),
+        "Threshold, N": (0.05, 1.0, 0.05),
         "Sheet opacity": (0.1, 1.0, 0.1),
     }
     assert only(page, "GuiDropdown").props.options == ("one", "other")
@@ -93,8 +100,10 @@ def test_controls_stand_in_their_folders(page):
         one.props.label: names[one.container_uuid]
         for kind in ("GuiSlider", "GuiCheckbox", "GuiButtonGroup", "GuiDropdown")
         for one in of_kind(page, kind)
+        if one.container_uuid in names
     }
-    picture = ("Deformation ×", "Taken apart", "Sheet opacity", "Scales", "Trail")
+    drawn = ("Deformation ×", "Taken apart", "Sheet opacity", "Scales")
+    picture = (*drawn, "Map of the bound", "Trail")
     hand = ("Press, N", "Shear x, N", "Shear y, N", "Hold the hand still")
     assert inside == {
         **dict.fromkeys(picture, "Picture"),
@@ -102,9 +111,11 @@ def test_controls_stand_in_their_folders(page):
         **dict.fromkeys(("Actions", "Estimator"), ""),
     }
     tabs = only(page, "GuiPanel").props
-    assert tabs._tab_labels == ("Field change, µT",)
-    for plot in of_kind(page, "GuiUplot"):
-        assert (plot.container_uuid,) == tabs._tab_container_ids
+    assert tabs._tab_labels == ("Field change, µT", "Force, N")
+    curves, forces = tabs._tab_container_ids
+    *chips, force = of_kind(page, "GuiUplot")
+    assert {plot.container_uuid for plot in chips} == {curves}
+    assert force.container_uuid == forces
 
 
 def test_the_numbers_stand_on_the_right_and_the_curves_on_the_left(page):
@@ -122,7 +133,7 @@ def test_the_numbers_stand_on_the_right_and_the_curves_on_the_left(page):
 
 
 def test_curves_start_empty_over_ten_seconds_and_to_both_sides_of_zero(page):
-    for plot in of_kind(page, "GuiUplot"):
+    for plot in of_kind(page, "GuiUplot")[:-1]:
         shown = plot.props
         assert len(shown.data) == len(shown.series) == 4
         np.testing.assert_array_equal(shown.data[0], [-10.0, 0.0])

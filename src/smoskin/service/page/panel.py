@@ -17,6 +17,8 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Contact, Status
+from smoskin.service.page.carpet import Bound
+from smoskin.service.page.history import ForceHistory, lamps
 from smoskin.service.page.parts import css, html
 from smoskin.service.page.player import Player
 from smoskin.service.page.scene import (
@@ -113,6 +115,8 @@ class Panel:
         self._scale = _QUIET
         self._history: deque[tuple[float, Floats]] = deque()
         self.tally = Tally(geometry(design).extent, once=played is not None)
+        self.drift: Floats | None = None
+        """(S, 3), T: how far the zero has followed; None where nobody has told."""
         self.end = ""
         """Last sentence of the page, empty while it goes on."""
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 111, 181))
@@ -134,12 +138,20 @@ class Panel:
         with gui.add_folder("Touches so far"):
             self._touches = gui.add_html(self.tally.html())
         self._add_picture(gui)
+        self._add_fields(server)
+
+    def _add_fields(self, server: "viser.ViserServer") -> None:
+        """Add what stands at the left: how the chips are, what they read, and forces."""
+        gui = server.gui
         fields = gui.add_panel()
         fields.dock_left()
         fields.set_width(320)
         with fields.add_tab("Field change, µT"):
             gui.add_html(html("curves", **dict(_AXES)))
+            self._lamps = gui.add_html(lamps(self._chips, None, None))
             self._plots = [_plot(server, name) for name in self._chips]
+        with fields.add_tab("Force, N"):
+            self._forces = ForceHistory(gui)
 
     def _add_press(self, gui: "viser.GuiApi", pressable: bool, holdable: bool) -> None:
         """Add how hard a finger presses, and what the hand does meanwhile."""
@@ -164,9 +176,20 @@ class Panel:
             )
             self._opacity = gui.add_slider("Sheet opacity", 0.1, 1.0, 0.1, 0.6)
             self._scaled = gui.add_checkbox("Scales", False, hint="They cover the sheet.")
+            self._mapped = gui.add_checkbox(
+                "Map of the bound",
+                False,
+                visible=False,
+                hint="How finely touches can be placed by this skin's chips.",
+            )
+            self._map = gui.add_html("", visible=False)
             self._trail = gui.add_checkbox("Trail", True, hint="Places that were estimated last.")
             colors = {name: css(color) for name, color in _LEGEND}
             gui.add_html(html("legend", **colors))
+
+    def _threshold_words(self, moment: Moment | None) -> str:
+        """The threshold beside the touch that is shown; a space where there is none."""
+        return " " if moment is None else self._forces.sentence() or " "
 
     @property
     def force(self) -> tuple[float, float, float]:
@@ -178,6 +201,16 @@ class Panel:
         """How much larger than life deformation is drawn, the sheet's opacity, and the trail."""
         trail = self.tally.trail if self._trail.value else np.zeros((0, 2))
         return float(self._exaggeration.value), float(self._opacity.value), trail
+
+    @property
+    def mapped(self) -> bool:
+        """Whether the map of the bound is drawn."""
+        return bool(self._mapped.value)
+
+    def lay(self, bound: Bound) -> None:
+        """Offer the map of a bound."""
+        self._map.content = bound.legend()
+        self._map.visible = self._mapped.visible = True
 
     @property
     def spread(self) -> tuple[float, bool]:
@@ -198,6 +231,7 @@ class Panel:
     def record(self, moment: Moment) -> None:
         """Add a moment to the curves and to the touches so far."""
         self.tally.add(moment)
+        self._forces.add(moment)
         reading = moment.reading
         # A chip that gives no numbers keeps its last good ones; its heading says so.
         bad = (reading.flags & _BAD) != 0
@@ -223,6 +257,10 @@ class Panel:
         """
         self._card.content = self._card_html(moment, rate, now, announced)
         self._touches.content = self.tally.html()
+        self._lamps.content = lamps(
+            self._chips, None if moment is None else moment.reading.flags, self.drift
+        )
+        self._forces.write()
         if moment is None or not self._history:
             return
         # Running seconds, because the plots lay out their axes anew only when a scale moves.
@@ -268,6 +306,7 @@ class Panel:
             second=f"second touch {_line(contacts[1])}" if len(contacts) > 1 else " ",
             rate=_number(rate, 0),
             latency=_number(math.nan if moment is None else moment.latency * 1e3, 1),
+            threshold=self._threshold_words(moment),
             end=escape(self.end),
         )
 

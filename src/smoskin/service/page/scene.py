@@ -15,6 +15,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate, Reading
 from smoskin.service.page.board import Cells, draw_rulers
+from smoskin.service.page.carpet import Carpet
 from smoskin.service.page.inside import Columns, inward_arrows
 from smoskin.service.page.markers import LIFT, UNITS, Marker, attitude
 from smoskin.service.page.stack import Scales, Words, board, frame, lift
@@ -51,7 +52,7 @@ _PARTS: Final = {
     "frame": ("/frame",),
     "columns": ("/columns",),
     "magnets": ("/magnets",),
-    "sheet": ("/sheet", "/creases", "/cells", "/trail", "/true", "/estimated"),
+    "sheet": ("/sheet", "/creases", "/cells", "/trail", "/bound", "/true", "/estimated"),
     "scales": ("/scales",),
 }
 """Nodes of the scene that are lifted with each part."""
@@ -190,13 +191,17 @@ class SkinScene:
             thickness=0.05,
         )
         self._words = Words(server, design)
+        self.carpet = Carpet(server, design)
+        """The map of a bound."""
+        self._lifted["/bound"] = self.carpet.node
 
     def spread(self, apart: float, scaled: bool) -> None:
         """Lift the parts off each other, 0 to 1 of the way, and show the scales or not.
 
         A skin that is taken apart shows them anyhow.
         """
-        self._cover.visible = scaled or apart > 0.0
+        if self._cover.visible != (covered := scaled or apart > 0.0):
+            self._cover.visible = covered
         if apart == self._apart:
             return
         self._apart = apart

@@ -23,6 +23,7 @@ from smoskin.errors import ArgumentError, SmoskinError
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate, Reading
 from smoskin.roles import Sink
+from smoskin.service.page.carpet import Bound
 from smoskin.service.page.markers import UNITS
 from smoskin.service.page.panel import Panel
 from smoskin.service.page.parts import css, first_paint
@@ -143,6 +144,16 @@ class View(Sink):
         """Say this in place of the estimates' status, or the status again."""
         with self._lock:
             self._announced = (word, sentence) if word else None
+
+    def show_bound(self, bound: Bound) -> None:
+        """Offer a heat map of how finely touches can be placed."""
+        with self._lock:
+            self._scene.carpet.lay(bound)
+            self._panel.lay(bound)
+
+    def show_drift(self, drift: Floats) -> None:
+        """Tell how far the zero has followed since it was set, (S, 3), T."""
+        self._panel.drift = drift
 
     def end(self, sentence: str) -> None:
         """Say a last sentence over the whole page; it stays there after the view is closed."""
@@ -313,6 +324,7 @@ class View(Sink):
             announced = (self._panel.player.write() if write else None) or announced
         with self._server.atomic():
             self._scene.spread(*self._panel.spread)
+            self._scene.carpet.show(self._panel.mapped)
             if newest is not None:
                 self._scene.draw(newest, *self._panel.picture)
                 if new:
