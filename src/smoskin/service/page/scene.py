@@ -98,7 +98,7 @@ def camera(design: SkinDesign, *, narrow: bool = False) -> tuple[Floats, Floats,
     # The near edge looks larger than the far one: aim a little in front of the middle.
     target = (low + high) / 2 - size * np.array((0.02, 0.06, 0.0))
     towards = np.array((-0.08, -0.6, 1.6) if narrow else (-0.26, -0.95, 1.05))
-    distance = size * (2.7 if narrow else 1.95)
+    distance = size * (2.7 if narrow else 2.05)
     return target + towards / np.linalg.norm(towards) * distance, target, _FIELD_OF_VIEW
 
 
