@@ -179,13 +179,10 @@ class Watch(Resource):
             self._recording: Aside | None = None
             if record is not None and skin is not None:
                 _make_room(record, self._source)
-                self._recorder = stack.enter_context(
-                    Recorder(record, skin, attachments=_files(calibration), on_failure=say)
+                self._recorder = Recorder(
+                    record, skin, attachments=_files(calibration), on_failure=say
                 )
-                # What is played or simulated can wait for a disk, which chips do not.
-                waits = isinstance(self._source, ReplaySource | TwinSource)
-                patience = _PATIENCE if waits else 0.0
-                self._recording = stack.enter_context(Aside(self._recorder, patience=patience))
+                self._recording = stack.enter_context(_aside(self._recorder, self._source))
             self.design, self.chips = skin, self._source.chips
             own = (sink for sink in (self._recording, self._page) if sink is not None)
             sinks = *own, *map(stack.enter_context, bridges(self))
@@ -379,6 +376,12 @@ def _make_room(record: str | os.PathLike[str], source: Source) -> None:
             f"record must be another file than the one that is played; got {record}"
         )
     os.unlink(record)
+
+
+def _aside(recorder: Recorder, source: Source) -> Aside:
+    """A recorder that holds up no chips; what is played or simulated can wait for a disk."""
+    waits = isinstance(source, ReplaySource | TwinSource)
+    return Aside(recorder, patience=_PATIENCE if waits else 0.0)
 
 
 def _files(calibration: str | os.PathLike[str] | None) -> dict[str, bytes]:
