@@ -138,6 +138,10 @@ class Watch(Resource):
         If the source cannot be opened; in iterating, if it falls silent.
     """
 
+    _page: "_Page | None"
+    _recorder: Recorder | None
+    _recording: Aside | None
+
     def __init__(
         self,
         url: str | os.PathLike[str],
@@ -171,12 +175,10 @@ class Watch(Resource):
             skin = _design_of(self._source, str(url), design, needed=needed)
             estimator = _estimator_of(skin, calibration, arm, uncalibrated)
             self._estimator = ZeroFirst(estimator) if zero else estimator
-            self._page: _Page | None = None
+            self._page = self._recorder = self._recording = None
             self._seekable = view and record is None and self._played is not None
             if view and skin is not None:
                 self._page = stack.enter_context(self._page_of(skin, port, estimator))
-            self._recorder: Recorder | None = None
-            self._recording: Aside | None = None
             if record is not None and skin is not None:
                 _make_room(record, self._source)
                 self._recorder = Recorder(
