@@ -180,10 +180,7 @@ class Watch(Resource):
             if view and skin is not None:
                 self._page = stack.enter_context(self._page_of(skin, port, estimator))
             if record is not None and skin is not None:
-                _make_room(record, self._source)
-                self._recorder = Recorder(
-                    record, skin, attachments=_files(calibration), on_failure=say
-                )
+                self._recorder = _recorder_of(record, skin, self._source, calibration, say)
                 self._recording = stack.enter_context(_aside(self._recorder, self._source))
             self.design, self.chips = skin, self._source.chips
             own = (sink for sink in (self._recording, self._page) if sink is not None)
@@ -378,6 +375,18 @@ def _make_room(record: str | os.PathLike[str], source: Source) -> None:
             f"record must be another file than the one that is played; got {record}"
         )
     os.unlink(record)
+
+
+def _recorder_of(
+    record: str | os.PathLike[str],
+    skin: SkinDesign,
+    source: Source,
+    calibration: str | os.PathLike[str] | None,
+    say: Callable[[str], object],
+) -> Recorder:
+    """A recorder of a skin into a new file, which may replace another than the one played."""
+    _make_room(record, source)
+    return Recorder(record, skin, attachments=_files(calibration), on_failure=say)
 
 
 def _aside(recorder: Recorder, source: Source) -> Aside:
