@@ -11,6 +11,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped, TransformStamped, WrenchStamped
 from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import MagneticField
@@ -23,6 +24,7 @@ asked = {
     "best_effort": False,
     "calls": [],
     "more": 1,
+    "depth": 100,
 }
 asked |= json.loads(sys.argv[1])
 TYPES = {"field": MagneticField, "wrench": WrenchStamped, "frames": TransformStamped}
@@ -36,6 +38,8 @@ else:
 asked["topics"] = [t for t in asked["topics"] if t != "/tf_static" or t in TYPES]
 rclpy.init(args=["--ros-args", *asked.get("arguments", [])])
 node = rclpy.create_node("listener")
+executor = SingleThreadedExecutor()
+executor.add_node(node)
 heard = {topic: [] for topic in asked["topics"]}
 
 
@@ -69,7 +73,7 @@ def hearer(topic):
 for topic in asked["topics"]:
     lasting = topic in ("skin/frames", "/tf_static")
     quality = QoSProfile(
-        depth=100,
+        depth=asked["depth"],
         reliability=ReliabilityPolicy.BEST_EFFORT
         if asked["best_effort"]
         else ReliabilityPolicy.RELIABLE,
@@ -84,7 +88,7 @@ def answer(kind, name, request):
     client = node.create_client(kind, name)
     assert client.wait_for_service(timeout_sec=10.0), name
     future = client.call_async(request)
-    rclpy.spin_until_future_complete(node, future, timeout_sec=10.0)
+    executor.spin_until_future_complete(future, timeout_sec=10.0)
     return future.result()
 
 
@@ -103,7 +107,7 @@ def call(name, *given):
 def hear_until(topic, count):
     begun = time.monotonic()
     while len(heard[topic]) < count and time.monotonic() - begun < asked["deadline"]:
-        rclpy.spin_once(node, timeout_sec=0.1)
+        executor.spin_once(timeout_sec=0.1)
 
 
 hear_until(*asked["until"])

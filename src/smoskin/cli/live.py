@@ -146,9 +146,7 @@ def run(
     """
     from smoskin.commands.run import Watch, estimate_line, thinned
 
-    def say(sentence: object) -> None:
-        typer.echo(str(sentence), err=True)
-
+    say = partial(typer.echo, err=True)
     with Watch(
         source,
         None if design is None else load_design(design),

@@ -238,18 +238,21 @@ def test_none_of_12000_is_lost_and_a_paused_subscriber_slows_nothing(start, caps
     field, wrench = "skin/chip0/field", "skin/wrench"
     paused = listening(start, topics=[field], until=[field, 10**6], deadline=100.0)
     hasty = listening(start, topics=[field], until=[field, 5000], deadline=75.0, best_effort=True)
-    listener = listening(start, topics=[field, wrench], until=[field, 12000], deadline=75.0)
+    # This one keeps more than the node: other work may hold it up for over half a second.
+    listener = listening(
+        start, topics=[field, wrench], until=[field, 12000], deadline=75.0, depth=1000
+    )
     publisher = start(str(TESTS / "ros_publisher.py"), "200", "12600")
     with pytest.raises(subprocess.TimeoutExpired):
         publisher.wait(6.0)
     paused.send_signal(signal.SIGSTOP)
     told, published = result(listener, 90), result(publisher, 30)
+    assert published["dropped"] == 0
     numbers = [round(message[3][0] * 1e9) for message in told["heard"][field]]
     assert numbers == list(range(numbers[0], numbers[0] + 12000))
     assert len(told["heard"][wrench]) >= 11990
     latency = 1e-6 * np.array([message[1] - message[0] for message in told["heard"][field]])
     middle, most = np.percentile(latency, [50, 99])
-    assert published["dropped"] == 0
     assert published["seconds"] == pytest.approx(63.0, abs=2.0)
     assert len(result(hasty, 30)["heard"][field]) == 5000
     with capsys.disabled():
