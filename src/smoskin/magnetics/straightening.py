@@ -44,6 +44,11 @@ class Straightening:
         self._rest, self._slope = self._field(self._place)
         self._inverse = np.linalg.inv(self._slope)
 
+    @property
+    def motions(self) -> Floats:
+        """Motion of each chip's magnet by its linear signals, the inverse of G, (S, 3, 3), m/T."""
+        return np.asarray(self._inverse)
+
     def straightened(self, signals: Floats) -> Floats:
         """Linear signals x of signals s; both of shape (..., 3 S) or (..., S, 3), T."""
         rows = signals.reshape(-1, *self._rest.shape)

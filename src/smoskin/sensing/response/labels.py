@@ -97,7 +97,7 @@ class Labeller:
         bend = self._signals.straightening
         read = bend.straightened(np.stack(reads).reshape(len(reads), 2, -1))
         noise = np.sqrt(signal_noise(self._design).diagonal())
-        loops = learn_loops(read[:, 0], read[:, 1], noise)
+        loops = learn_loops(read[:, 0], read[:, 1], noise, bend.motions)
         if not loops.weights.any():
             return list(labels), None
         rests, held = elastic_signals(loops, read[:, 0], read[:, 1])

@@ -170,10 +170,13 @@ class ResponseTable:
 
     @property
     def left(self) -> Floats:
-        """L: what a touch leaves, half like a newton's signals, half in each alike, (C, C), T^2."""
+        """L: what a touch leaves, (C, C), T^2.
+
+        Half is like a newton's signals, half of their size at each chip, in any direction.
+        """
         whole = self.newton
-        each = float(np.trace(whole)) / self.count * np.eye(self.count)
-        return np.asarray(self.residue**2 * (whole + each) / 2)
+        each = np.repeat(whole.diagonal().reshape(-1, 3).mean(axis=1), 3)
+        return np.asarray(self.residue**2 * (whole + np.diag(each)) / 2)
 
     @property
     def calibrated(self) -> bool:

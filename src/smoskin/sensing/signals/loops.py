@@ -5,7 +5,7 @@ reading to reading. Hides the plays.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -23,25 +23,25 @@ _ROUNDS: Final = 3
 """Rounds in which weights and elastic answers are found from each other."""
 _STARTS: Final = (-0.8, -0.4, 0.0, 0.4, 0.8)
 """Starts of plays that are followed, as shares of their reach."""
-_FINE: Final = 1e-9
-"""Change of a signal, T, at which the fixed point ends."""
+_FINE: Final = 1e-7
+"""Change, as a share of the reach, at which the fixed point ends."""
 _CHANCE: Final = 1e-3
 """Chance to take noise for loops."""
 _APART: Final = 0.02
 """Standard deviation of a chip's weights from those of all chips: creases and adhesive are alike,
 and what a chip mixes of motions would else be taken for loops of its own."""
 _FAINT: Final = 1e-3
-"""Share of a signal's reach that counts as noise of what a touch leaves."""
+"""Share of a motion's reach that counts as noise of what a touch leaves."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Loops:
     """Hysteresis of C signals by K plays, the discrete Prandtl-Ishlinskii operator.
 
-    A signal reads ``y = (1 - sum_k w_k) x + sum_k w_k P_k[x]`` of the elastic x, with weights of
-    its own or, as (K,), those of all signals, and with plays
-    ``P_k(t) = max(x - r_k, min(x + r_k, P_k(t-)))`` and r_k a share of the signal's reach
-    ("Loops" in `docs/derivations.md`).
+    What loses is motion: a chip's signals s show the magnet's as ``A s``. A motion reads
+    ``y = (1 - sum_k w_k) x + sum_k w_k P_k[x]`` of the elastic x, with weights of its own or, as
+    (K,), those of all, and with plays ``P_k(t) = max(x - r_k, min(x + r_k, P_k(t-)))`` and r_k a
+    share of the motion's reach ("Loops" in `docs/derivations.md`).
 
     Raises
     ------
@@ -50,11 +50,13 @@ class Loops:
     """
 
     weights: Floats
-    """w_k of each signal, (K, C)."""
+    """w_k of each motion, (K, C)."""
     plays: Floats
     """r_k as shares of the reach, (K,)."""
     reach: Floats
-    """Largest signals, (C,), T."""
+    """Largest motions, (C,), m; or T, where the signals themselves are taken for motions."""
+    axes: Floats | None = None
+    """A, motion of each chip's magnet by its signals, (S, 3, 3), m/T; None: signals are motions."""
 
     def __post_init__(self) -> None:
         freeze(self, reach=(None,))
@@ -63,6 +65,8 @@ class Loops:
             assign(self, weights=np.repeat(weights[:, None], len(self.reach), axis=1))
         freeze(self, weights=(None, len(self.reach)))
         freeze(self, plays=(len(self.weights),))
+        if self.axes is not None:
+            freeze(self, axes=(len(self.reach) // 3, 3, 3))
         if not (self.weights >= 0).all() or not (self.weights.sum(axis=0) < _MOST).all():
             raise ArgumentError(
                 f"weights must be >= 0 with a sum below {_MOST:g}; got {self.weights.tolist()}"
@@ -72,19 +76,21 @@ class Loops:
                 raise ArgumentError(f"{name} must be positive; got {getattr(self, name).tolist()}")
 
     def as_json(self) -> dict[str, list[float]]:
-        """Plain values, `reach` in T."""
-        return {name: getattr(self, name).tolist() for name in ("weights", "plays", "reach")}
+        """Plain values, `reach` in m, `axes` in m/T."""
+        names = ("weights", "plays", "reach", *(() if self.axes is None else ("axes",)))
+        return {name: getattr(self, name).tolist() for name in names}
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any] | None) -> "Loops | None":
         """The loops of plain values, None of none."""
         if values is None:
             return None
-        return cls(weights=values["weights"], plays=values["plays"], reach=values["reach"])
+        return cls(**{name: values[name] for name in values})
 
     def of_signals(self, at: list[int]) -> "Loops":
-        """The loops of these signals alone."""
-        return Loops(weights=self.weights[:, at], plays=self.plays, reach=self.reach[at])
+        """The loops of these signals alone, of whole chips where motions are not the signals."""
+        axes = None if self.axes is None else self.axes[np.array(at[::3]) // 3]
+        return Loops(weights=self.weights[:, at], plays=self.plays, reach=self.reach[at], axes=axes)
 
 
 def no_loops(signals: int) -> Loops:
@@ -111,6 +117,10 @@ class Unlooping:
         self._weights = loops.weights[used]
         self._elastic = 1 - loops.weights.sum(axis=0)
         self._reach = loops.plays[used, None] * loops.reach
+        self._fine = _FINE * loops.reach
+        count = len(loops.reach)
+        self._axes = np.eye(count) if loops.axes is None else _blocks(loops.axes)
+        self._back = np.linalg.inv(self._axes)
         self.reset()
 
     def reset(self) -> None:
@@ -121,7 +131,7 @@ class Unlooping:
     def zero(self) -> None:
         """Take signals against what the skin reads now, untouched, from here on."""
         self.offset = self._mean(np.clip(self._plays, -self._reach, self._reach))
-        """What touches had left in the signals then, (C,), T."""
+        """What touches had left in the motions then, (C,), m."""
         self.rest()
 
     def rest(self) -> None:
@@ -129,25 +139,26 @@ class Unlooping:
         self._rest = self._plays
 
     @property
-    def variance(self) -> Floats:
-        """Variance of elastic signals for what was unknown at the last rest, (C,), T^2."""
+    def covariance(self) -> Floats:
+        """Covariance of elastic signals for what was unknown at the last rest, (C, C), T^2."""
         moved = self._plays - self._rest
-        return np.asarray((self._weights**2 * moved.var(axis=0)).sum(axis=0))
+        variance = (self._weights**2 * moved.var(axis=0)).sum(axis=0)
+        return np.asarray((self._back * variance) @ self._back.T)
 
     def step(self, read: Floats) -> Floats:
         """Elastic signals (C,), T, behind those that are read."""
-        read = read + self.offset
+        read = self._axes @ read + self.offset
         elastic = read
         for _ in range(_FIXED_POINTS):
             mean = self._mean(self._moved(elastic))
             last, elastic = elastic, (read - mean) / self._elastic
-            if np.abs(elastic - last).max() < _FINE:
+            if (np.abs(elastic - last) < self._fine).all():
                 break
         self._plays = self._moved(elastic)
-        return np.asarray(elastic)
+        return np.asarray(self._back @ elastic)
 
     def _moved(self, elastic: Floats) -> Floats:
-        """Plays that elastic signals (C,) take along."""
+        """Plays that elastic motions (C,) take along."""
         return np.minimum(np.maximum(self._plays, elastic - self._reach), elastic + self._reach)
 
     def _mean(self, plays: Floats) -> Floats:
@@ -155,7 +166,15 @@ class Unlooping:
         return np.asarray((self._weights * plays.mean(axis=0)).sum(axis=0))
 
 
-def learn_loops(rests: Floats, held: Floats, noise: Floats) -> Loops:
+def _blocks(axes: Floats) -> Floats:
+    """Matrices of chips (S, 3, 3) as one of all signals, (C, C)."""
+    whole = np.zeros((3 * len(axes), 3 * len(axes)))
+    for chip, part in enumerate(axes):
+        whole[3 * chip : 3 * chip + 3, 3 * chip : 3 * chip + 3] = part
+    return whole
+
+
+def learn_loops(rests: Floats, held: Floats, noise: Floats, axes: Floats | None = None) -> Loops:
     """The loops that explain what touches of one skin left behind.
 
     Parameters
@@ -165,6 +184,8 @@ def learn_loops(rests: Floats, held: Floats, noise: Floats) -> Loops:
         creep.
     noise : Floats, shape (C,)
         Standard deviation of the rests' noise, T.
+    axes : Floats, shape (S, 3, 3), optional
+        Motion of each chip's magnet by its signals, m/T; by default signals are motions.
 
     Notes
     -----
@@ -177,6 +198,10 @@ def learn_loops(rests: Floats, held: Floats, noise: Floats) -> Loops:
     from scipy.special import chdtri
 
     rests, held = floats("rests", rests, (None,)), floats("held", held, (None,))
+    if axes is not None:
+        whole = _blocks(axes)
+        rests, held = rests @ whole.T, held @ whole.T
+        noise = np.sqrt(whole**2 @ noise**2)
     plays, reach = np.array(PLAYS), np.abs(held).max(axis=0)
     rest_spread = np.hypot(noise, _FAINT * reach)
     widths = plays[:, None] * reach
@@ -198,7 +223,7 @@ def learn_loops(rests: Floats, held: Floats, noise: Floats) -> Loops:
             weights[:, chip] = found[:, None]
         loops = Loops(weights=weights, plays=plays, reach=reach)
         elastic = elastic_signals(loops, rests, held)[1]
-    return loops
+    return replace(loops, axes=axes)
 
 
 def _pooled(moved: list[Floats], seen: list[Floats]) -> tuple[list[Floats], list[float]]:

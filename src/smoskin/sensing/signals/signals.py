@@ -278,7 +278,7 @@ class Signals:
         status: Status | None = Status.NOT_CALIBRATED
         if self.zeroed:
             if self._looped:
-                self._zero.left = self._left + np.diag(self._unlooping.variance)
+                self._zero.left = self._left + self._unlooping.covariance
             idle = self._zero.step(reading.time, raised[self._chips].ravel())
             if idle and self._zero.settled:
                 self._unlooping.rest()

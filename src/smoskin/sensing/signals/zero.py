@@ -19,7 +19,7 @@ from smoskin.sensing.signals.turning import Turning
 
 _CALM: Final = 0.8
 """Share of an idle reading's limit past which a turn is looked for."""
-_JERK: Final = 0.8**2
+_JERK: Final = 0.4**2
 """Power of accelerations with which a turn starts or stops, rad^2/s^3."""
 _JERKS: Final = (0.1, 0.3)
 """Shortest and longest time for which they may have lasted unnoticed, s."""
@@ -37,8 +37,6 @@ _BELIEVED: Final = (0.3, 3)
 """Time, s, and idle readings for which a turn must have held, not to be a touch's beginning."""
 _TAKEN: Final = 20
 """Number of readings that zeros are taken from; for as many the chips' own noise counts."""
-_SAME: Final = 6
-"""Signals among which noise that is learned would be taken for what turns: those of two chips."""
 _HEARD: Final = 200
 """Idle readings over which louder noise is averaged."""
 _LONG: Final = 20.0
@@ -408,7 +406,7 @@ class Zero:
         """Take in an idle change; what was known before fades by the time constant."""
         fading = math.exp(min(elapsed / self.tracking.time_constant, _LONG))
         course = self._course.unsure(self.left) if self._touched else self._course
-        if self.tracking.arm and len(change) > _SAME:
+        if self.tracking.arm:
             self._listen(change, course.zero)
         self._course = course = course.corrected(change, self._noise + self._louder, fading)
         self._touched, self._unseen = False, 0.0
