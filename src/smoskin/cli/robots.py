@@ -38,11 +38,13 @@ def follow(
     force: Force = False,
     model: Annotated[File, Option(help="MuJoCo model of another arm.")] = None,
     site: Annotated[str, Option(help="Its site at the skin's middle, z outward.")] = "skin",
+    robot: Annotated[Text, Option(help="A real arm that the model is of: xarm:HOST.")] = None,
     seconds: Annotated[Number, Option(min=0.0, help="Stop after so many seconds.")] = None,
 ) -> None:
-    """Let a simulated arm yield to touches of the skin on its forearm.
+    """Let an arm, simulated unless --robot is given, yield to touches of the skin on its forearm.
 
-    It is disarmed at first: type arm, disarm, reset or quit. This is not a safety function: it
+    It is disarmed at first: type arm, disarm, reset or quit. A real arm moves only while Enter is
+    held. This is not a safety function: it
     stops by category 2 only, and the wired emergency stop stays in force. With --headless a script
     presses through 0.5 N; the exit code is 1 if the arm broke a promise.
     """
@@ -64,6 +66,7 @@ def follow(
         calibration=calibration,
         model=path,
         site=site,
+        robot=robot,
         seconds=seconds,
         words=words,
         say=say,

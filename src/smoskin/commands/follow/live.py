@@ -12,10 +12,14 @@ from typing import Final
 
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
+from smoskin.robot.arm import Arm
+from smoskin.robot.chain import Chain
 from smoskin.robot.driver import Driver
 from smoskin.robot.follow import Command, Follow
+from smoskin.robot.holding import Holding
 from smoskin.robot.law import Limits
 from smoskin.robot.simulated import OWN_MODEL, SimulatedArm
+from smoskin.robot.xarm import XArm
 from smoskin.roles import Estimator
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst, load_estimator
@@ -28,7 +32,7 @@ WARNING: Final = (
     "computer. The wired emergency stop and the robot's own limits stay in force."
 )
 WORDS: Final = ("arm", "disarm", "reset", "quit")
-"""What people may say, a word a line."""
+"""What people may say, a word a line; an empty line is a sign that Enter is held."""
 
 
 def follow_source(
@@ -38,12 +42,13 @@ def follow_source(
     calibration: str | os.PathLike[str] | None = None,
     model: str | os.PathLike[str] = OWN_MODEL,
     site: str = "skin",
+    robot: str | None = None,
     limits: Limits | None = None,
     seconds: float | None = None,
     words: "queue.Queue[str] | None" = None,
     say: Callable[[str], object] = lambda sentence: None,
 ) -> Counters:
-    """Let a simulated arm follow the touches of a source's skin; what the loop did.
+    """Let an arm follow the touches of a source's skin; what the loop did.
 
     Parameters
     ----------
@@ -55,6 +60,9 @@ def follow_source(
         File of the skin, as `smoskin.load_estimator` reads it.
     model, site : path and str
         MuJoCo model of the arm, and its site at the skin's middle.
+    robot : str, optional
+        A real arm that the model is of, ``xarm:HOST``; by default the model itself is simulated. It
+        moves only while Enter is held.
     limits : Limits, optional
         What the arm may do.
     seconds : float, optional
@@ -67,9 +75,9 @@ def follow_source(
     Raises
     ------
     ArgumentError
-        If no design is known.
+        If no design is known, or the robot is none.
     SourceError
-        If the source cannot be opened or falls silent.
+        If the source cannot be opened or falls silent, or the robot refuses.
     ModelError
         If the calibration or the arm's model cannot be read or fits no such skin.
     MissingExtraError
@@ -88,11 +96,15 @@ def follow_source(
         skin = source.design if design is None else design
         if skin is None:
             raise ArgumentError(f"design must be given: {url} does not name it")
-        arm = SimulatedArm(skin, time.monotonic, model=model, site=site)
-        driver = Driver(arm, Follow(arm.chain, skin, limits), on_command=tell)
-        stack.enter_context(driver)
-        own = ClosedFormEstimator(skin) if calibration is None else None
-        inner: Estimator = own or load_estimator(calibration or "", skin)
+        simulated = SimulatedArm(skin, time.monotonic, model=model, site=site)
+        holding = Holding()
+        arm = simulated if robot is None else _robot(robot, simulated.chain)
+        held = (lambda: True) if robot is None else holding
+        follow = Follow(arm.chain, skin, limits)
+        driver = stack.enter_context(Driver(arm, follow, on_command=tell, held=held))
+        inner: Estimator = (
+            ClosedFormEstimator(skin) if calibration is None else load_estimator(calibration, skin)
+        )
         estimator = ZeroFirst(PosedEstimator(inner, skin, lambda: driver.turn))
         loop = stack.enter_context(Loop(source, estimator, sinks=(driver,)))
         driver.look()
@@ -103,10 +115,18 @@ def follow_source(
             for word in _said(words):
                 if word == "quit":
                     return loop.counters
-                _obey(driver, word, say)
+                _obey(driver, holding, word, say)
             if seconds is not None and estimate.time - first >= seconds:
                 break
         return loop.counters
+
+
+def _robot(name: str, chain: Chain) -> Arm:
+    """A real arm by the name of its kind and its address."""
+    kind, _, host = name.partition(":")
+    if kind != "xarm" or not host:
+        raise ArgumentError(f"robot must be xarm:HOST; got {name!r}")
+    return XArm(host, chain)
 
 
 def _said(words: "queue.Queue[str] | None") -> Iterator[str]:
@@ -115,9 +135,9 @@ def _said(words: "queue.Queue[str] | None") -> Iterator[str]:
         yield words.get().strip().lower()
 
 
-def _obey(driver: Driver, word: str, say: Callable[[str], object]) -> None:
+def _obey(driver: Driver, holding: Holding, word: str, say: Callable[[str], object]) -> None:
     """Do what was said, or say why not."""
-    doing = {"arm": driver.arm, "disarm": driver.disarm, "reset": driver.reset}
+    doing = {"arm": driver.arm, "disarm": driver.disarm, "reset": driver.reset, "": holding.sign}
     if word not in doing:
         say(f"Say one of {', '.join(WORDS)}; got {word!r}")
         return
