@@ -239,13 +239,10 @@ def test_chips_at_another_setting_are_told_or_waited_for(planar: SkinDesign) -> 
         assert numbers([source.read(LONG) for _ in range(5)], planar) == [5, 6, 7, 8, 9]
 
 
-def test_readings_that_nobody_asks_for_are_dropped_and_counted(
-    planar: SkinDesign, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from smoskin.hardware import serial
-
-    monkeypatch.setattr(serial, "_KEPT", 20)
+def test_readings_that_nobody_asks_for_are_dropped_and_counted(planar: SkinDesign) -> None:
     with Line() as line, SerialSource(line.port, design=planar) as source:
+        assert source.room == 10_000
+        source.room = 20
         for start in range(0, 100, 10):
             line.send(b"".join(frames(planar, 10, start)))
             time.sleep(0.02)

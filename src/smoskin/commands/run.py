@@ -36,6 +36,8 @@ from smoskin.service.source import TwinSource, open_source
 
 _ATTACHED: Final = 1 << 28
 """Bytes of a calibration that a recording takes along, at most."""
+_BACKLOG: Final = 100
+"""Readings of a board that may wait to be estimated; then the oldest are dropped, and counted."""
 _PATIENCE: Final = 10.0
 """s that a recording of what can wait waits for the disk."""
 _DRIFT_EVERY: Final = 25
@@ -167,7 +169,7 @@ class Watch(Resource):
         with ExitStack() as stack:
             if str(url).startswith("twin:"):
                 say(f"Making the skin of {url}.")
-            self._source = stack.enter_context(open_source(url))
+            self._source = stack.enter_context(_live(open_source(url)))
             self._played = self._source if isinstance(self._source, ReplaySource) else None
             if self._damage:
                 say(self._damage)
@@ -375,6 +377,13 @@ def _make_room(record: str | os.PathLike[str], source: Source) -> None:
             f"record must be another file than the one that is played; got {record}"
         )
     os.unlink(record)
+
+
+def _live(source: Source) -> Source:
+    """A source whose readings are not kept until they are old where estimating is too slow."""
+    if isinstance(source, SerialSource):
+        source.room = _BACKLOG
+    return source
 
 
 def _recorder_of(

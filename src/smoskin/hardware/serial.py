@@ -31,7 +31,7 @@ _OWN_BAUD: Final[Mapping[str, int]] = {"eflesh": 921_600}
 _LATE: Final = 20e-3
 """Seconds behind the least delayed frames from which a frame is late."""
 _KEPT: Final = 10_000
-"""Readings that wait for whoever reads, at most; older ones are dropped and counted."""
+"""Readings that wait for whoever reads, if nobody says otherwise; older ones are dropped."""
 _LOOK: Final = 0.1
 """Seconds after which the reading thread looks whether it is to end."""
 _AGAIN: Final = 0.25
@@ -133,6 +133,8 @@ class SerialSource(Source):
         self.decoder = decoder_of(format, self._chips)
         """Decoder of the line, with its counters and what the board has said of itself."""
         self._clock = BoardClock()
+        self.room = _KEPT
+        """Readings that may wait; who wants the newest rather than all of them allows fewer."""
         self._ready: deque[Reading] = deque()
         self._changed = threading.Condition()
         self._closing = threading.Event()
@@ -273,7 +275,7 @@ class SerialSource(Source):
             self._arrived = arrival
             with self._changed:
                 self._ready.extend(readings)
-                while len(self._ready) > _KEPT:
+                while len(self._ready) > self.room:
                     self._ready.popleft()
                     self._dropped += 1
                 self._changed.notify_all()
