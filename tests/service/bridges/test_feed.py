@@ -8,6 +8,7 @@ import re
 import socket
 import threading
 import time
+import weakref
 from collections.abc import Iterator
 from http.client import HTTPConnection
 from pathlib import Path
@@ -220,6 +221,29 @@ def test_what_is_not_understood_is_refused_in_a_sentence(feed, message):
         assert re.search("left|zero", answer["sentence"])
         client.send('{"type": "zero", "skin": "left"}')
         assert told(client)["type"] == "done"
+
+
+def test_a_skin_that_is_closed_is_gone_and_let_go(feed):
+    class Loop:
+        def zero(self) -> None: ...
+
+    loop = Loop()
+    held = weakref.ref(loop)
+    sink = feed.add("left", 3, zero=loop.zero)
+    feed.add("right", 3, zero=lambda: None)
+    del loop
+    sink.close()
+    gc.collect()
+    assert held() is None
+    with connect(bare(feed), open_timeout=10.0) as client:
+        assert [skin["skin"] for skin in told(client)["skins"]] == ["right"]
+        client.send('{"type": "zero", "skin": "left"}')
+        assert told(client)["sentence"].endswith("one of: right")
+    again = feed.add("left", 3)
+    sink.close()
+    with pytest.raises(ArgumentError, match="'left' again"):
+        feed.add("left", 3)
+    again.close()
 
 
 def test_an_oversized_message_ends_its_connection_alone(feed):

@@ -175,6 +175,10 @@ class Feed(Resource):
         self._skins[name] = _Skin(hello, zero, counters)
         return _FeedSink(self, name, chips)
 
+    def remove(self, name: str) -> None:
+        """Take a skin away, whose name is then free again."""
+        self._skins.pop(name, None)
+
     def close(self) -> None:
         """End the connections and the server; any number of times."""
         if self._closed:
@@ -258,7 +262,7 @@ class Feed(Resource):
         # What the system holds for a slow client grows old there.
         wire.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _HELD)
         client = _Client(_period(connection.request.path))
-        skins = [skin.hello for skin in self._skins.values()]
+        skins = [skin.hello for skin in list(self._skins.values())]
         sender = asyncio.create_task(_quietly(_send(connection, client)))
         try:
             await connection.send(
@@ -281,7 +285,7 @@ class Feed(Resource):
             kind, name = message["type"], message["skin"]
             skin = self._skins[name]
         except (ValueError, TypeError, LookupError, RecursionError):
-            names = ", ".join(self._skins)
+            names = ", ".join(list(self._skins))
             return _error(f'a message must be JSON with "type" and "skin", one of: {names}')
         if kind == "zero" and skin.zero is not None:
             skin.zero()
@@ -300,7 +304,7 @@ class _FeedSink(Sink):
 
     def __init__(self, feed: Feed, name: str, chips: int) -> None:
         self._feed, self._name, self._chips = feed, name, chips
-        self._sequence = 0
+        self._sequence, self._closed = 0, False
 
     @property
     def dropped(self) -> int:
@@ -334,7 +338,10 @@ class _FeedSink(Sink):
         self._feed.publish(self._name, message)
 
     def close(self) -> None:
-        """Nothing: the feed goes on for the other skins."""
+        """Take the skin away; the feed goes on for the others, and holds nothing of this one."""
+        if not self._closed:
+            self._closed = True
+            self._feed.remove(self._name)
 
 
 async def _send(connection: "ServerConnection", client: _Client) -> None:
