@@ -127,6 +127,7 @@ def test_what_cannot_be_seen_is_refused_in_one_sentence(tmp_path):
     assert done.exit_code == 1
 
 
+@pytest.mark.slow
 def test_what_reads_a_skin_is_tried_on_a_virtual_one_of_its_design(tmp_path):
     pytest.importorskip("viser")
     pytest.importorskip("safetensors")

@@ -2,7 +2,10 @@
 
 import gzip
 import logging
+import os
 import socket
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import nullcontext
 from http.client import HTTPConnection
@@ -133,6 +136,43 @@ def test_junk_is_one_line_of_the_log_each(
     assert len(records) >= 3
     assert all(record.exc_info is None and "\n" not in record.getMessage() for record in records)
     assert get(port, f"/?token={token}")[0] == 200
+
+
+def test_ten_visitors_come_and_go_and_leave_nothing(view: View, port: int, token: str) -> None:
+    import viser
+
+    def visit() -> None:
+        connections = [
+            sockets.connect(
+                f"ws://127.0.0.1:{port}/?token={token}",
+                origin=f"http://127.0.0.1:{port}",
+                subprotocols=[f"viser-v{viser.__version__}"],
+            )
+            for _ in range(10)
+        ]
+        for connection in connections:
+            connection.recv(timeout=10.0)
+        assert len(view._server.get_clients()) <= 10
+        for connection in connections:
+            connection.close()
+        end = time.monotonic() + 10.0
+        while view._server.get_clients() and time.monotonic() < end:
+            time.sleep(0.02)
+        assert not view._server.get_clients()
+
+    def left() -> tuple[int, int]:
+        return threading.active_count(), len(os.listdir("/proc/self/fd"))
+
+    visit()  # pools of threads are made once
+    before = left()
+    visit()
+    visit()
+    end = time.monotonic() + 10.0
+    while left() > before and time.monotonic() < end:
+        time.sleep(0.05)
+    threads, files = left()
+    assert threads <= before[0]
+    assert files <= before[1]
 
 
 def test_a_viewer_that_passes_the_guard_by_is_not_served(monkeypatch: pytest.MonkeyPatch) -> None:
