@@ -139,7 +139,7 @@ def test_the_skin_is_pressed_while_the_button_is_held() -> None:
         # The right button sets a finger that stays beside the left one, until it is pressed again.
         presses.clear()
         go(SKIN.tops[1, 1])
-        mouse.click(*pixels(np.array([*SKIN.tops[1, 1], top]), canvas), button="right", delay=300)
+        mouse.click(*pixels(np.array([*SKIN.tops[1, 1], top]), canvas), button="right", delay=1000)
         opened.wait_until(lambda: presses)
         go(SKIN.tops[4, 4])
         mouse.down()
@@ -147,7 +147,7 @@ def test_the_skin_is_pressed_while_the_button_is_held() -> None:
         assert {contact.position[0] > 0.06 for contact in presses[-1]} == {True, False}
         mouse.up()
         opened.wait_until(lambda: len(presses[-1]) == 1)
-        mouse.click(*pixels(np.array([*SKIN.tops[4, 4], top]), canvas), button="right", delay=300)
+        mouse.click(*pixels(np.array([*SKIN.tops[4, 4], top]), canvas), button="right", delay=1000)
         opened.wait_until(lambda: presses[-1] == ())
 
         # Beside the sheet a drag turns the picture, and back again, and presses nothing.
