@@ -18,6 +18,9 @@ os.environ.setdefault(
 )
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")
 
+collect_ignore = ["ros_listener.py", "ros_publisher.py"]
+"""Programs that tests run by the Python of ROS."""
+
 
 @pytest.fixture(scope="session")
 def planar() -> SkinDesign:

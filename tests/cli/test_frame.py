@@ -22,7 +22,7 @@ def test_every_command_stands_in_one_group():
     commands = get_command(app)
     assert isinstance(commands, GroupedCommands)
     assert set(commands.commands) <= set(names)
-    assert commands.list_commands(None)[:3] == ["demo", "run", "info"]
+    assert commands.list_commands(None)[:3] == ["demo", "run", "view"]
 
 
 def test_a_command_in_no_group_is_listed_all_the_same():

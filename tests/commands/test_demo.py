@@ -132,6 +132,7 @@ def test_readers_change_and_keep_the_zero(planar):
     assert readers.step(twin.read(time=0.0)).status is Status.NOT_CALIBRATED
 
 
+@pytest.mark.slow
 @pytest.mark.browser
 def test_the_page_shows_rig_and_press_and_changes_the_estimator(planar, monkeypatch, tmp_path):
     """The whole chain: rig, hand, twin, chips, estimator, page; its picture is the README's."""

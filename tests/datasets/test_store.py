@@ -77,6 +77,7 @@ def test_a_killed_worker_changes_nothing(planar, tmp_path, unbroken):
     assert len(work.begun(tmp_path / "begun")) == SMALL.chunks + 1
 
 
+@pytest.mark.slow
 def test_a_cluster_with_a_killed_worker_writes_the_same(planar, tmp_path, unbroken):
     pytest.importorskip("distributed")
 

@@ -204,6 +204,7 @@ def test_what_cannot_be_imported_is_killed(project):
     assert judgement.outcome == "killed"
 
 
+@pytest.mark.slow
 def test_tests_that_do_not_end_are_ended(project):
     slow = "import time\n\n\ndef test_half():\n    time.sleep(60)\n"
     (project / "tests/room/test_half.py").write_text(slow, encoding="utf-8")

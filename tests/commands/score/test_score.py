@@ -194,6 +194,7 @@ def test_the_same_exam_gives_the_same_json(skin):
     assert straight["confidence"][0]["stated"] == 0.05
 
 
+@pytest.mark.slow
 def test_figures_are_written_the_same_every_time(skin, sheet, tmp_path):
     pytest.importorskip("matplotlib")
     from smoskin.commands.score.plates import score_plates

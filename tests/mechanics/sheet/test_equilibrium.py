@@ -117,6 +117,7 @@ def test_a_start_near_the_answer_saves_steps(sheet, cases):
     np.testing.assert_array_equal(sheet.press(cases, start=lost).displacements, cold.displacements)
 
 
+@pytest.mark.slow
 def test_a_touch_lighter_than_rounding_is_solved_as_quickly(sheet):
     touches = Touches(
         position=np.full((3, 1, 2), 0.03), force=[[[0, 0, -f]] for f in (1e-17, 1e-9, 0.1)]
@@ -169,6 +170,7 @@ def test_the_rigid_limit_is_the_closed_form(planar, count, expected):
         assert force / sunk == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sticks", [False, True])
 def test_one_cell_of_rigid_panels_folds_as_its_one_degree_of_freedom_says(planar, sticks):
     """S1's motion exactly, the least energy over fold angle, place and pose, by SciPy."""

@@ -206,6 +206,7 @@ def test_a_mirror_across_the_limb_mirrors_the_answer(small, sheet):
     np.testing.assert_allclose(one.board, other.board * [-1, 1, 1, 1, -1, -1], atol=10 * atol)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("grip", [None, Sliding(friction=0.3), Frictionless()])
 def test_derivatives_are_those_of_presses_on_either_side(small, grip):
     model, cases = BarHinge(small, grip=grip), some(small, 2, seed=3)

@@ -143,6 +143,7 @@ def test_a_rigid_sheet_on_rigid_columns_is_the_reduced_model(planar):
     assert np.linalg.norm(left) < 0.01 * np.linalg.norm(theory)
 
 
+@pytest.mark.slow
 def test_unit_presses_are_linear_and_have_the_sheets_mirror(planar):
     pytest.importorskip("jax")
     from smoskin.mechanics.sheet.model import BarHinge

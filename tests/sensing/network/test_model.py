@@ -210,6 +210,7 @@ def zeroed(skin, model):
     return estimator
 
 
+@pytest.mark.slow
 def test_it_tells_touches_from_none(skin):
     twin = ReducedTwin(skin, seed=3)
     said = NetworkEstimator(skin, tiny_network(skin), creep=ELASTIC)

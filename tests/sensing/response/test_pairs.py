@@ -47,6 +47,7 @@ def test_how_the_sheet_gives_way_is_reciprocal(grip):
     assert np.linalg.eigvalsh(sideways).min() > 0
 
 
+@pytest.mark.slow
 def test_touches_of_the_whole_sheet_drag_each_other_so(skin, grip):
     sheet = BarHinge(skin)
     light = 1e-3 * PRESS

@@ -299,6 +299,7 @@ def test_from_its_zero_on_the_skin_has_rested(planar, twin, begin):
         np.testing.assert_allclose(found.values, expected.values, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_stated_noise_is_that_of_readings(planar):
     """Covariance of each chip's signals, whose temperatures round like everybody's."""
     twin, seen = ReducedTwin(planar, seed=4), Signals(planar)

@@ -92,6 +92,7 @@ def test_the_page_shows_what_it_is_told() -> None:
         assert over.inner_text().strip() == "The demonstration is over: 24 touches, 0.3 mm."
 
 
+@pytest.mark.slow
 @pytest.mark.browser
 def test_the_skin_is_pressed_while_the_button_is_held() -> None:
     presses: list[tuple[Contact, ...]] = []
