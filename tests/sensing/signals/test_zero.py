@@ -179,7 +179,7 @@ def test_a_zero_goes_on_under_a_touch_as_it_went(planar):
         zero.step(0.1 * k, 4.9 * speed + touch)
     farther = zero.offset / speed - 4.9
     assert (farther > 3.0).all()
-    assert (farther < 9.0).all()
+    assert (farther < 6.0).all()
     there = zero.offset
     zero.step(120.0, 4.9 * speed + touch)
     np.testing.assert_allclose(zero.offset, there, rtol=1e-4)
@@ -346,14 +346,14 @@ def test_after_a_day_without_readings_the_zero_does_not_leap():
 
 @pytest.mark.parametrize(("touched", "unnoticed"), [(0.02, 0.02), (0.3, 0.3), (3.0, 1.0)])
 def test_a_turn_under_a_touch_began_after_the_last_idle_reading(planar, touched, unnoticed):
-    """Accelerations of 0.05 rad/s^2 since then, for a second at most: half of their square."""
+    """Accelerations of 0.08 rad/s^2 since then, for a second at most: half of their square."""
     zero = turned(planar)
     assert zero.step(1.0, np.zeros(9))
     assert not zero.step(1.0 + touched, np.full(9, 1e-3) * (-1.0) ** np.arange(9))
     begun, whole = zero.stirred - zero.covariance, turning(planar).whole
     angle = np.sqrt(begun[0, 0] / whole[0, 0])
     np.testing.assert_allclose(begun, angle**2 * whole, rtol=1e-6, atol=1e-18)
-    assert angle == pytest.approx(0.05 * unnoticed**2 / 2, rel=0.2)
+    assert angle == pytest.approx(0.08 * unnoticed**2 / 2, rel=0.2)
 
 
 def on_an_arm(planar, arm=True) -> Zero:

@@ -13,9 +13,9 @@ from smoskin.arrays import Floats
 
 _LASTS: Final = 3.0
 """Time constant with which a speed is lost, s."""
-_STEADY: Final = 6.0
+_STEADY: Final = 2.0
 """Time constant with which an acceleration is lost, s."""
-ACCELERATION: Final = 0.05
+ACCELERATION: Final = 0.08
 """Standard deviation of the acceleration of a skin that turns, rad/s^2."""
 _NODES, _WEIGHTS = (part / 2 for part in np.polynomial.legendre.leggauss(5))
 _NODES = _NODES + 0.5

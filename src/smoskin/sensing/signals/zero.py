@@ -19,7 +19,7 @@ from smoskin.sensing.signals.turning import Turning
 
 _CALM: Final = 0.8
 """Share of an idle reading's limit past which a turn is looked for."""
-_JERK: Final = 0.4**2
+_JERK: Final = 0.8**2
 """Power of accelerations with which a turn starts or stops, rad^2/s^3."""
 _JERKS: Final = (0.1, 0.3)
 """Shortest and longest time for which they may have lasted unnoticed, s."""
