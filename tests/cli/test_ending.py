@@ -150,6 +150,21 @@ def test_a_signal_ends_the_work_with_a_sentence(number, said):
     assert stopped(WORK, number) == (128 + number, "", said)
 
 
+MASKED = """
+    def work():
+        try:
+            print("works", flush=True)
+            time.sleep(20)
+        except KeyboardInterrupt as stop:
+            raise TypeError("compiled code makes its own error of it") from stop
+    sys.exit(run_to_end(work))
+"""
+
+
+def test_an_error_that_compiled_code_makes_of_a_signal_is_no_bug():
+    assert stopped(MASKED, signal.SIGTERM) == (143, "", "Stopped by SIGTERM.\n")
+
+
 COMPILER = """
     compiler = {"__name__": "jax._src.compiler", "print": print, "time": time}
     exec('''def compile():

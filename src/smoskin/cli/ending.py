@@ -112,21 +112,35 @@ def _code_of(work: Callable[[], object]) -> object:
             _say(end.code)
             return 1
         return end.code
-    except SmoskinError as error:
-        _say(f"error: {error}")
-        return 1
-    except BrokenPipeError:
-        return 1
-    except OSError as error:  # an output that cannot be written: readers refuse their inputs
-        where = f"{error.filename}: " if error.filename else ""
-        _say(f"error: {one_line(f'{where}{error.strerror or error}')}")
-        return 1
     except KeyboardInterrupt:
         return 128 + signal.SIGINT
     except Exception as error:
-        _say(_bug(error))
-        return _BUG
+        return 0 if _of_signal(error) else _code_of_error(error)
     return 0
+
+
+def _code_of_error(error: Exception) -> int:
+    """The exit code of an error, which is said."""
+    if isinstance(error, SmoskinError):
+        _say(f"error: {error}")
+        return 1
+    if isinstance(error, BrokenPipeError):
+        return 1
+    if isinstance(error, OSError):  # an output that cannot be written: readers refuse their inputs
+        where = f"{error.filename}: " if error.filename else ""
+        _say(f"error: {one_line(f'{where}{error.strerror or error}')}")
+        return 1
+    _say(_bug(error))
+    return _BUG
+
+
+def _of_signal(error: BaseException | None) -> bool:
+    """Whether a signal lies at its root: compiled code makes errors of its own of one."""
+    return error is not None and (
+        isinstance(error, Interrupted)
+        or _of_signal(error.__cause__)
+        or _of_signal(error.__context__)
+    )
 
 
 def _bug(error: Exception) -> str:
