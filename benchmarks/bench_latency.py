@@ -72,8 +72,8 @@ def run(runners: Sequence[Runner], unit: Callable[[], object]) -> dict[str, list
     return taken
 
 
-def moving_pairs(twin: Twin, rng: np.random.Generator, count: int) -> Sequence[Reading]:
-    """A stream of 100 Hz: one touch, then another for 0.8 s, both of which slide and waver."""
+def moving(twin: Twin, rng: np.random.Generator, count: int, most: int) -> Sequence[Reading]:
+    """A stream of 100 Hz: one touch, then as many for 0.8 s, all of which slide and waver."""
     period, extent = 0.01, geometry(twin.design).extent
     time = period * np.arange(100)
     # Nothing, one touch, both, one, nothing.
@@ -86,7 +86,7 @@ def moving_pairs(twin: Twin, rng: np.random.Generator, count: int) -> Sequence[R
         force = np.zeros((len(time), 2, 3))
         wave = np.sin(time[:, None] * rng.uniform(2, 6, 2))
         force[..., 2] = -rng.uniform(0.3, 0.8, 2) * (1 + 0.2 * wave)
-        for some, touches in zip(rows, (0, 1, 2, 1, 0), strict=True):
+        for some, touches in zip(rows, (0, 1, most, 1, 0), strict=True):
             where = Touches(position=position[some, :touches], force=force[some, :touches])
             motions.append(twin.motions(where) if touches else rest[: len(some)])
         steps += [period] * len(time)
@@ -129,7 +129,7 @@ def main() -> None:
             ("pairs", pair_session(twin, rng, asked.touches // 5)),
         )
     }
-    said["moving"] = moving_pairs(twin, rng, asked.touches // 30)
+    said |= {f"moving {k}": moving(twin, rng, asked.touches // 30, k) for k in (1, 2)}
     six, nine = (calibrated(table, twin, chips) for chips in ((1, 2), (0, 1, 2)))
     free, none = TouchPriors(), TouchPriors(drag_spread=0.0)
     cases = [
@@ -137,7 +137,8 @@ def main() -> None:
         ("one straight touch, 2 chips", six, none, "straight", 1),
         ("one straight touch, 3 chips", nine, none, "straight", 1),
         ("one dragged touch, 3 chips", nine, free, "dragged", 1),
-        ("two touches at 100 Hz, 3 chips", nine, none, "moving", 2),
+        ("one touch at 100 Hz, 3 chips", nine, none, "moving 1", 1),
+        ("two touches at 100 Hz, 3 chips", nine, none, "moving 2", 2),
         ("two touches, seldom read", nine, none, "pairs", 2),
     ]
     runners = []

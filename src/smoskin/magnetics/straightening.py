@@ -17,8 +17,8 @@ _STROKE: Final = 3e-3
 """Largest motion along an axis, m."""
 _STEPS: Final = 8
 """Most Newton steps."""
-_LAST: Final = 1e-7
-"""Length, m, of a step whose error is below a picometre, as each squares that of the one before."""
+_LAST: Final = 1e-6
+"""Length, m, of a step whose error is below a nanometre, as each squares that of the one before."""
 
 
 class Straightening:
@@ -39,7 +39,7 @@ class Straightening:
         magnets = [design.magnet(site.magnet) for site in design.halls]
         self._magnets = point_charges(magnets)
         designed = geometry(design).rest
-        moved, found = self._motions(designed, rest[None])
+        moved, found = self._motions(designed, rest[None], np.zeros((1, *rest.shape)))
         self._place = np.where(found[0], designed + moved[0], designed)
         self._rest, self._slope = self._field(self._place)
         self._inverse = np.linalg.inv(self._slope)
@@ -52,7 +52,8 @@ class Straightening:
     def straightened(self, signals: Floats) -> Floats:
         """Linear signals x of signals s; both of shape (..., 3 S) or (..., S, 3), T."""
         rows = signals.reshape(-1, *self._rest.shape)
-        moved, found = self._motions(self._place, self._rest + rows)
+        first = (self._inverse @ rows[..., None])[..., 0]
+        moved, found = self._motions(self._place, self._rest + rows, first)
         linear = (self._slope @ moved[..., None])[..., 0]
         return np.asarray(np.where(found, linear, rows).reshape(signals.shape))
 
@@ -68,13 +69,16 @@ class Straightening:
         """Field and slope at chips' places against their magnets, (..., S, 3)."""
         return charge_field_and_gradient(*self._magnets, places)
 
-    def _motions(self, start: Floats, fields: Floats) -> tuple[Floats, Bools]:
-        """Motions from places (S, 3) to where fields (T, S, 3) are, m, and whether they are."""
-        moved = np.zeros_like(fields)
+    def _motions(self, start: Floats, fields: Floats, moved: Floats) -> tuple[Floats, Bools]:
+        """Motions from places (S, 3) to where fields (T, S, 3) are, m, and whether they are.
+
+        The search begins at motions that are near already.
+        """
+        moved = np.minimum(np.maximum(moved, -_STROKE), _STROKE)
         for _ in range(_STEPS):
             field, slope = self._field(start + moved)
             step = np.linalg.solve(slope, (fields - field)[..., None])[..., 0]
-            moved = np.clip(moved + step, -_STROKE, _STROKE)
+            moved = np.minimum(np.maximum(moved + step, -_STROKE), _STROKE)
             settled = np.abs(step).max(axis=-1, keepdims=True) < _LAST
             if settled.all():
                 break

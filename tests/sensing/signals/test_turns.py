@@ -142,14 +142,14 @@ def test_a_zero_is_believed_up_to_six_radians_past_its_bound(planar, noise, whol
 def test_a_skin_touched_from_its_first_reading_may_have_turned_for_a_second(planar, noise, whole):
     touch = np.full(9, 1e-3) * (-1.0) ** np.arange(9)
     zero = zero_of(planar, noise)
-    np.testing.assert_array_equal(zero.stirred, zero.covariance)  # no reading, no time to turn in
+    assert not zero.turned.any()  # no reading, no time to turn in
     for _ in range(2):  # and so again where its clock starts anew
         assert not zero.step(5.0, touch)
-        begun = zero.stirred - zero.covariance
+        begun = zero.turned
         np.testing.assert_allclose(begun, turned_for(1.0) * whole, rtol=1e-6, atol=1e-18)
         assert zero.step(5.1, np.zeros(9))
         assert not zero.step(5.2, touch)
-        begun = zero.stirred - zero.covariance
+        begun = zero.turned
         np.testing.assert_allclose(begun, turned_for(0.1) * whole, rtol=1e-3, atol=1e-16)
         zero.rest()
 

@@ -350,7 +350,7 @@ def test_a_turn_under_a_touch_began_after_the_last_idle_reading(planar, touched,
     zero = turned(planar)
     assert zero.step(1.0, np.zeros(9))
     assert not zero.step(1.0 + touched, np.full(9, 1e-3) * (-1.0) ** np.arange(9))
-    begun, whole = zero.stirred - zero.covariance, turning(planar).whole
+    begun, whole = zero.turned, turning(planar).whole
     angle = np.sqrt(begun[0, 0] / whole[0, 0])
     np.testing.assert_allclose(begun, angle**2 * whole, rtol=1e-6, atol=1e-18)
     assert angle == pytest.approx(0.08 * unnoticed**2 / 2, rel=0.2)

@@ -162,14 +162,14 @@ class BayesEstimator(SignalEstimator):
         """One touch, of a skin that turns or two where one fits badly and these are likelier."""
         count, solver = self.table.count, self._solver
         zero, amiss = self._signals.followed, self._signals.bent_amiss(signals)
-        turn = zero.stirred - zero.covariance
-        solver.add_noise(zero.covariance + amiss)
+        still = zero.covariance + amiss
+        solver.add_noise(still)
         rival = self._rival
         goes_on = rival is not None and rival.still_misfits(time, signals)
         two = None
         if goes_on:
             two = self._follow("two", time, signals, self._leads, self._standing(time))
-        if rival and two and two.evidence > rival.at_best(signals, turn):
+        if rival and two and two.evidence > rival.at_best(signals, zero.turned):
             return two
         before, self._leads = self._leads, {}
         one = best = self._follow("one", time, signals, before)
@@ -180,11 +180,11 @@ class BayesEstimator(SignalEstimator):
         elif self._priors.chances[2] > 0:
             two = self._follow("two", time, signals, before, self._standing(time))
         self._rival = rival = Rival(time, signals, solver.whitener(one), one)
-        if two and two.evidence > rival.at_best(signals, turn):
+        if two and two.evidence > rival.at_best(signals, zero.turned):
             return two
         turned = False
         if one.misfit > _STIRRED * count:
-            solver.add_noise(zero.covariance + turn + amiss)
+            solver.add_noise(still + zero.turned)
             other = self._follow("turned", time, signals, before)
             if other.evidence + _TURNS > one.evidence:
                 best, turned = other, True

@@ -186,8 +186,11 @@ def _line(x: Floats, lines: Floats, radius: float) -> tuple[Floats, Floats]:
 def mean_ramps(u: Floats) -> Floats:
     """Mean of max(u + t, 0) over the coordinate t of a disc of radius 1, and its slope."""
     # A disc's coordinate has the density (2 / pi) sqrt(1 - t^2).
-    inside = np.clip(u, -1.0, 1.0)
-    root = np.sqrt(1 - inside * inside)
-    angle = np.arcsin(inside)
-    mean = inside / 2 + (inside * angle + root - root**3 / 3) / np.pi
-    return np.stack([mean + np.maximum(u - 1, 0), 0.5 + (inside * root + angle) / np.pi])
+    inside = np.minimum(np.maximum(u, -1.0), 1.0)
+    square = 1 - inside * inside
+    root, angle = np.sqrt(square), np.arcsin(inside)
+    out = np.empty((2, *u.shape))
+    out[0] = inside / 2 + (inside * angle + root - root * square / 3) / np.pi
+    out[0] += np.maximum(u - 1, 0.0)
+    out[1] = 0.5 + (inside * root + angle) / np.pi
+    return out

@@ -136,7 +136,9 @@ class PointWindows:
         self.width = width = min(within + 2, max(2, *self._counts))
         """Number of vertices along an axis."""
         self._last = np.maximum(np.array(self._counts) - width, 0)
-        self._lines = lines
+        self._starts = np.full((2, max(self._counts)), np.inf)
+        for axis, line in enumerate(lines):
+            self._starts[axis, : len(line)] = line + basis.radius
         # No ramp begins at a line's last vertex, none rises past it.
         size = max(*self._counts, width)
         self._begins = np.full((2, size), _FAR)
@@ -151,11 +153,8 @@ class PointWindows:
 
         They are shares and products of neighbours in turn, with their slopes, (T, 2, 2, 2 w - 1).
         """
-        before = [
-            np.searchsorted(line, place[:, axis] - self._radius, "right") - 1
-            for axis, line in enumerate(self._lines)
-        ]
-        first = np.minimum(np.maximum(np.stack(before, axis=1), 0), self._last)
+        passed = np.add.reduce(self._starts <= place[..., None], axis=-1)
+        first = np.minimum(np.maximum(passed - 1, 0), self._last)
         at = first[..., None] + self._steps
         away = place[..., None] - self._begins[self._axes, at]
         # The first of a window is straight already, or carries on as a lever; its last has not
@@ -165,9 +164,8 @@ class PointWindows:
         if self.width > 2:
             inner = mean_ramps(away[..., 1:-1] / self._radius)
             ramps[:, :, 0, 1:-1], ramps[:, :, 1, 1:-1] = self._radius * inner[0], inner[1]
-        rise = (ramps[..., :-1] - ramps[..., 1:]) / self._pitch[self._axes, at[..., :-1]][
-            :, :, None
-        ]
+        rise = ramps[..., :-1] - ramps[..., 1:]
+        rise /= self._pitch[self._axes, at[..., :-1]][:, :, None]
         out = np.zeros((len(place), 2, 2, 2 * self.width - 1))
         shares = out[..., ::2]
         shares[:, :, 0, 0] = 1.0

@@ -259,9 +259,9 @@ class Zero:
         self._steady: _Steady | None = None
 
     @property
-    def stirred(self) -> Floats:
-        """The same of a skin that has just begun to turn under what touches it."""
-        return self.covariance + self._begun().zero - self._course.zero
+    def turned(self) -> Floats:
+        """What a turn that has just begun, under what touches the skin, adds to it."""
+        return self._begun().zero - self._course.zero
 
     def stir(self) -> None:
         """Take the skin to have just begun to turn."""
