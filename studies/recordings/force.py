@@ -11,8 +11,9 @@ from typing import Final
 import numpy as np
 
 from smoskin.arrays import Bools
+from smoskin.sensing.learned.courses import memories
 from smoskin.sensing.learned.gaussian_process import Output
-from smoskin.sensing.learned.inputs import Encoding, Form, Past
+from smoskin.sensing.learned.inputs import Encoding
 from smoskin.sensing.learned.training import Examples
 from studies.recordings.eflesh import ProbeRun
 from studies.recordings.scores import Score
@@ -20,8 +21,6 @@ from studies.recordings.trial import Trial, joined
 
 _BLOCKS: Final = 10
 """Parts of a run that count as groups, about a load cycle each."""
-_FLOOR: Final = 100e-6
-"""T: what is left of a field between two loads has no direction worth learning."""
 _TARGET: Final = 0.5
 """N, of normal force on another run."""
 
@@ -32,7 +31,7 @@ def score_force(trial: Trial, runs: Sequence[ProbeRun]) -> Iterator[Score]:
     name = runs[0].set
     if len(runs) == 1:
         trial.notes.append(f"{name}: one run; not judged on another")
-    encodings = _encodings(examples.field.shape[1])
+    encodings = memories(range(examples.field.shape[1]))
     tests = list(_tests(runs, examples))
     for k, (test, words, trained, judged) in enumerate(tests):
         trial.report(f"{name}, {test}", k / len(tests))
@@ -70,23 +69,6 @@ def _tests(runs: Sequence[ProbeRun], examples: Examples) -> Iterator[tuple[str, 
         late = this & (examples.group % _BLOCKS >= _BLOCKS - _BLOCKS // 5)
         words = f"trained on the first four fifths of {run.name}, judged on the last"
         yield "last fifth", words, this & ~late, late
-
-
-def _encodings(chips: int) -> tuple[Encoding, ...]:
-    """What a force model may be fed, from the plainest on."""
-    used = tuple(range(chips))
-    plain = [Encoding(chips=used, time_constants=times) for times in ((), (3.0,))]
-    relative = [
-        Encoding(
-            chips=used,
-            form=Form.DIRECTION,
-            time_constants=times,
-            past=Past.STRENGTH,
-            floor=_FLOOR,
-        )
-        for times in ((), (1.0,), (3.0,), (3.0, 10.0), (3.0, 20.0), (3.0, 60.0))
-    ]
-    return (*plain, *relative)
 
 
 def _described(encoding: Encoding) -> str:

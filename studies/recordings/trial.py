@@ -13,8 +13,8 @@ from smoskin.arrays import Bools, Floats, Ints
 from smoskin.errors import RecordingError
 from smoskin.roles import Progress
 from smoskin.sensing.learned.inputs import Encoding
+from smoskin.sensing.learned.memory import choose_encoding
 from smoskin.sensing.learned.training import Examples, FittingEffort, train_model
-from studies.recordings.encodings import choose_encoding
 
 _QUICK: Final = FittingEffort(rows=2400, evidence_rows=250, iterations=15)
 _MOST_SUBSETS: Final = 60

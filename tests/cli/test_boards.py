@@ -223,7 +223,7 @@ def test_sheets_are_learned_as_asked(monkeypatch, folder, recording):
     words += ["--chips", "0,3", "--test", "three.csv", "--test", "four.csv"]
     done = invoke("learn", *words)
     assert done.stdout.endswith(
-        "inside: 0.9\n6 touches of 2 sheets that were not learned:\nplace_error_mm: 2\n"
+        "inside: 0.9\nthree.csv, four.csv, not learned:\nplace_error_mm: 2\n"
     )
     assert learned.options["chips"] == (0, 3)
     assert judged.asked[0] is model

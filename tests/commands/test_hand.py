@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from smoskin.commands.hand import Hand, judge
+from smoskin.commands.demo.hand import Hand, judge
 from smoskin.errors import ArgumentError
 from smoskin.records import Contact, Estimate, Status
 from smoskin.twin.hand import PERIOD, scripted_hand

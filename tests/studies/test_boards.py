@@ -11,7 +11,8 @@ from smoskin.hardware.serial import SerialSource
 from smoskin.hardware.wire.foreign import AnySkinDecoder, anyskin_frame
 from smoskin.measurement import TouchTable
 from smoskin.records import Estimate, Reading, Status
-from smoskin.sensing.learned.gaussian_process import LearnedEstimator, Output
+from smoskin.sensing.learned.courses import Course, judge_courses, learn_courses
+from smoskin.sensing.learned.gaussian_process import LearnedEstimator, Metric, Output
 from smoskin.sensing.learned.inputs import Encoding, Form, Past
 from smoskin.sensing.learned.touches import learn_touches
 from smoskin.sensing.learned.training import Examples, FittingEffort, train_model
@@ -116,3 +117,33 @@ def test_a_sheet_of_recorded_touches_is_learned_as_well_as_the_recording(
     figures = {metric.name: metric.value for metric in learned.metrics}
     assert figures["mean_error"] < most
     assert 0.85 < figures["inside_90_percent_region"] < 0.95
+
+
+def course_of(run: ProbeRun) -> Course:
+    """A recorded run of load cycles at one place, each with a zero of its own."""
+    force = np.where(np.isnan(run.load), np.nan, np.zeros((3, len(run.time)))).T
+    force[:, 2] = run.load
+    place = np.full((len(run.time), 2), np.nan)
+    return Course(
+        time=run.time - run.time[0], field=run.field_rezeroed, position=place, force=force
+    )
+
+
+def told(metrics: tuple[Metric, ...]) -> dict[str, float]:
+    return {metric.name: metric.value for metric in metrics}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("chips", "most", "fewest"), [(None, (0.34, 0.44), 0.85), ((3, 4), (0.48, 0.60), 0.84)]
+)
+def test_force_is_learned_with_its_past_and_holds_on_another_run(
+    recordings: Path, chips: tuple[int, ...] | None, most: tuple[float, float], fewest: float
+) -> None:
+    runs = [course_of(run) for run in read_eflesh(recordings) if run.set == "normal_force"]
+    for own, other, limit in zip(runs, runs[::-1], most, strict=True):
+        learned = learn_courses([own], chips=chips)
+        figures = told(judge_courses(learned, [other]))
+        assert figures["rmse_fz"] < limit
+        assert fewest < figures["inside_90_percent_range_fz"] < 0.98
+        assert told(learned.metrics)["rmse_fz"] < 0.2

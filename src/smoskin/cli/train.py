@@ -1,7 +1,7 @@
 """Commands that press a twin for a response table, and that train networks on one."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -28,7 +28,7 @@ from smoskin.cli.frame import (
 from smoskin.errors import require
 from smoskin.feasibility import load_design
 from smoskin.outputs import check_output
-from smoskin.sensing.learned.gaussian_process import Metric
+from smoskin.sensing.learned.gaussian_process import LearnedModel, Metric
 from smoskin.sensing.response.table import ResponseTable
 
 
@@ -177,7 +177,11 @@ def train(
 
 
 @app.command(
-    epilog=examples("learn touches.csv --out own.model", "learn monday.csv --test tuesday.csv")
+    epilog=examples(
+        "learn touches.csv --out own.model",
+        "learn monday.csv --test tuesday.csv",
+        "learn campaign.mcap --past",
+    )
 )
 def learn(
     sheets: Annotated[
@@ -194,6 +198,14 @@ def learn(
     test: Annotated[
         list[Path] | None, Option(help="Sheet of touches to judge by and not to learn.")
     ] = None,
+    past: Annotated[
+        bool,
+        Option(
+            "--past",
+            help="Learn every reading with its past, as rubber remembers: recordings with the "
+            "force at each, of a rig (MCAP) or in a table (CSV) as convert writes it.",
+        ),
+    ] = False,
     seed: Annotated[int, Option(min=0, help="Seed of what is held out.")] = 0,
     overwrite: Force = False,
     as_json: Json = False,
@@ -205,14 +217,41 @@ def learn(
     placing differ. smoskin run SOURCE --calibration FILE runs it.
     """
     from smoskin.commands.train import parse_chips
-    from smoskin.sensing.learned.touches import judge_touches, learn_touches
-    from smoskin.service.kept import read_sheet
 
     check_output(out, force=overwrite)
     require("a learned model", "learned", "safetensors")
     used = None if chips is None else parse_chips(chips)
+    if past:
+        if recording is not None:
+            raise typer.BadParameter("--past reads recordings; --recording goes with one sheet")
+        model, judged = _learned_with_past(sheets, test or (), used, seed)
+    else:
+        model, judged = _learned_touches(sheets, recording, test or (), used, seed)
+    model.save(out)
+    figures, missed = _figures(model.metrics), _figures(judged)
+    if as_json:
+        told = {"file": str(out), "split": model.split, **figures}
+        typer.echo(json.dumps(told | ({"test": missed} if test else {})))
+        return
+    _tell(f"{out}, judged by {model.split}:", figures)
+    if test:
+        _tell(f"{', '.join(map(str, test))}, not learned:", missed)
+    typer.echo(f"Now: smoskin run SOURCE --calibration {out}", err=True)
+
+
+def _learned_touches(
+    sheets: Sequence[Path],
+    recording: Path | None,
+    test: Sequence[Path],
+    chips: tuple[int, ...] | None,
+    seed: int,
+) -> tuple[LearnedModel, tuple[Metric, ...]]:
+    """A model of touches that were held still, and its figures on others."""
+    from smoskin.sensing.learned.touches import judge_touches, learn_touches
+    from smoskin.service.kept import read_sheet
+
     tables = [read_sheet(sheet)[0] for sheet in sheets]
-    tests = [read_sheet(sheet)[0] for sheet in test or ()]
+    tests = [read_sheet(sheet)[0] for sheet in test]
     if recording is not None:
         from smoskin.service.recording import open_recording
 
@@ -220,19 +259,22 @@ def learn(
         tables = [table.with_readings(readings) for table in tables]
         tests = [table.with_readings(readings) for table in tests]
     with progress_bar() as progress:
-        model = learn_touches(tables, chips=used, seed=seed, progress=progress)
-    judged = judge_touches(model, tests) if tests else ()
-    model.save(out)
-    figures, missed = _figures(model.metrics), _figures(judged)
-    if as_json:
-        told = {"file": str(out), "split": model.split, **figures}
-        typer.echo(json.dumps(told | ({"test": missed} if tests else {})))
-        return
-    _tell(f"{out}, judged by {model.split}:", figures)
-    if tests:
-        touches = sum(len(table.contacts) for table in tests)
-        _tell(f"{touches} touches of {len(tests)} sheets that were not learned:", missed)
-    typer.echo(f"Now: smoskin run SOURCE --calibration {out}", err=True)
+        model = learn_touches(tables, chips=chips, seed=seed, progress=progress)
+    return model, judge_touches(model, tests) if tests else ()
+
+
+def _learned_with_past(
+    recordings: Sequence[Path], test: Sequence[Path], chips: tuple[int, ...] | None, seed: int
+) -> tuple[LearnedModel, tuple[Metric, ...]]:
+    """A model of every reading with its past, and its figures on other recordings."""
+    from smoskin.commands.learn import read_course
+    from smoskin.sensing.learned.courses import judge_courses, learn_courses
+
+    courses = [read_course(path) for path in recordings]
+    tests = [read_course(path) for path in test]
+    with progress_bar() as progress:
+        model = learn_courses(courses, chips=chips, seed=seed, progress=progress)
+    return model, judge_courses(model, tests) if tests else ()
 
 
 def _figures(metrics: Iterable[Metric]) -> dict[str, float]:

@@ -45,6 +45,7 @@ def model(outputs=(Output.X, Output.Y), form=Form.DIRECTION, memory=(), chips=(0
         intercept=rng.normal(size=count),
         residual=spread @ spread.T,
         noise=np.array([0.5, 1e-6]),
+        gain=np.linspace(0.0, 0.1, count),
         reach=4.0,
         data_sha256="0" * 64,
         split="none",
@@ -301,8 +302,11 @@ def test_the_noise_grows_as_the_field_gets_faint():
         inputs = this.encoding.encode(np.zeros(1), factor * field[None])
         used = factor * field[[0, 2]]
         squared = (used**2).sum() + this.encoding.floor**2
-        expected = (0.5 + 1e-6 / squared) * this.residual
-        np.testing.assert_allclose(this.predict(inputs).covariance[0], expected, rtol=1e-9)
+        told = this.predict(inputs)
+        expected = (0.5 + 1e-6 / squared) * this.residual + np.diag(
+            (this.gain * told.values[0]) ** 2
+        )
+        np.testing.assert_allclose(told.covariance[0], expected, rtol=1e-9)
 
 
 def test_the_zero_is_taken_off():
@@ -377,7 +381,7 @@ def rewritten(path, change):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda spec, arrays: spec.update(format=4), "format must be 3; got 4"),
+        (lambda spec, arrays: spec.update(format=5), "format must be 4; got 5"),
         (lambda spec, arrays: spec.pop("outputs"), "description is damaged: KeyError"),
         (lambda spec, arrays: spec["input"].update(form="MAGIC"), "description is damaged"),
         (lambda spec, arrays: spec["input"].pop("past"), "description is damaged"),
@@ -422,6 +426,7 @@ def test_a_model_of_no_examples_or_outputs_is_refused():
     with pytest.raises(ModelError, match="must have examples and outputs"):
         replace(good, **none)
     outputs = {"weights": good.weights[:, :0], "slope": good.slope[:, :0], "outputs": ()}
+    outputs["gain"] = good.gain[:0]
     with pytest.raises(ModelError, match="must have examples and outputs"):
         replace(good, **outputs, intercept=good.intercept[:0], residual=good.residual[:0, :0])
 

@@ -24,7 +24,7 @@ from smoskin.sensing.signals.guards import ChipGuard, Clock, check_chips
 from smoskin.sensing.signals.signals import LET_GO
 from smoskin.sensing.signals.zero import IdleBand, Zero, ZeroTracking
 
-_FILE: Final = TensorFile("a model file", "smoskin_model", 3)
+_FILE: Final = TensorFile("a model file", "smoskin_model", 4, older=(3,))
 _ROWS: Final = 5  # of an estimate's covariance
 _LIMITS: Final = {
     **dict.fromkeys(("centre", "intercept"), (-1e4, 1e4)),
@@ -33,6 +33,7 @@ _LIMITS: Final = {
     "scale": (1e-12, 1e9),
     "residual": (-1e9, 1e9),  # in variances of what a fit states, huge where that is tiny
     "noise": (0.0, 1e9),
+    "gain": (0.0, 1e3),
     "touch_field": (0.0, 1.0),
     "reach": (1e-9, 1e9),
 }
@@ -121,6 +122,8 @@ class LearnedModel:
     """(O, O): covariance of held-out residuals over their noise factor, SI."""
     noise: Floats
     """(2,): the noise factor is the first plus the second over the squared field in T."""
+    gain: Floats
+    """(O,): share of itself by which each quantity may be off besides, as rubber was used since."""
     reach: float
     """Distance to the nearest example, in standard deviations of each input, that is believed."""
     data_sha256: str
@@ -145,6 +148,7 @@ class LearnedModel:
             intercept=(outputs,),
             residual=(outputs, outputs),
             noise=(2,),
+            gain=(outputs,),
         )
         if not rows or not outputs:
             raise ModelError("model: must have examples and outputs")
@@ -165,9 +169,13 @@ class LearnedModel:
         distance = cdist(row, self.support)
         kernel = (1.0 + distance) * np.exp(-distance)
         values = kernel @ self.weights + row @ self.slope + self.intercept
-        factor = self.noise[0] + self.noise[1] * self.encoding.faintness(inputs)
-        covariance = factor[:, None, None] * self.residual
+        covariance = self.noise_factor(inputs)[:, None, None] * self.residual
+        covariance += (self.gain * values)[..., None] ** 2 * np.eye(len(self.outputs))
         return Prediction(values, covariance, self.distances(inputs).min(axis=1) / self.reach)
+
+    def noise_factor(self, inputs: Floats) -> Floats:
+        """Factor of the residuals' covariance for encoded fields, (T,)."""
+        return np.asarray(self.noise[0] + self.noise[1] * self.encoding.faintness(inputs))
 
     def distances(self, inputs: Floats) -> Floats:
         """Distances of encoded fields, (T, D), to the examples remembered, (T, N).
@@ -213,6 +221,8 @@ class LearnedModel:
 
 
 _TENSORS: Final = tuple(field.name for field in fields(LearnedModel) if field.type == Floats)
+_OLDEST: Final = tuple(name for name in _TENSORS if name != "gain")
+"""Those that files of format 3 have."""
 
 
 def load_model(path: Path | str) -> LearnedModel:
@@ -225,12 +235,13 @@ def load_model(path: Path | str) -> LearnedModel:
     MissingExtraError
         If `safetensors` is not installed.
     """
-    return _FILE.read(path, _TENSORS, _model)
+    return _FILE.read(path, _OLDEST, _model, newer=("gain",))
 
 
 def _model(arrays: dict[str, Floats], spec: dict[str, Any]) -> LearnedModel:
     """The model of a file's arrays and its specification."""
     given = spec["input"]
+    arrays.setdefault("gain", np.zeros(len(spec["outputs"])))
     return LearnedModel(
         encoding=Encoding(
             chips=tuple(int(chip) for chip in given["chips"]),

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from smoskin.arguments import Seed, typed
-from smoskin.arrays import Floats, Ints
+from smoskin.arrays import Bools, Floats, Ints
 from smoskin.errors import ArgumentError
 from smoskin.measurement import TouchTable
 from smoskin.roles import Progress, unheard
@@ -51,14 +51,7 @@ def examples_of(tables: Sequence[TouchTable]) -> Examples:
         nothing varies.
     """
     field, known, run = _made(tables)
-    forces = known[:, 2:]
-    vary = np.concatenate(
-        [
-            np.ptp(known[:, :2], axis=0) > _SPREAD,
-            forces.std(axis=0) > _VARIED * np.abs(forces).max(),
-        ]
-    )
-    vary[:2] = vary[:2].any()
+    vary = varying(known)
     if not vary.any():
         raise ArgumentError("touches must differ in place or force; got the same every time")
     _, place = np.unique(np.round(known[:, :2] / _PLACE_GRID), axis=0, return_inverse=True)
@@ -72,6 +65,13 @@ def examples_of(tables: Sequence[TouchTable]) -> Examples:
         group=group,
         run=run,
     )
+
+
+def varying(known: Floats) -> Bools:
+    """Which of x, y and the forces of touches (T, 5) change enough to be learned, (5,)."""
+    forces = known[:, 2:]
+    placed = (np.ptp(known[:, :2], axis=0) > _SPREAD).any()
+    return np.array([placed, placed, *(forces.std(axis=0) > _VARIED * np.abs(forces).max())])
 
 
 def _made(tables: Sequence[TouchTable]) -> tuple[Floats, Floats, Ints]:
@@ -152,7 +152,7 @@ def learn_touches(
     what = "places" if Output.X in examples.outputs else "touches at one place"
     return replace(
         model,
-        metrics=(*model.metrics, *_held_share(model, error, factor)),
+        metrics=(*model.metrics, *held_share(model.outputs, error, _stated(model, factor))),
         split=f"{_FOLDS} folds of {len(groups)} {what}, drawn with seed {seed}",
     )
 
@@ -183,20 +183,26 @@ def judge_touches(model: LearnedModel, tables: Sequence[TouchTable]) -> tuple[Me
     factor = predicted.covariance[:, 0, 0] / model.residual[0, 0]
     figures = judged(model, error, factor, predicted.novelty).metrics
     refused = Metric("refused", float((predicted.novelty > 1.0).mean()), "")
-    return (*figures, *_held_share(model, error, factor), refused)
+    return (*figures, *held_share(model.outputs, error, predicted.covariance), refused)
 
 
-def _held_share(model: LearnedModel, error: Floats, factor: Floats) -> tuple[Metric, ...]:
+def _stated(model: LearnedModel, factor: Floats) -> Floats:
+    """Covariances (T, O, O) that the model states at these factors of its noise, (T,)."""
+    return np.asarray(factor[:, None, None] * model.residual)
+
+
+def held_share(outputs: Sequence[Output], error: Floats, covariance: Floats) -> tuple[Metric, ...]:
     """Shares of errors, (T, O), inside the stated 90 % region of place and ranges of force."""
     inside = {}
-    if Output.X in model.outputs:
+    if Output.X in outputs:
         miss = error[:, :2]
-        squares = (miss * np.linalg.solve(model.residual[:2, :2], miss.T).T).sum(axis=1)
-        inside["region"] = squares <= _NINETY * factor
-    for k, output in enumerate(model.outputs):
+        squares = (miss * np.linalg.solve(covariance[:, :2, :2], miss[..., None])[..., 0]).sum(1)
+        inside["region"] = squares <= _NINETY
+    for k, output in enumerate(outputs):
         if output in (Output.FX, Output.FY, Output.FZ):
-            within = error[:, k] ** 2 <= _NINETY_ALONE * factor * model.residual[k, k]
-            inside[f"range_{output.name.lower()}"] = within
+            inside[f"range_{output.name.lower()}"] = error[:, k] ** 2 <= (
+                _NINETY_ALONE * covariance[:, k, k]
+            )
     return tuple(
         Metric(f"inside_90_percent_{name}", float(held.mean()), "") for name, held in inside.items()
     )

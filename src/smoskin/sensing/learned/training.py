@@ -168,6 +168,7 @@ def train_model(
         place=floats("place", place, (2,)),
         touch_field=touch_field,
         residual=np.eye(len(examples.outputs)),
+        gain=np.zeros(len(examples.outputs)),
         reach=1.0,
         data_sha256=examples.sha256(),
         split=f"{split} held out whole, drawn with seed {seed}",

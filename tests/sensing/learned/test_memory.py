@@ -8,8 +8,8 @@ import pytest
 from learned_examples import cycles
 from smoskin.errors import ArgumentError
 from smoskin.sensing.learned.inputs import Encoding
+from smoskin.sensing.learned.memory import choose_encoding
 from smoskin.sensing.learned.training import FittingEffort
-from studies.recordings.encodings import choose_encoding
 
 LITTLE = FittingEffort(rows=200, evidence_rows=80, iterations=8)
 

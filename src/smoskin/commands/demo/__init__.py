@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from smoskin.commands.calibrate import TouchCalibration, TouchStep, calibrate
-from smoskin.commands.hand import Hand, JudgedTouch, Touch
+from smoskin.commands.demo.hand import Hand, JudgedTouch, Touch
 from smoskin.commands.readers import ZEROS, Readers, bound_of
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
