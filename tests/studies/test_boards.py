@@ -71,6 +71,14 @@ def test_estimates_are_the_same_to_the_bit(recordings: Path, force: bool) -> Non
     assert sum(estimate.status is Status.CONTACT for estimate in batch) > ROWS / 4
     for one, other in zip(batch, estimates(estimator, wired), strict=True):
         assert one == other
+    # And the same as the whole recording at once.
+    zeroed = np.stack([reading.field for reading in readings]) - (run.field - run.field_rezeroed)[0]
+    encoding = estimator.model.encoding
+    whole = estimator.model.predict(encoding.encode(run.time[:ROWS] - run.time[0], zeroed))
+    for told, values in zip(batch, whole.values, strict=True):
+        for contact in told.contacts:
+            answer = contact.force[2:] if force else contact.position
+            np.testing.assert_array_equal(answer, values)
 
 
 def test_estimates_over_a_port_are_the_same_places(recordings: Path) -> None:
