@@ -101,8 +101,8 @@ def test_touches_are_recorded_as_planned_and_kept_after_each(monkeypatch, folder
 
 
 def test_a_rig_makes_a_plan_and_goes_on_with_what_it_has_made(monkeypatch, folder):
-    import smoskin.cli.calibration as commands
-    import smoskin.service.campaign as campaign
+    import smoskin.cli.rig as commands
+    import smoskin.commands.press as campaign
 
     rigs, given = [], []
 
@@ -117,7 +117,7 @@ def test_a_rig_makes_a_plan_and_goes_on_with_what_it_has_made(monkeypatch, folde
         rigs.extend([name, design.name])
         return Rig()
 
-    def press(rig, plan, *, made, keep, progress):
+    def press(rig, plan, *, made, keep, told, progress):
         assert isinstance(rig, Rig)
         given.append((len(plan.contacts), None if made is None else len(made.contacts)))
         progress("touch 1 of 3", 0.0)

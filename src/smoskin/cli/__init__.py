@@ -61,7 +61,7 @@ def _app() -> "typer.Typer":
         files,
         live,
         optimise,
-        report,
+        rig,
         robots,
         score,
         skins,

@@ -1,7 +1,6 @@
 """Commands by which one skin becomes known: from touches on a rig, by hand, or as in the paper."""
 
 import json
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -22,12 +21,10 @@ from smoskin.cli.frame import (
     progress_bar,
     tell,
 )
-from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, CalibrationError, SourceError, require
 from smoskin.feasibility import load_design
 from smoskin.measurement import TouchTable, read_touches, write_touches
 from smoskin.outputs import check_output
-from smoskin.roles import Rig as AnyRig
 from smoskin.sensing.response.table import ResponseTable, load_response_table
 from smoskin.twin.rig import open_rig
 
@@ -249,110 +246,6 @@ def record_touches(
         done = guided.record_touches(opened, wanted, say=typer.echo, keep=keep)
     typer.echo(f"{len(done.contacts)} touches in {out}")
     typer.echo(f"Now: smoskin learn {out} --out own.model", err=True)
-
-
-@touches.command(
-    "press",
-    epilog=examples("touches press planar --rig 'virtual?seed=3' --plan plan.csv"),
-)
-def press_touches(
-    design: Design = "planar",
-    rig: Rig = "virtual",
-    plan: Annotated[Path, Option(help="Sheet of touches to make, of grid or plan.")] = Path(
-        "plan.csv"
-    ),
-    out: Annotated[
-        Path,
-        Option(
-            help="Sheet (.csv) or recording (.mcap) to write, or to go on with.", dir_okay=False
-        ),
-    ] = Path("touches.csv"),
-    source: Annotated[Text, Option(help="Readings of a real skin, as of smoskin run.")] = None,
-    stage: Annotated[Text, Option(help="Stage (GRBL): serial:///dev/ttyUSB0.")] = None,
-    gauge: Annotated[Text, Option(help="Force gauge: serial:///dev/ttyUSB1.")] = None,
-    origin: Annotated[
-        Text, Option("--origin-mm", help="Stage's X,Y,Z with the probe over the skin's origin, mm.")
-    ] = None,
-    limit: Annotated[float, Option("--limit-N", help="Force that breaks a touch off.")] = 1.5,
-    stiffness: Annotated[
-        float, Option("--stiffness-N-per-mm", help="Stiffness of the skin's stiffest place.")
-    ] = 2.0,
-    reach: Annotated[
-        float, Option("--reach-mm", help="How far below the origin the probe may go.")
-    ] = 10.0,
-) -> None:
-    """Let a rig make the touches of a plan, each once.
-
-    What has been made is in the file, at most five seconds late; the same command goes on with it,
-    whatever has interrupted it. A recording (MCAP) has all that chips, gauge and stage said, each
-    touch as soon as it is made. With --source, --stage, --gauge and --origin-mm the rig is a real
-    one, which presses straight.
-    """
-    parts = (source, stage, gauge, origin)
-    if any(part is not None for part in parts) and (None in parts or rig != "virtual"):
-        raise ArgumentError(
-            "--source, --stage, --gauge and --origin-mm must come together, and without --rig"
-        )
-    skin = load_design(design)
-    read_touches(plan)  # a wrong one is told before a rig moves
-    if not out.exists():
-        check_output(out)
-    opened: AnyRig
-    if source is not None and stage is not None and gauge is not None and origin is not None:
-        sizes = {"limit": limit, "stiffness": 1e3 * stiffness, "reach": 1e-3 * reach}
-        opened = _real_rig(source, stage, gauge, origin=_place(origin), **sizes)
-        known = {"source": source, "stage": stage, "gauge": gauge, "origin_mm": origin, **sizes}
-    else:
-        opened, known = open_rig(rig, skin), {"rig": rig}
-    with opened as presser:
-        done = _press(presser, skin, plan, out, known)
-    typer.echo(f"{done} touches in {out}")
-    typer.echo(f"Now: smoskin learn {out} --out own.model", err=True)
-
-
-def _press(rig: AnyRig, design: SkinDesign, plan: Path, out: Path, known: dict[str, Any]) -> int:
-    """Make what is missing of a plan's touches in a sheet or a recording; how many it has then."""
-    from smoskin.service.campaign import press_plan
-    from smoskin.service.kept import Campaign
-
-    wanted = read_touches(plan)[0]
-    with progress_bar() as bar:
-        if out.suffix == ".mcap":
-            known |= {"place_spread": rig.place_spread, "force_spread": rig.force_spread}
-            with Campaign(out, design, plan=plan.read_bytes(), rig=known) as campaign:
-                press_plan(rig, wanted, made=campaign.made, told=campaign.add, progress=bar)
-                return len(campaign.touches)
-        made = read_touches(out)[0] if out.exists() else None
-        keep = partial(write_touches, out)
-        return len(press_plan(rig, wanted, made=made, keep=keep, progress=bar).contacts)
-
-
-def _place(text: str) -> list[float]:
-    """The place that three numbers with commas name in mm, m."""
-    try:
-        x, y, z = (1e-3 * float(part) for part in text.split(","))
-    except ValueError as error:
-        raise ArgumentError(
-            f"--origin-mm must be three numbers such as -120,-80,-5; got {text!r}"
-        ) from error
-    return [x, y, z]
-
-
-def _real_rig(source: str, stage: str, gauge: str, **options: Any) -> AnyRig:
-    """A rig of these parts, all open or none."""
-    from contextlib import ExitStack
-
-    from smoskin.hardware.rig.gauge import open_gauge
-    from smoskin.hardware.rig.press import PressRig
-    from smoskin.hardware.rig.stage import open_stage
-    from smoskin.service.source import open_source
-
-    with ExitStack() as parts:
-        carrier = parts.enter_context(open_stage(stage))
-        feeler = parts.enter_context(open_gauge(gauge))
-        rig = PressRig(parts.enter_context(open_source(source)), carrier, feeler, **options)
-        parts.pop_all()
-        return rig
 
 
 @app.command("fit-paper", epilog=examples("fit-paper touches.csv --out calibration.toml"))

@@ -25,7 +25,7 @@ from smoskin.cli.frame import (
     progress_bar,
     show,
 )
-from smoskin.errors import require
+from smoskin.errors import ArgumentError, require
 from smoskin.feasibility import load_design
 from smoskin.outputs import check_output
 from smoskin.sensing.learned.gaussian_process import LearnedModel, Metric
@@ -213,8 +213,9 @@ def learn(
     """Learn the touches of any board with any number of chips, and say how well.
 
     Places are held out whole, in five folds, to tell the error; the model is then trained on all
-    touches. --test judges it on sheets of another day or run too, where a board's zero, rubber and
-    placing differ. smoskin run SOURCE --calibration FILE runs it.
+    touches but those at places that a rig's campaign has held out, which judge it too. --test
+    judges it on sheets of another day or run, where a board's zero, rubber and placing differ.
+    smoskin run SOURCE --calibration FILE runs it.
     """
     from smoskin.commands.train import parse_chips
 
@@ -231,11 +232,12 @@ def learn(
     figures, missed = _figures(model.metrics), _figures(judged)
     if as_json:
         told = {"file": str(out), "split": model.split, **figures}
-        typer.echo(json.dumps(told | ({"test": missed} if test else {})))
+        typer.echo(json.dumps(told | ({"test": missed} if judged else {})))
         return
     _tell(f"{out}, judged by {model.split}:", figures)
-    if test:
-        _tell(f"{', '.join(map(str, test))}, not learned:", missed)
+    if judged:
+        names = ", ".join(map(str, test)) if test else "places held out"
+        _tell(f"{names}, not learned:", missed)
     typer.echo(f"Now: smoskin run SOURCE --calibration {out}", err=True)
 
 
@@ -248,10 +250,12 @@ def _learned_touches(
 ) -> tuple[LearnedModel, tuple[Metric, ...]]:
     """A model of touches that were held still, and its figures on others."""
     from smoskin.sensing.learned.touches import judge_touches, learn_touches
-    from smoskin.service.kept import read_sheet
+    from smoskin.service.kept import parted_sheet, read_sheet
 
-    tables = [read_sheet(sheet)[0] for sheet in sheets]
+    parted = [parted_sheet(sheet) for sheet in sheets]
+    tables = [learned for learned, _ in parted]
     tests = [read_sheet(sheet)[0] for sheet in test]
+    tests += [held for _, held in parted if held is not None]
     if recording is not None:
         from smoskin.service.recording import open_recording
 
@@ -269,7 +273,11 @@ def _learned_with_past(
     """A model of every reading with its past, and its figures on other recordings."""
     from smoskin.commands.learn import read_course
     from smoskin.sensing.learned.courses import judge_courses, learn_courses
+    from smoskin.service.kept import held_out_of
 
+    for path in recordings:
+        if path.suffix == ".mcap" and held_out_of(path):
+            raise ArgumentError(f"{path} holds places out, whose rises --past would learn")
     courses = [read_course(path) for path in recordings]
     tests = [read_course(path) for path in test]
     with progress_bar() as progress:

@@ -263,6 +263,33 @@ def read_sheet(path: str | os.PathLike[str]) -> tuple[TouchTable, str]:
     return table_of(touches), hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
+def parted_sheet(path: str | os.PathLike[str]) -> tuple[TouchTable, TouchTable | None]:
+    """The touches of a sheet or a recording to learn by, and those that were held out of it.
+
+    A recording says before its first touch which these are; there are none where it does not, or
+    none of them has been made. It raises as `read_sheet` and `held_out_of`, and a `RecordingError`
+    if all are held out.
+    """
+    table, _ = read_sheet(path)
+    if Path(path).suffix != ".mcap" or not (numbers := held_out_of(path)):
+        return table, None
+    # A row of the untouched skin stands before each touch.
+    held = np.isin(np.arange(len(table.field)) // 2, numbers)
+    if not held.any():
+        return table, None
+    if held.all():
+        raise RecordingError(f"{path}: all touches are held out; there must be some to learn by")
+    return table.rows(~held), table.rows(held)
+
+
+def held_out_of(path: str | os.PathLike[str]) -> tuple[int, ...]:
+    """Numbers, from 0, of the touches of a recording that were held out before the first press."""
+    numbers = rig_of(path).get("held_out", [])
+    if not (isinstance(numbers, list) and all(type(number) is int for number in numbers)):
+        raise RecordingError(f"{path}: the rig's description is damaged: held_out is no numbers")
+    return tuple(numbers)
+
+
 def rig_columns(path: str | os.PathLike[str], times: Floats) -> dict[str, NDArray[Any]]:
     """Columns of what a rig said at readings' times, (N,), s; none where it made no touch.
 

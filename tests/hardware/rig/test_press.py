@@ -36,6 +36,26 @@ def test_a_skin_is_pressed_as_hard_and_where_it_is_asked() -> None:
         assert bench.world.most <= 0.5 + STEP / 2 + 5e-3
 
 
+def test_a_stage_turns_a_limb_and_the_skin_is_read_on_after_the_touch() -> None:
+    radius = 0.08
+    with Bench(radius=radius, recovery=0.3) as bench:
+        touch = bench.rig.press(straight(0.3, (0.01, 0.02)))
+        degrees = np.degrees(0.02 / radius)
+        sent = [line for line in bench.stage.asked if f"Y{1e3 * ORIGIN[1] + degrees:.4f}" in line]
+        assert len(sent) > 5
+    assert_allclose(touch.contact.position, (0.01, 0.02), atol=1e-5)
+    assert touch.trace is not None
+    assert_allclose(touch.trace.stage[-1, 1:3], (0.01, 0.02), atol=1e-5)
+    name, begin, end = touch.trace.phases[-1]
+    assert name == "released"
+    assert end - begin > 0.5
+    assert touch.readings[-1].time > begin + 0.4
+    with pytest.raises(ArgumentError, match="recovery must be finite and not negative"):
+        Bench(recovery=-1.0)
+    with pytest.raises(ArgumentError, match="radius must be positive"):
+        Bench(radius=0.0)
+
+
 def test_no_step_adds_more_than_its_force() -> None:
     world = World(stiffness=2000.0)
     felt = []

@@ -35,10 +35,13 @@ class Notes:
         """Note what begins now, which ends what was."""
         self._phases.append((name, time.monotonic()))
 
-    def trace(self, clock: Callable[[Floats], Floats], origin: Floats, zero: float) -> Trace:
+    def trace(
+        self, clock: Callable[[Floats], Floats], origin: Floats, zero: float, scale: Floats
+    ) -> Trace:
         """All notes, their times put on another clock, with places from an origin, (3,), m.
 
-        The gauge's reading `zero`, N, is no force.
+        The stage goes `scale`, (3,), times as far as the probe does along the skin. The gauge's
+        reading `zero`, N, is no force.
         """
         forces = np.reshape(self._forces, (-1, 2))
         places = np.reshape(self._places, (-1, 4))
@@ -46,6 +49,6 @@ class Notes:
         nothing = np.zeros(len(forces))
         return Trace(
             gauge=np.column_stack([clock(forces[:, 0]), nothing, nothing, zero - forces[:, 1]]),
-            stage=np.column_stack([clock(places[:, 0]), places[:, 1:] - origin]),
+            stage=np.column_stack([clock(places[:, 0]), (places[:, 1:] - origin) / scale]),
             phases=[(name, begins[k], begins[k + 1]) for k, (name, _) in enumerate(self._phases)],
         )

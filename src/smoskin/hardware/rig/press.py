@@ -70,6 +70,12 @@ class PressRig(Rig):
         follow: 25 um for 2,000 N/m.
     place_spread, force_spread : float
         Standard deviations of the stage's places, m, and of the gauge's forces, N.
+    recovery : float
+        Time for which skin and gauge are read once the probe is lifted, s, besides a quarter of a
+        second.
+    radius : float, optional
+        Radius of the limb that the stage's y axis turns instead of going along the skin, m: a
+        millimetre of that axis is a degree.
 
     Raises
     ------
@@ -97,6 +103,8 @@ class PressRig(Rig):
         stiffness: float = 2000.0,
         place_spread: float = 20e-6,
         force_spread: float = 2e-3,
+        recovery: float = 0.0,
+        radius: float | None = None,
     ) -> None:
         self._origin: Floats = frozen("origin", origin, (3,))
         if not np.isfinite(self._origin).all():
@@ -107,9 +115,15 @@ class PressRig(Rig):
             ("stiffness", stiffness),
             ("place_spread", place_spread),
             ("force_spread", force_spread),
+            ("radius", 1.0 if radius is None else radius),
         ):
             if not 0.0 < value < np.inf:
                 raise ArgumentError(f"{name} must be positive and finite; got {value}")
+        if not 0.0 <= recovery < np.inf:
+            raise ArgumentError(f"recovery must be finite and not negative; got {recovery}")
+        self._recovery = recovery
+        around = 1.0 if radius is None else 1e-3 * np.degrees(1.0 / radius)
+        self._scale: Floats = np.array([1.0, around, 1.0])
         self._stage, self._gauge = stage, gauge
         self._reach, self._limit, self._stiffness = reach, limit, stiffness
         self._place_spread, self._force_spread = place_spread, force_spread
@@ -182,7 +196,7 @@ class PressRig(Rig):
     def _press(self, contact: Contact) -> HeldTouch:
         """Every phase of a touch."""
         self._notes.begin()
-        place = self._origin[:2] + contact.position
+        place = self._origin[:2] + self._scale[:2] * contact.position
         top = float(self._origin[2])
         self._enter("approach")
         here = self._stage.where()
@@ -204,7 +218,9 @@ class PressRig(Rig):
         self._enter("retract")
         self._move(np.array([x, y, top]), _TRAVEL)
         self._enter("released")
-        time.sleep(_SETTLE)
+        end = time.monotonic() + _SETTLE + self._recovery
+        while time.monotonic() < end:
+            self._force()
         after = float(np.mean([self._force() for _ in range(_MEAN)]))
         if abs(after - before) > _DRIFT:
             raise SourceError(
@@ -212,12 +228,13 @@ class PressRig(Rig):
                 "warm up, show the force of now and no peak, and see that nothing sticks to it"
             )
         force = during - 0.5 * (before + after)
+        there = (np.array([x, y]) - self._origin[:2]) / self._scale[:2]
         return HeldTouch(
-            contact=Contact(position=np.array([x, y]) - self._origin[:2], force=(0.0, 0.0, -force)),
+            contact=Contact(position=there, force=(0.0, 0.0, -force)),
             readings=self._listener.take(),
             rest=rest,
             held=held,
-            trace=self._notes.trace(self._listener.clock, self._origin, before),
+            trace=self._notes.trace(self._listener.clock, self._origin, before, self._scale),
         )
 
     def _touch_off(self, place: Floats, zero: float) -> float:

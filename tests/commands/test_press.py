@@ -1,0 +1,132 @@
+"""A campaign by a rig: what is held out before the first press, its picture, and going on."""
+
+import json
+import re
+from hashlib import sha256
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mcap")
+
+from smoskin.commands.press import press
+from smoskin.design.document import read_design
+from smoskin.errors import ArgumentError
+from smoskin.hardware.rig.plans import campaign_plan, held_out
+from smoskin.measurement import read_touches, write_touches
+from smoskin.records import Contact, HeldTouch, Reading
+from smoskin.roles import Rig, unheard
+from smoskin.service.kept import held_out_of, parted_sheet, read_sheet, rig_of
+
+DESIGN = read_design("planar")
+
+
+class Arm(Rig):
+    """Half a second a touch, 4 mN too hard and 30 um beside; it may end after so many."""
+
+    place_spread, force_spread = 3e-5, 4e-3
+
+    def __init__(self, ends: int = 1000) -> None:
+        self.made, self.ends = 0, ends
+
+    def press(self, contact: Contact, timeout: float = 30.0) -> HeldTouch:
+        if self.made == self.ends:
+            raise KeyboardInterrupt
+        begin = 0.5 * self.made
+        self.made += 1
+        change = 1e-3 * contact.normal_force * (1.0 + 0.001 * self.made)
+        fields = [0.0, 0.0, change, change]
+        readings = [
+            Reading(time=begin + 0.1 * k, field=np.full((3, 3), field))
+            for k, field in enumerate(fields)
+        ]
+        off = np.array([3e-5, 0.0]), np.array([0.0, 0.0, -4e-3])
+        told = Contact(position=contact.position + off[0], force=contact.force + off[1])
+        rest, held = (begin, begin + 0.1), (begin + 0.2, begin + 0.3)
+        return HeldTouch(contact=told, readings=tuple(readings), rest=rest, held=held)
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.fixture
+def plan(tmp_path):
+    path = tmp_path / "plan.csv"
+    pushes = {"columns": 4, "rows": 5, "forces": (0.3, 0.6), "reference_every": 10}
+    write_touches(path, campaign_plan("grid", 0.12, 0.16, **pushes))
+    return path
+
+
+def pressed(plan, out, rig, *, share=0.3):
+    picture = plan.parent / "picture.svg"
+    words = {"share": share, "picture": picture, "progress": unheard}
+    return press(rig, DESIGN, plan, out, {"rig": "arm"}, **words)
+
+
+def test_what_is_held_out_is_in_the_file_before_the_first_press(plan, tmp_path) -> None:
+    out = tmp_path / "a.mcap"
+    with pytest.raises(KeyboardInterrupt):
+        pressed(plan, out, Arm(ends=0))
+    expected = held_out(read_touches(plan)[0], 0.3)
+    assert held_out_of(out) == expected
+    assert rig_of(out)["plan_sha256"] == sha256(plan.read_bytes()).hexdigest()
+    # It goes on, stops and goes on, each touch once.
+    with pytest.raises(KeyboardInterrupt):
+        pressed(plan, out, Arm(ends=7))
+    whole = len(read_touches(plan)[0].contacts)
+    rest = Arm()
+    assert pressed(plan, out, rest) == whole
+    assert rest.made == whole - 7
+    learned, judged = parted_sheet(out)
+    assert judged is not None
+    assert len(learned.contacts) + len(judged.contacts) == whole
+    targets = read_touches(plan)[0].position
+    places = [contact.position - [3e-5, 0] for contact in judged.contacts]
+    np.testing.assert_allclose(places, targets[list(expected)], atol=1e-9)
+    assert read_sheet(out)[0].touched.sum() == whole
+
+
+def test_the_picture_tells_how_far_it_is_and_how_far_off(plan, tmp_path) -> None:
+    whole = len(read_touches(plan)[0].contacts)
+    assert pressed(plan, tmp_path / "a.mcap", Arm()) == whole
+    drawn = (tmp_path / "picture.svg").read_text()
+    assert f"{whole} of {whole} touches; 0 min to go" in drawn
+    assert "off what was asked: 4.0 mN (at most 4), 0.030 mm" in drawn
+    # Five times the first touch, whose signal grew by 0.1 % a touch.
+    assert re.search(r"the first touch, made 5 times: \+4\.4 % a newton", drawn)
+    assert drawn.count("<circle") == 20
+    rings = {tuple(read_touches(plan)[0].position[k]) for k in held_out_of(tmp_path / "a.mcap")}
+    assert drawn.count('stroke="#2255cc"') == len(rings)
+
+
+def test_a_sheet_holds_nothing_out(plan, tmp_path) -> None:
+    with pytest.raises(ArgumentError, match="must be a recording"):
+        pressed(plan, tmp_path / "a.csv", Arm())
+    assert pressed(plan, tmp_path / "a.csv", Arm(), share=0.0) == 45
+    assert parted_sheet(tmp_path / "a.csv")[1] is None
+
+
+def test_a_campaign_is_planned_pressed_and_learned_by_commands(tmp_path, monkeypatch) -> None:
+    pytest.importorskip("typer")
+    pytest.importorskip("safetensors")
+    from typer.testing import CliRunner
+
+    from smoskin.cli import app
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("smoskin.cli.rig.open_rig", lambda name, design: Arm())
+
+    def said(*words: str):
+        done = CliRunner().invoke(app, words)
+        assert done.exit_code == 0, done.output
+        return done
+
+    grid = ("--columns", "4", "--rows", "5", "--forces-N", "0.3,0.6")
+    assert said("touches", "campaign", *grid).stdout == "43 touches\n"
+    said("touches", "press", "--out", "a.mcap", "--held-out", "0.3", "--picture", "a.svg")
+    told = json.loads(said("learn", "a.mcap", "--json").stdout)
+    assert 0.0 <= told["test"]["refused"] <= 1.0
+    wrong = CliRunner().invoke(app, ("learn", "a.mcap", "--past", "--out", "b.model"))
+    assert wrong.exit_code != 0
+    bad = CliRunner().invoke(app, ("touches", "campaign", "--forces-N", "a", "--out", "b.csv"))
+    assert bad.exit_code != 0
