@@ -6,9 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from smoskin.design.document import read_design
 from smoskin.mechanics.board import board_of
 from smoskin.mechanics.sheet.lattice import column_beam
-from smoskin.mechanics.weight import board_mass, magnet_masses, panel_masses, sags
+from smoskin.mechanics.weight import (
+    board_load,
+    board_mass,
+    column_mass,
+    frame_mass,
+    hung_masses,
+    magnet_masses,
+    panel_masses,
+    sags,
+    scale_mass,
+)
 from smoskin.origami.geometry import geometry
 
 
@@ -40,35 +51,54 @@ def test_a_board_weighs_as_glass_fibre_does(planar):
     assert board_mass(thick) == pytest.approx(2 * board_mass(planar))
 
 
-def test_the_board_weighs_what_the_bill_says(planar):
+@pytest.mark.parametrize("name", ["planar", "curved"])
+def test_all_that_moves_weighs_what_the_bill_says(name):
     pytest.importorskip("shapely")
     from smoskin.fabrication.materials import bill
+    from smoskin.fabrication.moulds.assembly import frame
     from smoskin.fabrication.workshop import Workshop
 
-    listed = next(item for item in bill(planar, Workshop()) if item.part == "circuit board")
-    assert listed.mass_g == pytest.approx(1e3 * board_mass(planar))
+    design = read_design(name)
+    listed = {item.part: 1e-3 * item.mass_g for item in bill(design, Workshop())}
+    assert listed["top scale"] == pytest.approx(36 * scale_mass(design), rel=2e-3)
+    assert listed["support column"] == pytest.approx(91 * column_mass(design))
+    if design.limb is None:
+        assert listed["circuit board"] == pytest.approx(board_mass(design))
+    # A limb's frame is rolled from what it is flat at its upper edge.
+    solid = 1240.0 * float(frame(design).solid.volume())
+    assert frame_mass(design) == pytest.approx(solid, rel=0.01 if design.limb is None else 0.05)
+    hung = hung_masses(design).sum() - panel_masses(design).sum()
+    assert hung == pytest.approx(listed["top scale"] + listed["support column"] / 2, rel=1e-3)
 
 
 def test_a_skin_that_hangs_sags_by_its_weight_over_its_springs(planar):
-    sheet = panel_masses(planar).sum() + sum(magnet_masses(planar))
+    sheet = hung_masses(planar).sum() + sum(magnet_masses(planar))
     sagged, columns = sags(planar), geometry(planar).sheet.columns.size
     beam = column_beam(planar)
     for axis, stiffness in enumerate((beam.lateral, beam.lateral, beam.axial)):
         assert sagged.sheet[axis] * columns * stiffness == pytest.approx(9.81 * sheet)
-    whole = 9.81 * (sheet + board_mass(planar))
+    feet = columns * column_mass(planar) / 2
+    whole = 9.81 * (sheet + feet + board_mass(planar) + frame_mass(planar))
     board = board_of(planar)
     for axis in range(3):
         assert sagged.board[axis, axis] * board.stiffness[axis] == pytest.approx(whole)
 
 
+def test_a_frame_on_the_base_weighs_on_nothing(planar):
+    apart = replace(planar, frame=replace(planar.frame, stands_on="base"))
+    load = board_load(planar)[2, 2] - board_load(apart)[2, 2]
+    assert load == pytest.approx(frame_mass(planar))
+
+
 def test_a_board_tilts_by_the_height_of_what_it_bears(planar):
     """About y as the skin is pulled along x: the sheet's mass on high columns, its own near by."""
     sagged, board = sags(planar), board_of(planar)
-    magnets = sum(magnet_masses(planar))
-    up = planar.columns.height + planar.board.thickness
-    sheet = geometry(planar).sheet
-    middle = sheet.vertices[sheet.facets].mean(axis=(0, 1))[2]
-    moment = panel_masses(planar).sum() * (up + middle) + magnets * up
-    moment += board_mass(planar) * planar.board.thickness / 2
+    thick, high = planar.board.thickness, planar.columns.height
+    up = high + thick
+    heights = geometry(planar).sheet.vertices[:, 2]
+    moment = hung_masses(planar) @ (up + heights) + sum(magnet_masses(planar)) * up
+    moment += board_mass(planar) * thick / 2
+    moment += geometry(planar).sheet.columns.size * column_mass(planar) / 2 * thick
+    moment += frame_mass(planar) * (thick + planar.frame.held_height / 2)
     assert sagged.board[4, 0] * board.stiffness[4] == pytest.approx(9.81 * moment, rel=1e-9)
     assert sagged.board[3, 1] * board.stiffness[3] == pytest.approx(-9.81 * moment, rel=1e-9)

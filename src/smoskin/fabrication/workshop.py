@@ -13,6 +13,7 @@ from smoskin.arrays import assign
 from smoskin.design.skin import SkinDesign
 from smoskin.documents import Form
 from smoskin.errors import DesignError
+from smoskin.origami.outline import SCALE_PAD
 from smoskin.outputs import read_text
 
 LASER: Final = 0.1e-3
@@ -87,7 +88,7 @@ class Workshop:
     """m: largest part that the printer makes."""
     drip: float = 0.8e-3
     """m: rubber dripped between a column and its vertex."""
-    scale_pad: float = 1.0e-3
+    scale_pad: float = SCALE_PAD
     """m: thickness of a top scale."""
 
     def __post_init__(self) -> None:

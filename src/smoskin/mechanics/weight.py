@@ -11,7 +11,19 @@ from smoskin.design.skin import SkinDesign
 from smoskin.mechanics.board import board_of, carried
 from smoskin.mechanics.sheet.lattice import column_beam
 from smoskin.origami.geometry import geometry
-from smoskin.origami.outline import board_box, circuit_thickness, shell_thickness
+from smoskin.origami.outline import (
+    FRAME_WALL,
+    SCALE_BOSS,
+    SCALE_GAP,
+    SCALE_PAD,
+    SCALE_RISE,
+    board_box,
+    circuit_thickness,
+    frame_box,
+    frame_level,
+    laid_flat,
+    shell_thickness,
+)
 
 GRAVITY: Final = 9.81
 """m/s^2."""
@@ -45,8 +57,55 @@ def board_mass(design: SkinDesign) -> float:
     return width * length * (circuit + DENSITY["print"] * shell_thickness(design))
 
 
+def column_mass(design: SkinDesign) -> float:
+    """Mass of a column, kg."""
+    columns = design.columns
+    return DENSITY["rubber"] * math.pi * columns.radius**2 * columns.height
+
+
+def scale_mass(design: SkinDesign) -> float:
+    """Mass of the elastomer scale on a cell, with its patch, kg."""
+    cell = geometry(design).cell
+    pad = (float(cell.length) - SCALE_GAP) * (float(cell.width) - SCALE_GAP) * SCALE_PAD
+    return DENSITY["rubber"] * (pad + math.pi * SCALE_BOSS**2 * SCALE_RISE)
+
+
+def frame_mass(design: SkinDesign) -> float:
+    """Mass of the frame, kg: its wall, and the teeth that stop a rim's columns that stand back."""
+    skin, level, reach = geometry(design), frame_level(design), design.columns.radius
+    width, length = frame_box(design, level).size
+    area = 2 * FRAME_WALL * (width + length - 2 * FRAME_WALL)
+    flat = laid_flat(design, skin.developed[skin.sheet.columns.ravel(), :2], level)
+    grid = flat.reshape(*skin.sheet.columns.shape, 2)
+    half = float(grid[1, 0, 0] - grid[0, 0, 0]) - reach - 2 * design.frame.clearance
+    inner = width / 2 - FRAME_WALL
+    for row, outward in ((grid[:, 0], -1.0), (grid[:, -1], 1.0)):
+        back = (outward * row[:, 1]).max() - outward * row[:, 1]
+        away = np.abs(row[:, 0] - row[:, 0].mean())
+        area += float((back * np.minimum(2 * half, half + inner - away)).sum())
+    return DENSITY["print"] * area * design.frame.held_height
+
+
+def hung_masses(design: SkinDesign) -> Floats:
+    """Mass that hangs on each vertex of the sheet, (V,), kg, besides magnets.
+
+    A quarter of each panel, the scales on the top vertices, and half of each column: what a beam
+    held at both ends leaves to either.
+    """
+    sheet = geometry(design).sheet
+    quarters = np.repeat(panel_masses(design) / 4, 4)
+    masses = np.zeros(len(sheet.vertices))
+    np.add.at(masses, sheet.facets.ravel(), quarters)
+    masses[sheet.loaded.ravel()] += scale_mass(design)
+    masses[sheet.columns.ravel()] += column_mass(design) / 2
+    return masses
+
+
 def board_load(design: SkinDesign) -> Floats:
-    """Forces and moments of the board on its pillars, (6, 3), by 1 m/s^2 along x, y and z."""
+    """Forces and moments of what stands on the pillars, (6, 3), by 1 m/s^2 along x, y and z.
+
+    The board, the lower halves of the columns, and the frame where it stands on the board.
+    """
     skin, board = geometry(design), board_of(design)
     middle = board.middle + np.array([0.0, 0.0, design.board.thickness / 2])
     # On a limb the board's mass lies round it, below its middle.
@@ -54,7 +113,14 @@ def board_load(design: SkinDesign) -> Floats:
     y = skin.extent[1] * (1 + nodes) / 2
     arc = skin.roll.places(np.stack([0 * y, y, 0 * y + middle[2]], axis=-1))
     middle[2] += weights @ (arc[:, 2] - middle[2]) / 2
-    return board_mass(design) * carried(board, middle).T
+    load = board_mass(design) * carried(board, middle).T
+    flat = skin.developed[skin.sheet.columns.ravel(), :2]
+    feet = skin.roll.places(np.pad(flat, ((0, 0), (0, 1)), constant_values=-design.columns.height))
+    load += column_mass(design) / 2 * carried(board, feet).sum(axis=0).T
+    if design.frame.stands_on == "board":
+        middle[2] += (design.board.thickness + design.frame.held_height) / 2
+        load += frame_mass(design) * carried(board, middle).T
+    return np.asarray(load)
 
 
 class Sags(NamedTuple):
@@ -69,22 +135,22 @@ class Sags(NamedTuple):
 def sags(design: SkinDesign) -> Sags:
     """How far and how a skin's own weight moves its sheet and its board.
 
-    Columns bear panels and magnets, each as much of them, the pillars the board besides; rubber's
-    own weight and its softening under load are left out.
+    Columns bear panels, scales, magnets and their own upper halves, each as much of them, the
+    pillars the rest besides; what softens under that weight is left out.
 
     Examples
     --------
     >>> from smoskin.design.document import read_design
     >>> sheet, board = sags(read_design("planar"))
     >>> (1e3 * sheet).round(2).tolist(), (1e3 * board[:3].diagonal()).round(2).tolist()
-    ([0.13, 0.13, 0.02], [0.7, 0.7, 0.13])
+    ([0.28, 0.28, 0.04], [1.27, 1.27, 0.24])
     """
     skin = geometry(design)
     whole, column = skin.sheet, column_beam(design)
     # A magnet hangs by its holder from the columns' tops.
     hung = skin.roll.places(np.pad(skin.magnet_places, ((0, 0), (0, 1))))
-    places = np.vstack([whole.vertices[whole.facets].mean(axis=1), hung])
-    masses = np.concatenate([panel_masses(design), magnet_masses(design)])
+    places = np.vstack([whole.vertices, hung])
+    masses = np.concatenate([hung_masses(design), magnet_masses(design)])
     board = board_of(design)
     loads = np.einsum("p,pab->ba", masses, carried(board, places)) + board_load(design)
     sheet = GRAVITY * masses.sum() / whole.columns.size

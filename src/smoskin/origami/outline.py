@@ -20,6 +20,14 @@ FRAME_WALL: Final = 3e-3
 """m: thickness of the frame's wall."""
 BOARD_MARGIN: Final = 2e-3
 """m: board outside the frame's wall."""
+SCALE_PAD: Final = 1.0e-3
+"""m: thickness of a top scale, unless a workshop makes another."""
+SCALE_GAP: Final = 1.0e-3
+"""m: between neighbouring scales."""
+SCALE_BOSS: Final = 2.0e-3
+"""m: radius of the patch by which a scale is bonded to its top vertex."""
+SCALE_RISE: Final = 1.5e-3
+"""m: height of that patch."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

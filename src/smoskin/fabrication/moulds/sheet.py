@@ -3,7 +3,7 @@
 Decides size and bond of the scales, which the design leaves open.
 """
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import shapely
@@ -17,13 +17,7 @@ from smoskin.fabrication.pattern.flat import FlatSheet, bend_allowance, fold_at_
 from smoskin.fabrication.pattern.sheets import panels
 from smoskin.fabrication.workshop import Workshop
 from smoskin.origami.geometry import geometry
-
-_SCALE_BOSS: Final = 2.0e-3
-"""m: radius of the patch by which a scale is bonded to its top vertex."""
-_SCALE_RISE: Final = 1.5e-3
-"""m: height of that patch."""
-_SCALE_GAP: Final = 1.0e-3
-"""m: between neighbouring scales."""
+from smoskin.origami.outline import SCALE_BOSS, SCALE_GAP, SCALE_RISE
 
 
 def folded_panels(
@@ -134,9 +128,9 @@ def _scale(
 ) -> tuple[Slab, Slab]:
     """Patch and pad of a scale whose patch begins at such a height, m."""
     cell = geometry(design).cell
-    wide = np.array([float(cell.length), float(cell.width)]) / 2 - _SCALE_GAP / 2
-    low = foot + _SCALE_RISE
+    wide = np.array([float(cell.length), float(cell.width)]) / 2 - SCALE_GAP / 2
+    low = foot + SCALE_RISE
     return (
-        Slab(disc((0.0, 0.0), _SCALE_BOSS), foot, low + workshop.scale_pad / 2),
+        Slab(disc((0.0, 0.0), SCALE_BOSS), foot, low + workshop.scale_pad / 2),
         Slab(shapely.box(*-wide, *wide), low, low + workshop.scale_pad + open_by),
     )

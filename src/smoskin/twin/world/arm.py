@@ -11,7 +11,7 @@ from smoskin.magnetics.arrangement import rotation_matrix
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.mechanics.board import carried
 from smoskin.mechanics.sheet.holders import holder_matrix
-from smoskin.mechanics.weight import GRAVITY, board_load, magnet_masses, panel_masses
+from smoskin.mechanics.weight import GRAVITY, board_load, hung_masses, magnet_masses
 from smoskin.origami.geometry import geometry
 from smoskin.records import Motion
 from smoskin.twin.manufacture import made_mechanics
@@ -53,9 +53,9 @@ def level_axis(rng: np.random.Generator) -> Floats:
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gravity(Effect):
-    """The weight of sheet, magnets and board, as the arm turns the skin from face up.
+    """The weight of all that moves, as the arm turns the skin from face up.
 
-    Columns bear sheet and magnets, the shear layer all of it; rubber's own weight is left out.
+    Columns bear sheet, scales, magnets and half of themselves, the shear layer all of it.
     """
 
     on_bench = False
@@ -92,10 +92,7 @@ def motion_by_acceleration(twin: Twin) -> tuple[Floats, Floats]:
 
     design = twin.design
     lattice, board = made_mechanics(design, twin.deviations, REFERENCE_TEMPERATURE)
-    sheet = geometry(design).sheet
-    panel = panel_masses(design)
-    masses = np.bincount(sheet.facets.ravel(), np.repeat(panel / 4, 4), len(lattice.nodes))
-    loads = masses[:, None, None] * np.eye(3)
+    loads = hung_masses(design)[:, None, None] * np.eye(3)
     holders = holder_matrix(design).reshape(len(design.magnets), 6, -1, 3)
     weights = magnet_masses(design)
     axes = geometry(design).magnet_axes
