@@ -98,7 +98,10 @@ def known(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 def test_every_figure_of_a_known_skin_is_found(known: dict[str, Path]) -> None:
     found = {figure.name: figure for figure in characterise([*known.values()]).figures}
-    assert not [figure.reason for figure in found.values() if figure.reason]
+    unknown = {figure.name: figure.reason for figure in found.values() if figure.reason}
+    assert unknown == {
+        "rig_compliance": "no recording of a rigid block was given, with gauge and stage"
+    }
 
     def close(name: str, expected: float, share: float) -> None:
         measured = found[name].measured
@@ -122,6 +125,38 @@ def test_every_figure_of_a_known_skin_is_found(known: dict[str, Path]) -> None:
     slow = dict(found["repeatability"].parts)
     expected = np.array([slow[label] for label in slow if label.endswith("recording 1")])
     assert 0.5 < expected.mean() < 4.0  # of 2 %, from four touches
+
+
+def test_the_rigs_own_give_is_taken_off(known: dict[str, Path], tmp_path: Path) -> None:
+    rng, give = np.random.default_rng(1), 30e-6
+    path = tmp_path / "block.mcap"
+    with Campaign(path, DESIGN) as campaign:
+        for number in range(3):
+            made = touch(rng, 10.0 * number, (0.05, 0.05), 0.9)
+            assert made.trace is not None
+            stage = made.trace.stage.copy()
+            stage[:, 3] = np.minimum(give * made.trace.gauge[:, 3], 0.0)
+            trace = Trace(gauge=made.trace.gauge, stage=stage, phases=made.trace.phases)
+            campaign.add(replace(made, trace=trace))
+    figures = {f.name: f.measured for f in characterise([known["slow"]], block=path).figures}
+    assert_allclose(figures["rig_compliance"].value, 1e6 * give, rtol=1e-3)
+    # The skin and the rig gave way one after the other.
+    assert_allclose(1.0 / figures["stiffness"].value, 1e3 * (1.0 / STIFFNESS - give), rtol=2e-3)
+
+
+@pytest.mark.parametrize("late", [-0.03, 0.0, 0.0417])
+def test_the_skins_lag_behind_the_gauge_is_found(tmp_path: Path, late: float) -> None:
+    path = tmp_path / "a.mcap"
+    with Campaign(path, DESIGN) as campaign:
+        for number in range(3):
+            made = touch(np.random.default_rng(number), 10.0 * number, CHIPS[1], 0.6)
+            assert made.trace is not None
+            gauge = made.trace.gauge - np.array([late, 0.0, 0.0, 0.0])
+            trace = Trace(gauge=gauge, stage=made.trace.stage, phases=made.trace.phases)
+            campaign.add(replace(made, trace=trace))
+    lag = next(f.measured for f in characterise([path]).figures if f.name == "gauge_lag")
+    assert lag.count == 3
+    assert_allclose(lag.value, 1e3 * late, atol=1.0)
 
 
 def test_uncertainties_cover_what_is_missed(known: dict[str, Path]) -> None:

@@ -188,19 +188,23 @@ def report(
         list[Path], Argument(help="Recordings (MCAP) of one skin, of touches press.")
     ],
     out: Annotated[Path, Option(help="Folder of the files.", file_okay=False)] = Path("report"),
+    block: Annotated[
+        File, Option(help="Recording (MCAP) of a rigid block pressed by the same rig.")
+    ] = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Characterise a skin: what the recordings of a rig's touches tell of it, and how surely.
 
     Noise, sensitivity, stiffness, hysteresis, repeatability, cross-talk of chips, recovery and
-    temperature coefficients, each with its definition and its uncertainty, or why the recordings do
-    not give it. report.html, report.json and report.svg are written.
+    temperature coefficients, and the rig's own compliance and lag, each with its definition and its
+    uncertainty, or why the recordings do not give it. report.html, report.json and report.svg are
+    written.
     """
     from smoskin.commands.report import characterise, write_report
 
     require("a picture", "plots", "matplotlib")
-    done = characterise(recordings)
+    done = characterise(recordings, block=block)
     files = write_report(done, out, force=force)
     tell(done, as_json, files=[str(file) for file in files])
     if not as_json:

@@ -13,6 +13,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rigs import ORIGIN, SURFACE, Bench, FakeGauge, FakeStage, World, straight
+from smoskin.commands.report.courses import course_of
+from smoskin.commands.report.rig import compliance_of, lag_of
 from smoskin.errors import ArgumentError, SourceError
 from smoskin.hardware.rig.press import STEP, PressRig
 
@@ -33,6 +35,11 @@ def test_a_skin_is_pressed_as_hard_and_where_it_is_asked() -> None:
             assert np.abs(still).max() == 0.0
             assert min(len(pressed), len(still)) >= 5
             assert bench.lifted
+            # The spring gives way by 1 mm/N, and is felt when it is pressed.
+            course = course_of(touch)
+            assert course is not None
+            assert compliance_of([course]).value == pytest.approx(1e-3, rel=0.06)
+            assert abs(lag_of(touch, course)) < 5e-3
         assert bench.world.most <= 0.5 + STEP / 2 + 5e-3
 
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from smoskin.arguments import typed
 from smoskin.commands.report.courses import Course, course_of
 from smoskin.commands.report.figures import Figure, figures_of
+from smoskin.commands.report.rig import compliance_of, lag_of, less_compliance, rig_figures
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, RecordingError
 from smoskin.outputs import check_output, write_output
@@ -76,8 +77,13 @@ class Characterisation:
 
 
 @typed
-def characterise(recordings: Sequence[str | os.PathLike[str]]) -> Characterisation:
+def characterise(
+    recordings: Sequence[str | os.PathLike[str]], *, block: str | os.PathLike[str] | None = None
+) -> Characterisation:
     """The figures of one skin from recordings of its touches by a rig.
+
+    A recording of touches of a rigid block by the same rig tells how far that itself gives way,
+    which is taken off the depths.
 
     Raises
     ------
@@ -91,10 +97,14 @@ def characterise(recordings: Sequence[str | os.PathLike[str]]) -> Characterisati
     courses: list[Course] = []
     recorded: list[Recorded] = []
     designs: list[SkinDesign] = []
+    lags: list[float] = []
     for run, path in enumerate(recordings):
         touches = recorded_touches(path, some=True)
         designs.append(open_recording(path).design)
-        courses += [course for touch in touches if (course := course_of(touch, run)) is not None]
+        for touch in touches:
+            if (course := course_of(touch, run)) is not None:
+                courses.append(course)
+                lags.append(lag_of(touch, course))
         digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
         recorded.append(
             Recorded(path=os.fspath(path), sha256=digest, world=_world(path), touches=len(touches))
@@ -104,11 +114,15 @@ def characterise(recordings: Sequence[str | os.PathLike[str]]) -> Characterisati
         raise ArgumentError(f"recordings must be of one design; got {names}")
     if not courses:
         raise RecordingError("no touch of these recordings has good readings at rest and held")
+    pressed = () if block is None else recorded_touches(block, some=True)
+    compliance = compliance_of([c for touch in pressed if (c := course_of(touch)) is not None])
+    if compliance.count:
+        courses = [less_compliance(course, compliance.value) for course in courses]
     return Characterisation(
         design=designs[0],
         recordings=tuple(recorded),
         courses=tuple(courses),
-        figures=figures_of(courses, designs[0]),
+        figures=(*figures_of(courses, designs[0]), *rig_figures(compliance, lags)),
     )
 
 

@@ -107,13 +107,14 @@ def course_of(touch: HeldTouch, run: int = 0) -> Course | None:
     )
 
 
-def _phase(trace: Trace, name: str) -> tuple[float, float] | None:
+def phase_of(trace: Trace, name: str) -> tuple[float, float] | None:
+    """Begin and end of a phase of a touch, s; None where there was none of that name."""
     return next(((begin, end) for each, begin, end in trace.phases if each == name), None)
 
 
 def _lifted(touch: HeldTouch, times: Floats) -> tuple[float, float] | None:
     """From when until when the load was taken away, at once and read on; None otherwise."""
-    retract = None if touch.trace is None else _phase(touch.trace, "retract")
+    retract = None if touch.trace is None else phase_of(touch.trace, "retract")
     if retract is None or times[-1] <= retract[1]:
         return None
     return retract if retract[1] - retract[0] <= _AT_ONCE else None
@@ -121,7 +122,7 @@ def _lifted(touch: HeldTouch, times: Floats) -> tuple[float, float] | None:
 
 def _loop(trace: Trace, times: Floats, signal: Floats) -> Loop | None:
     """Loading and unloading at the gauge's times; None where the press was not felt."""
-    hold, retract = _phase(trace, "hold"), _phase(trace, "retract")
+    hold, retract = phase_of(trace, "hold"), phase_of(trace, "retract")
     if hold is None or not len(trace.stage) or not len(trace.gauge):
         return None
     begin = min(b for name, b, _ in trace.phases if name in ("descend", "press", "hold"))
