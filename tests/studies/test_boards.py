@@ -142,16 +142,14 @@ def told(metrics: tuple[Metric, ...]) -> dict[str, float]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("chips", "most", "fewest"), [(None, (0.34, 0.44), 0.85), ((3, 4), (0.48, 0.60), 0.84)]
-)
+@pytest.mark.parametrize(("chips", "most"), [(None, (0.33, 0.43)), ((3, 4), (0.29, 0.43))])
 def test_force_is_learned_with_its_past_and_holds_on_another_run(
-    recordings: Path, chips: tuple[int, ...] | None, most: tuple[float, float], fewest: float
+    recordings: Path, chips: tuple[int, ...] | None, most: tuple[float, float]
 ) -> None:
     runs = [course_of(run) for run in read_eflesh(recordings) if run.set == "normal_force"]
     for own, other, limit in zip(runs, runs[::-1], most, strict=True):
         learned = learn_courses([own], chips=chips)
         figures = told(judge_courses(learned, [other]))
         assert figures["rmse_fz"] < limit
-        assert fewest < figures["inside_90_percent_range_fz"] < 0.98
+        assert 0.85 < figures["inside_90_percent_range_fz"] < 0.95
         assert told(learned.metrics)["rmse_fz"] < 0.2

@@ -3,8 +3,8 @@
 Decides which memory serves, how a later force is foretold, and how wrong it is stated to be: what
 early parts of a course teach is judged by its later ones, as later touches will be. There forces
 are off by a share of themselves, the gain of rubber that was used meanwhile, which no part held out
-between others shows. It wanders: its square grows with the time between, and is stated for a
-course that follows at once.
+between others shows. It wanders: its square grows with the time between, and is stated for
+another day: three courses' lengths later, or as other courses show it.
 """
 
 from collections.abc import Sequence
@@ -27,10 +27,12 @@ _PARTS: Final = 10
 """Parts of a course, one after the other, that are held out whole."""
 _FEWEST: Final = 3
 """Parts from which later ones are foretold, at least."""
-_FLOOR: Final = 100e-6
-"""T: what is left of a field between two loads has no direction worth learning."""
+_HALF: Final = 5
+"""Parts from which a model is about as sure as one of all."""
+_AHEAD: Final = 3.0
+"""Lengths of a course after which ranges are stated: another day, not the next minute."""
 _FAINT: Final = 30e-6
-"""Field below which there is no touch, T, at least."""
+"""Field below which there is no touch, T, at least; nor a direction worth learning."""
 _PRESSED: Final = 0.02
 """Share of the largest force from which something presses."""
 _QUICK: Final = FittingEffort(rows=1500, evidence_rows=250, iterations=15)
@@ -111,7 +113,7 @@ def memories(chips: Sequence[int]) -> tuple[Encoding, ...]:
             form=Form.DIRECTION,
             time_constants=times,
             past=Past.STRENGTH,
-            floor=_FLOOR,
+            floor=_FAINT,
         )
         for times in ((), (1.0,), (3.0,), (3.0, 10.0), (3.0, 20.0), (3.0, 60.0))
     ]
@@ -148,7 +150,7 @@ def learn_courses(
             examples.where(rows), encoding, seed=seed, effort=much, place=place, touch_field=faint
         )
 
-    length = float(np.mean([np.ptp(course.time) for course in courses]))
+    ahead = _AHEAD * float(np.mean([np.ptp(course.time) for course in courses]))
     splits = list(_splits(examples, len(courses)))
     misses: list[_Miss] = []
     for k, (rows, later) in enumerate(splits):
@@ -158,11 +160,11 @@ def learn_courses(
             those = later & examples.known & (examples.group == part)
             after = float(examples.time[those].mean() - examples.time[rows].mean())
             same = examples.run[those][0] == examples.run[rows][0]
-            misses.append(
-                _Miss.of(early, inputs[those], examples.targets[those], after if same else length)
-            )
+            enough = not same or len(np.unique(examples.group[rows])) >= _HALF
+            late = after if same else ahead
+            misses.append(_Miss.of(early, inputs[those], examples.targets[those], late, enough))
     progress("final fit", 0.9)
-    model = _stated(trained(examples.known, effort), misses, length)
+    model = _stated(trained(examples.known, effort), misses, ahead)
     progress("done", 1.0)
     return model
 
@@ -194,9 +196,13 @@ class _Miss:
     """(R,): to the nearest that it remembers."""
     later: float
     """s between its middle and that of what was learned."""
+    enough: bool
+    """Whether half of a course was learned, or more."""
 
     @classmethod
-    def of(cls, model: LearnedModel, inputs: Floats, targets: Floats, later: float) -> "_Miss":
+    def of(
+        cls, model: LearnedModel, inputs: Floats, targets: Floats, later: float, enough: bool
+    ) -> "_Miss":
         """What it misses of these targets."""
         predicted = model.predict(inputs)
         return cls(
@@ -205,6 +211,7 @@ class _Miss:
             factor=model.noise_factor(inputs),
             distance=model.distances(inputs).min(axis=1),
             later=later,
+            enough=enough,
         )
 
     def gains(self) -> Floats:
@@ -213,25 +220,29 @@ class _Miss:
         return np.asarray((weighed * self.error).sum(axis=0) / (weighed * self.answer).sum(axis=0))
 
 
-def _stated(model: LearnedModel, misses: Sequence[_Miss], length: float) -> LearnedModel:
+def _stated(model: LearnedModel, misses: Sequence[_Miss], ahead: float) -> LearnedModel:
     """The model with residuals, gain, reach and figures by what others like it missed.
 
-    The gain is what it comes to in so many seconds.
+    The gain is what it comes to in so many seconds; noise is that of models that learned enough.
     """
     forces = np.array([output in _FORCES for output in model.outputs])
     gains = np.where(forces, [miss.gains() for miss in misses], 0.0)
-    left = [m.error - g * m.answer for m, g in zip(misses, gains, strict=True)]
+    left = [
+        (m.error - g * m.answer) / np.sqrt(m.factor)[:, None]
+        for m, g in zip(misses, gains, strict=True)
+        if m.enough
+    ]
     error, factor, distance = (
         np.concatenate([getattr(miss, name) for miss in misses])
         for name in ("error", "factor", "distance")
     )
     later = np.array([miss.later for miss in misses])
-    noise = np.concatenate(left) / np.sqrt(factor)[:, None]
+    noise = np.concatenate(left)
     later_on = judged(model, error, factor, distance)
     return replace(
         later_on,
         residual=noise.T @ noise / len(noise),
-        gain=np.sqrt((gains**2 * (length / later)[:, None]).mean(axis=0)),
+        gain=np.sqrt((gains**2 * (ahead / later)[:, None]).mean(axis=0)),
         split=f"{model.split}; later: {len(misses)} parts by earlier ones or other courses",
         metrics=(
             *model.metrics,
