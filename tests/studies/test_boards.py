@@ -1,5 +1,7 @@
 """Real recordings by the doors of boards: an AnySkin's wire, and touches by hand to learn from."""
 
+import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -97,6 +99,35 @@ def test_estimates_over_a_port_are_the_same_places(recordings: Path) -> None:
         assert one.status is other.status
         for here, there in zip(one.contacts, other.contacts, strict=True):
             np.testing.assert_array_equal(here.position, there.position)
+
+
+@pytest.mark.slow
+def test_forces_over_a_port_are_the_same_by_the_times_at_which_they_come(recordings: Path) -> None:
+    """What rubber remembers, by arrival times: within 0.02 N of the recording's own times."""
+    pytest.importorskip("serial")
+    run = next(run for run in read_eflesh(recordings) if run.set == "normal_force")
+    estimator, readings = estimator_of(run, force=True)
+    part = readings[70:170]  # some seconds of the first load, from 4 N on
+    with Line() as line, SerialSource(line.port, format="anyskin") as source:
+
+        def send() -> None:
+            start = time.monotonic()
+            for reading, frame in zip(part, frames(part), strict=True):
+                due = start + reading.time - part[0].time
+                time.sleep(max(0.0, due - time.monotonic()))
+                line.send(frame)
+
+        sending = threading.Thread(target=send)
+        sending.start()
+        wired = [source.read(10.0) for _ in part]
+        sending.join()
+    batch, live = estimates(estimator, part), estimates(estimator, wired)
+    assert [one.status for one in live] == [one.status for one in batch]
+    touched = [k for k, one in enumerate(batch) if one.contacts]
+    assert len(touched) > 80
+    forces = [[one[k].contacts[0].force[2] for k in touched] for one in (live, batch)]
+    assert np.ptp(forces[1]) > 10.0
+    np.testing.assert_allclose(forces[0], forces[1], rtol=0, atol=0.02)
 
 
 def sheet_of(run: ProbeRun, rows: slice = slice(None)) -> TouchTable:

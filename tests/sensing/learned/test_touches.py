@@ -11,7 +11,12 @@ from smoskin.errors import ArgumentError
 from smoskin.measurement import TouchTable
 from smoskin.records import Reading, Status
 from smoskin.sensing.learned.gaussian_process import LearnedEstimator, Output
-from smoskin.sensing.learned.touches import examples_of, judge_touches, learn_touches
+from smoskin.sensing.learned.touches import (
+    examples_of,
+    judge_touches,
+    learn_touches,
+    places_of,
+)
 
 
 def sheet(count: int, *, seed: int = 0, force=None, drift: float = 0.0, place=None) -> TouchTable:
@@ -189,3 +194,12 @@ def test_wrong_sheets_are_named() -> None:
     )
     with pytest.raises(ArgumentError, match="touches must be of boards with as many chips each"):
         examples_of([table, other])
+
+
+def test_touches_of_one_place_are_one_group_however_a_stage_tells_them() -> None:
+    rng = np.random.default_rng(0)
+    spots = np.stack(np.meshgrid(np.arange(20), np.arange(30)), axis=-1).reshape(-1, 2) * 2e-3
+    told = np.repeat(spots, 3, axis=0) + rng.normal(0.0, 20e-6, (3 * len(spots), 2))
+    number = places_of(told)
+    assert (number.reshape(-1, 3) == number[::3, None]).mean() > 0.99
+    assert len(np.unique(number)) <= 1.01 * len(spots)

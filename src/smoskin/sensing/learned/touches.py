@@ -23,8 +23,8 @@ from smoskin.sensing.learned.training import Examples, FittingEffort, judged, tr
 
 _FOLDS: Final = 5
 _LEAST_PLACES: Final = 5
-_PLACE_GRID: Final = 1e-4
-"""Places that round to the same multiple are one, m."""
+_ONE_PLACE: Final = 1e-4
+"""Distance up to which two touches are at one place, m."""
 _SPREAD: Final = 1e-4
 """Range of a coordinate from which it is one to learn, m."""
 _VARIED: Final = 0.02
@@ -54,9 +54,8 @@ def examples_of(tables: Sequence[TouchTable]) -> Examples:
     vary = varying(known)
     if not vary.any():
         raise ArgumentError("touches must differ in place or force; got the same every time")
-    _, place = np.unique(np.round(known[:, :2] / _PLACE_GRID), axis=0, return_inverse=True)
     # Where the place stays, each touch is held out by itself.
-    group = place.reshape(-1) if vary[0] else np.arange(len(known))
+    group = places_of(known[:, :2]) if vary[0] else np.arange(len(known))
     return Examples(
         time=np.arange(len(known), dtype=float),
         field=field,
@@ -72,6 +71,19 @@ def varying(known: Floats) -> Bools:
     forces = known[:, 2:]
     placed = (np.ptp(known[:, :2], axis=0) > _SPREAD).any()
     return np.array([placed, placed, *(forces.std(axis=0) > _VARIED * np.abs(forces).max())])
+
+
+def places_of(position: Floats) -> Ints:
+    """Number of the place of each touch, (T,), at (T, 2), m: one is what stages tell of it."""
+    # Here, so that whoever only imports the package does not wait for them.
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    one, other = cKDTree(position).query_pairs(_ONE_PLACE, output_type="ndarray").T
+    count = len(position)
+    near = coo_array((np.ones(len(one)), (one, other)), shape=(count, count))
+    return np.asarray(connected_components(near, directed=False)[1], dtype=np.int64)
 
 
 def _made(tables: Sequence[TouchTable]) -> tuple[Floats, Floats, Ints]:
