@@ -20,7 +20,7 @@ EXTRAS = PROJECT["optional-dependencies"]
 OWNERS = {
     name: {canonicalize_name(owner) for owner in owners}
     for name, owners in packages_distributions().items()
-}
+} | {name: {"ur-rtde"} for name in ("rtde_control", "rtde_receive")}  # compiled, and not listed
 """Distributions by the names that are imported."""
 STATED = {
     canonicalize_name(Requirement(line).name)

@@ -38,7 +38,9 @@ def follow(
     force: Force = False,
     model: Annotated[File, Option(help="MuJoCo model of another arm.")] = None,
     site: Annotated[str, Option(help="Its site at the skin's middle, z outward.")] = "skin",
-    robot: Annotated[Text, Option(help="A real arm that the model is of: xarm:HOST.")] = None,
+    robot: Annotated[
+        Text, Option(help="A real arm that the model is of: ur:HOST or xarm:HOST.")
+    ] = None,
     seconds: Annotated[Number, Option(min=0.0, help="Stop after so many seconds.")] = None,
 ) -> None:
     """Let an arm, simulated unless --robot is given, yield to touches of the skin on its forearm.

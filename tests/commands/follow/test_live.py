@@ -55,8 +55,8 @@ def test_a_real_arm_is_told_by_the_model_and_held_by_empty_lines(tmp_path, monke
     assert "Say one of arm, disarm, reset, quit; got 'dance'" in told
 
 
-@pytest.mark.parametrize("robot", ["ur:10.0.0.7", "xarm", "xarm:", ""])
+@pytest.mark.parametrize("robot", ["abb:10.0.0.7", "ur", "xarm:", ""])
 def test_another_robot_is_refused(tmp_path, robot):
     url = f"replay:{record(tmp_path / 'touch.mcap', 6)}"
-    with pytest.raises(ArgumentError, match=f"robot must be xarm:HOST; got '{robot}'"):
+    with pytest.raises(ArgumentError, match=f"robot must be ur:HOST or xarm:HOST; got '{robot}'"):
         live.follow_source(url, robot=robot)

@@ -19,6 +19,7 @@ from smoskin.robot.follow import Command, Follow
 from smoskin.robot.holding import Holding
 from smoskin.robot.law import Limits
 from smoskin.robot.simulated import OWN_MODEL, SimulatedArm
+from smoskin.robot.ur import UrArm
 from smoskin.robot.xarm import XArm
 from smoskin.roles import Estimator
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
@@ -61,8 +62,8 @@ def follow_source(
     model, site : path and str
         MuJoCo model of the arm, and its site at the skin's middle.
     robot : str, optional
-        A real arm that the model is of, ``xarm:HOST``; by default the model itself is simulated. It
-        moves only while Enter is held.
+        A real arm that the model is of, ``ur:HOST`` or ``xarm:HOST``; by default the model is
+        simulated. It moves only while Enter is held.
     limits : Limits, optional
         What the arm may do.
     seconds : float, optional
@@ -123,10 +124,11 @@ def follow_source(
 
 def _robot(name: str, chain: Chain) -> Arm:
     """A real arm by the name of its kind and its address."""
+    kinds: dict[str, Callable[[str, Chain], Arm]] = {"ur": UrArm, "xarm": XArm}
     kind, _, host = name.partition(":")
-    if kind != "xarm" or not host:
-        raise ArgumentError(f"robot must be xarm:HOST; got {name!r}")
-    return XArm(host, chain)
+    if kind not in kinds or not host:
+        raise ArgumentError(f"robot must be ur:HOST or xarm:HOST; got {name!r}")
+    return kinds[kind](host, chain)
 
 
 def _said(words: "queue.Queue[str] | None") -> Iterator[str]:
