@@ -2,6 +2,10 @@
 
 import json
 import re
+import subprocess
+import sys
+import time
+from collections import Counter
 from hashlib import sha256
 
 import numpy as np
@@ -16,7 +20,16 @@ from smoskin.hardware.rig.plans import campaign_plan, held_out
 from smoskin.measurement import read_touches, write_touches
 from smoskin.records import Contact, HeldTouch, Reading
 from smoskin.roles import Rig, unheard
-from smoskin.service.kept import held_out_of, parted_sheet, read_sheet, rig_of
+from smoskin.service.exchange import export_lerobot, export_recording
+from smoskin.service.kept import (
+    held_out_of,
+    parted_sheet,
+    read_sheet,
+    recorded_touches,
+    rig_of,
+)
+from smoskin.service.recording import open_recording
+from touch_recordings import decoded_by_others
 
 DESIGN = read_design("planar")
 
@@ -130,3 +143,49 @@ def test_a_campaign_is_planned_pressed_and_learned_by_commands(tmp_path, monkeyp
     assert wrong.exit_code != 0
     bad = CliRunner().invoke(app, ("touches", "campaign", "--forces-N", "a", "--out", "b.csv"))
     assert bad.exit_code != 0
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(200)
+def test_a_virtual_campaign_that_is_killed_three_times_is_whole_for_others(tmp_path) -> None:
+    """The command itself, ended by SIGKILL as it presses; read by four libraries of others."""
+    for package in ("typer", "rosbags", "h5py", "pyarrow", "jax"):
+        pytest.importorskip(package)
+    out = tmp_path / "a.mcap"
+    pushes = {"columns": 6, "rows": 8, "forces": (0.3, 0.6, 0.9), "reference_every": 0}
+    wanted = campaign_plan("grid", 0.12, 0.16, **pushes)
+    write_touches(tmp_path / "plan.csv", wanted)
+    smoskin = [sys.executable, "-m", "smoskin"]
+    words = ["touches", "press", "planar", "--rig", "virtual?seed=3", "--out", "a.mcap"]
+    made = []
+    for _ in range(3):
+        with subprocess.Popen([*smoskin, *words], cwd=tmp_path, stderr=subprocess.DEVNULL) as going:
+            # The file that is gone on with begins small, and what it takes over comes at once.
+            grown = 100_000 * (1 + len(made))
+            end = time.monotonic() + 40.0
+            while not (out.exists() and out.stat().st_size > grown) and time.monotonic() < end:
+                time.sleep(0.002)
+            going.kill()
+        made.append(len(recorded_touches(out)))
+    assert 0 < made[0] < made[1] < made[2] < 144
+    subprocess.run([*smoskin, *words], cwd=tmp_path, check=True, timeout=60)
+    touches = recorded_touches(out)
+    assert len(touches) == 144
+    away = [touch.contact.position - target.position
+            for touch, target in zip(touches, wanted.contacts, strict=True)]  # fmt: skip
+    assert np.abs(away).max() < 0.15e-3
+    counted = {"/rig/touch": 144, "/skin/reading": open_recording(out).reading_count}
+    assert {topic: len(decoded_by_others(out)[topic]) for topic in counted} == counted
+    from rosbags.highlevel import AnyReader
+
+    with AnyReader([out]) as reader:
+        seen = Counter(connection.topic for connection, _, _ in reader.messages())
+    assert {topic: seen[topic] for topic in counted} == counted
+    import h5py
+    import pyarrow.parquet as pq
+
+    export_recording(out, tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5") as file:
+        assert len(np.unique(file["touch"][:][file["touch"][:] >= 0])) == 144
+    frames = export_lerobot(out, tmp_path / "a")
+    assert pq.read_table(next((tmp_path / "a" / "data").rglob("*.parquet"))).num_rows == frames
