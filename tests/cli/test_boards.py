@@ -206,7 +206,7 @@ def test_sheets_are_learned_as_asked(monkeypatch, folder, recording):
     expected = None if recording is None else ["a", "b", "c"]
     assert [sheet.readings for sheet in learned.asked[0]] == [expected] * 2
     assert learned.options["seed"] == 4
-    assert set(learned.options) == {"seed", "chips", "progress"}
+    assert set(learned.options) == {"seed", "chips", "progress", "told"}
     assert learned.options["chips"] is None
     assert [str(path) for path in saved] == ["mine.model"]
     assert done.stdout == (

@@ -137,7 +137,8 @@ def test_a_campaign_is_planned_pressed_and_learned_by_commands(tmp_path, monkeyp
     grid = ("--columns", "4", "--rows", "5", "--forces-N", "0.3,0.6")
     assert said("touches", "campaign", *grid).stdout == "43 touches\n"
     said("touches", "press", "--out", "a.mcap", "--held-out", "0.3", "--picture", "a.svg")
-    told = json.loads(said("learn", "a.mcap", "--json").stdout)
+    told = json.loads(said("learn", "a.mcap", "--json", "--plot", "missed.svg").stdout)
+    assert "Fz, held out" in (tmp_path / "missed.svg").read_text()
     assert 0.0 <= told["test"]["refused"] <= 1.0
     wrong = CliRunner().invoke(app, ("learn", "a.mcap", "--past", "--out", "b.model"))
     assert wrong.exit_code != 0

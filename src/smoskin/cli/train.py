@@ -1,14 +1,16 @@
 """Commands that press a twin for a response table, and that train networks on one."""
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from typer import Argument, Option
 
+from smoskin.arrays import Floats
 from smoskin.cli.ending import if_stopped
 from smoskin.cli.frame import (
     Carried,
@@ -206,6 +208,7 @@ def learn(
             "force at each, of a rig (MCAP) or in a table (CSV) as convert writes it.",
         ),
     ] = False,
+    plot: Annotated[File, Option(help="Draw what was missed of what is held out.")] = None,
     seed: Annotated[int, Option(min=0, help="Seed of what is held out.")] = 0,
     overwrite: Force = False,
     as_json: Json = False,
@@ -221,14 +224,24 @@ def learn(
 
     check_output(out, force=overwrite)
     require("a learned model", "learned", "safetensors")
+    drawn = _Drawn(plot, force=overwrite)
     used = None if chips is None else parse_chips(chips)
     if past:
         if recording is not None:
             raise typer.BadParameter("--past reads recordings; --recording goes with one sheet")
-        model, judged = _learned_with_past(sheets, test or (), used, seed)
+        model, judged = _learned_with_past(sheets, test or (), used, seed, drawn.told)
     else:
-        model, judged = _learned_touches(sheets, recording, test or (), used, seed)
+        model, judged = _learned_touches(sheets, recording, test or (), used, seed, drawn.told)
     model.save(out)
+    drawn.save(model)
+    names = ", ".join(map(str, test)) if test else "places held out"
+    _report(out, model, judged, names, as_json)
+
+
+def _report(
+    out: Path, model: LearnedModel, judged: tuple[Metric, ...], judges: str, as_json: bool
+) -> None:
+    """Print what a model reached, and by what was not learned."""
     figures, missed = _figures(model.metrics), _figures(judged)
     if as_json:
         told = {"file": str(out), "split": model.split, **figures}
@@ -236,9 +249,31 @@ def learn(
         return
     _tell(f"{out}, judged by {model.split}:", figures)
     if judged:
-        names = ", ".join(map(str, test)) if test else "places held out"
-        _tell(f"{names}, not learned:", missed)
+        _tell(f"{judges}, not learned:", missed)
     typer.echo(f"Now: smoskin run SOURCE --calibration {out}", err=True)
+
+
+class _Drawn:
+    """A picture of what was missed of what was held out; none without a file."""
+
+    def __init__(self, file: Path | None, *, force: bool) -> None:
+        if file is not None:
+            from smoskin.plots import check_figure
+
+            check_figure(file, force=force)
+        self._file, self._missed = file, (np.zeros((0, 0)), np.zeros((0, 0)))
+
+    def told(self, true: Floats, error: Floats) -> None:
+        """Take what was true and what was missed, (N, O) each."""
+        self._missed = true, error
+
+    def save(self, model: LearnedModel) -> None:
+        """Draw it."""
+        if self._file is not None:
+            from smoskin.commands.learn import missed_figure
+            from smoskin.plots import save_figure
+
+            save_figure(missed_figure(model.outputs, *self._missed), self._file)
 
 
 def _learned_touches(
@@ -247,6 +282,7 @@ def _learned_touches(
     test: Sequence[Path],
     chips: tuple[int, ...] | None,
     seed: int,
+    told: Callable[[Floats, Floats], None],
 ) -> tuple[LearnedModel, tuple[Metric, ...]]:
     """A model of touches that were held still, and its figures on others."""
     from smoskin.sensing.learned.touches import judge_touches, learn_touches
@@ -263,12 +299,16 @@ def _learned_touches(
         tables = [table.with_readings(readings) for table in tables]
         tests = [table.with_readings(readings) for table in tests]
     with progress_bar() as progress:
-        model = learn_touches(tables, chips=chips, seed=seed, progress=progress)
+        model = learn_touches(tables, chips=chips, seed=seed, progress=progress, told=told)
     return model, judge_touches(model, tests) if tests else ()
 
 
 def _learned_with_past(
-    recordings: Sequence[Path], test: Sequence[Path], chips: tuple[int, ...] | None, seed: int
+    recordings: Sequence[Path],
+    test: Sequence[Path],
+    chips: tuple[int, ...] | None,
+    seed: int,
+    told: Callable[[Floats, Floats], None],
 ) -> tuple[LearnedModel, tuple[Metric, ...]]:
     """A model of every reading with its past, and its figures on other recordings."""
     from smoskin.commands.learn import read_course
@@ -281,7 +321,7 @@ def _learned_with_past(
     courses = [read_course(path) for path in recordings]
     tests = [read_course(path) for path in test]
     with progress_bar() as progress:
-        model = learn_courses(courses, chips=chips, seed=seed, progress=progress)
+        model = learn_courses(courses, chips=chips, seed=seed, progress=progress, told=told)
     return model, judge_courses(model, tests) if tests else ()
 
 

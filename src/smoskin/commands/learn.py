@@ -1,12 +1,13 @@
-"""What `smoskin learn --past` reads: recordings with the force at every reading, as courses.
+"""What `smoskin learn --past` reads, and what `learn` draws: recordings as courses, and misses.
 
 Decides which readings are rests, from which fields count, and where force and place are known.
 """
 
 import csv
 import io
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +15,19 @@ from numpy.typing import NDArray
 from smoskin.arrays import Bools, Floats
 from smoskin.errors import RecordingError
 from smoskin.outputs import read_text
-from smoskin.sensing.learned.courses import Course
+from smoskin.sensing.learned.courses import FORCES, Course
+from smoskin.sensing.learned.gaussian_process import Output
 from smoskin.service.exchange import columns_of
 from smoskin.service.kept import RIG_PARTS
 from smoskin.service.recording import open_recording
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 _LARGEST: Final = 1 << 30
 """Bytes of a table that is read, at most."""
+_DRAWN: Final = 1000
+"""Touches or readings that are drawn, at most."""
 _LIGHT: Final = 0.02
 """Share of the largest force below which a skin that has not been pressed yet is at rest."""
 
@@ -58,6 +65,40 @@ def read_course(path: Path) -> Course:
         position=columns["touch_position_m"][good][first:],
         force=force[first:],
     )
+
+
+def missed_figure(outputs: Sequence[Output], true: Floats, error: Floats) -> "Figure":
+    """Draw what was missed of held-out touches or readings, (N, O) each, SI.
+
+    Places have an arrow to where they were found, ten times as long; forces their error each.
+    """
+    from matplotlib.figure import Figure
+
+    from smoskin.plots import BLUE, GREY, RED, lay_out, styled
+
+    drawn = np.linspace(0, len(true) - 1, min(len(true), _DRAWN)).astype(int)
+    true, error = true[drawn], error[drawn]
+    forces = [k for k, output in enumerate(outputs) if output in FORCES]
+    placed = Output.X in outputs
+    with styled():
+        figure = Figure(figsize=(4.2 * (placed + len(forces)), 3.8), layout="constrained")
+        axes = list(np.atleast_1d(figure.subplots(1, placed + len(forces))))
+        if placed:
+            x, y = 1e3 * true[:, :2].T
+            at = axes.pop(0)
+            at.plot(x, y, ".", color=BLUE, markersize=2)
+            at.quiver(
+                x, y, *(1e4 * error[:, :2].T), color=RED, angles="xy", scale_units="xy", scale=1
+            )
+            at.set(xlabel="x (mm)", ylabel="y (mm)", title="held out, missed 10 x")
+            at.set_aspect("equal")
+        for k, at in zip(forces, axes, strict=True):
+            name = outputs[k].name.capitalize()
+            at.axhline(0.0, color=GREY, linewidth=0.6)
+            at.plot(true[:, k], error[:, k], ".", color=BLUE, markersize=2)
+            at.set(xlabel=f"{name} (N)", ylabel="missed (N)", title=f"{name}, held out")
+        lay_out(figure)
+    return figure
 
 
 def _at_rest(phase: NDArray[Any], force: Floats) -> Bools:

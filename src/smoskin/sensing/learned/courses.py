@@ -7,7 +7,7 @@ between others shows. It wanders: its square grows with the time between, and is
 another day: three courses' lengths later, or as other courses show it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -23,6 +23,8 @@ from smoskin.sensing.learned.memory import choose_encoding
 from smoskin.sensing.learned.touches import held_share, varying
 from smoskin.sensing.learned.training import Examples, FittingEffort, judged, train_model
 
+FORCES: Final = (Output.FX, Output.FY, Output.FZ)
+"""Quantities that are forces."""
 _PARTS: Final = 10
 """Parts of a course, one after the other, that are held out whole."""
 _FEWEST: Final = 3
@@ -128,14 +130,16 @@ def learn_courses(
     seed: Seed = 0,
     effort: FittingEffort | None = None,
     progress: Progress = unheard,
+    told: Callable[[Floats, Floats], object] = lambda true, error: None,
 ) -> LearnedModel:
     """A model of the force, and place, in courses, by these chips or all, with its error later on.
 
     The memory is the one that errs least on stretches held out. Each row of early parts of a course
     is then trained on and judged by all later ones: of their errors, what grows with a part's force
     is the gain that is not known, the rest the noise. With several courses each is also foretold by
-    the others. Metrics are those of parts between others, and of later ones. It raises an
-    `ArgumentError` as `examples_of_courses`, or if a chip is not there.
+    the others. `told` gets what was true of later readings, (T, O), and what was missed, (T, O).
+    Metrics are those of parts between others, and of later ones. It raises an `ArgumentError` as
+    `examples_of_courses`, or if a chip is not there.
     """
     effort = effort or _FULL
     examples = examples_of_courses(courses)
@@ -163,6 +167,11 @@ def learn_courses(
             enough = not same or len(np.unique(examples.group[rows])) >= _HALF
             late = after if same else ahead
             misses.append(_Miss.of(early, inputs[those], examples.targets[those], late, enough))
+    error, answer = (
+        np.concatenate([getattr(miss, name) for miss in misses if miss.enough])
+        for name in ("error", "answer")
+    )
+    told(answer - error, error)
     progress("final fit", 0.9)
     model = _stated(trained(examples.known, effort), misses, ahead)
     progress("done", 1.0)
@@ -225,7 +234,7 @@ def _stated(model: LearnedModel, misses: Sequence[_Miss], ahead: float) -> Learn
 
     The gain is what it comes to in so many seconds; noise is that of models that learned enough.
     """
-    forces = np.array([output in _FORCES for output in model.outputs])
+    forces = np.array([output in FORCES for output in model.outputs])
     gains = np.where(forces, [miss.gains() for miss in misses], 0.0)
     left = [
         (m.error - g * m.answer) / np.sqrt(m.factor)[:, None]
@@ -251,9 +260,6 @@ def _stated(model: LearnedModel, misses: Sequence[_Miss], ahead: float) -> Learn
     )
 
 
-_FORCES: Final = (Output.FX, Output.FY, Output.FZ)
-
-
 def _place(courses: Sequence[Course]) -> Floats:
     """Mean place of the touches, m; the origin where none is known."""
     position = np.concatenate([course.position for course in courses])
@@ -264,7 +270,7 @@ def _place(courses: Sequence[Course]) -> Floats:
 def _faint(examples: Examples, chips: Sequence[int]) -> float:
     """Length of the field below which nothing presses, T."""
     size = np.sqrt((examples.field[:, list(chips)] ** 2).sum(axis=(1, 2)))
-    forces = [k for k, output in enumerate(examples.outputs) if output in _FORCES]
+    forces = [k for k, output in enumerate(examples.outputs) if output in FORCES]
     force = np.abs(np.nan_to_num(examples.targets[:, forces])).max(axis=1, initial=0.0)
     pressed = size[force > _PRESSED * force.max()] if force.any() else size
     return max(_FAINT, 0.5 * float(np.quantile(pressed, 0.05)))
