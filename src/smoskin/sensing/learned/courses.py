@@ -224,7 +224,7 @@ class _Miss:
         )
 
     def gains(self) -> Floats:
-        """By which share of itself each quantity was off, (O,), by weighted least squares."""
+        """Share of itself by which each quantity was off, (O,), by weighted least squares."""
         weighed = self.answer / self.factor[:, None]
         return np.asarray((weighed * self.error).sum(axis=0) / (weighed * self.answer).sum(axis=0))
 
