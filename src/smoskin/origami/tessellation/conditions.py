@@ -83,10 +83,10 @@ def sector_angles(net: Net, places: Floats) -> Floats:
 def angle_slopes(net: Net, places: Floats) -> sparse.csr_array:
     """Derivatives of the sector angles by the coordinates, (K, 3 V)."""
     first, second = _arms(net, places)
-    normal = np.cross(first, second)
+    normal = cross(first, second)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    by_first = -np.cross(normal, first) / (first**2).sum(-1, keepdims=True)
-    by_second = np.cross(normal, second) / (second**2).sum(-1, keepdims=True)
+    by_first = -cross(normal, first) / (first**2).sum(-1, keepdims=True)
+    by_second = cross(normal, second) / (second**2).sum(-1, keepdims=True)
     nodes = np.stack([net.corners.after, net.corners.before, net.corners.at], axis=1)
     parts = np.stack([by_first, by_second, -by_first - by_second], axis=1)
     return gather(nodes, parts, len(places))
@@ -95,7 +95,7 @@ def angle_slopes(net: Net, places: Floats) -> sparse.csr_array:
 def warps(net: Net, places: Floats) -> Floats:
     """How far each panel is from plane, (F,): distance of its diagonals over their mean length."""
     p, q, r, s = (places[net.facets[:, k]] for k in range(4))
-    normal = np.cross(r - p, s - q)
+    normal = cross(r - p, s - q)
     lengths = np.linalg.norm(r - p, axis=-1) + np.linalg.norm(s - q, axis=-1)
     return np.asarray(2 * ((q - p) * normal).sum(-1) / (np.linalg.norm(normal, axis=-1) * lengths))
 
@@ -104,7 +104,7 @@ def volumes(net: Net, places: Floats, scale: float) -> tuple[Floats, sparse.csr_
     """Volume spanned by each panel's corners over scale^3, (F,), and its derivatives (F, 3 V)."""
     p, q, r, s = (places[net.facets[:, k]] for k in range(4))
     a, b, c = q - p, r - p, s - p
-    by_a, by_b, by_c = np.cross(b, c), np.cross(c, a), np.cross(a, b)
+    by_a, by_b, by_c = cross(b, c), cross(c, a), cross(a, b)
     parts = np.stack([-by_a - by_b - by_c, by_a, by_b, by_c], axis=1) / scale**3
     return (a * by_a).sum(-1) / scale**3, gather(net.facets, parts, len(places))
 
@@ -118,14 +118,22 @@ def _arms(net: Net, places: Floats) -> tuple[Floats, Floats]:
 
 def _angle(first: Floats, second: Floats) -> Floats:
     """Angle between two edges; the tangent's form keeps digits at every angle."""
-    sine = np.linalg.norm(np.cross(first, second), axis=-1)
+    sine = np.linalg.norm(cross(first, second), axis=-1)
     return np.asarray(np.arctan2(sine, (first * second).sum(-1)))
+
+
+def cross(first: Floats, second: Floats) -> Floats:
+    """Vector products of (..., 3) and (..., 3); numpy's own takes three times as long."""
+    a, b, c = first[..., 0], first[..., 1], first[..., 2]
+    x, y, z = second[..., 0], second[..., 1], second[..., 2]
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)
 
 
 def gather(nodes: Ints, parts: Floats, count: int) -> sparse.csr_array:
     """A row for each group of nodes (R, n) with the derivatives (R, n, 3) by their places."""
-    rows = np.broadcast_to(np.arange(len(nodes))[:, None, None], parts.shape)
-    columns = 3 * nodes[:, :, None] + np.arange(3)
-    return sparse.csr_array(
-        (parts.ravel(), (rows.ravel(), columns.ravel())), shape=(len(nodes), 3 * count)
-    )
+    columns = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), -1)
+    order = np.argsort(columns, axis=1)
+    columns = np.take_along_axis(columns, order, axis=1)
+    values = np.take_along_axis(parts.reshape(columns.shape), order, axis=1)
+    ends = np.arange(0, columns.size + 1, columns.shape[1])
+    return sparse.csr_array((values.ravel(), columns.ravel(), ends), shape=(len(nodes), 3 * count))

@@ -11,7 +11,7 @@ from scipy import sparse
 from scipy.sparse.linalg import eigsh, splu
 
 from smoskin.arrays import Floats, Ints
-from smoskin.origami.tessellation.conditions import gather
+from smoskin.origami.tessellation.conditions import cross, gather
 from smoskin.origami.tessellation.unfold import lengths_of
 
 _STEPS: Final = 12
@@ -66,7 +66,7 @@ def fold_angles(vertices: Floats, hinges: Ints) -> Floats:
     axis, _, _, left, right = _arms(vertices, hinges)
     along = axis / np.linalg.norm(axis, axis=1, keepdims=True)
     # Normals of a flat hinge agree; at a valley the left one leans to the right.
-    sine = (np.cross(right, left) * along).sum(1)
+    sine = (cross(right, left) * along).sum(1)
     return np.asarray(np.arctan2(sine, (left * right).sum(1)))
 
 
@@ -87,7 +87,7 @@ def _arms(vertices: Floats, hinges: Ints) -> tuple[Floats, Floats, Floats, Float
     """Axis and wings from the axis' start, and the normals of both sides, which point up."""
     start = vertices[hinges[:, 0]]
     axis, b, c = (vertices[hinges[:, k]] - start for k in (1, 2, 3))
-    return axis, b, c, np.cross(axis, b), np.cross(c, axis)
+    return axis, b, c, cross(axis, b), cross(c, axis)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

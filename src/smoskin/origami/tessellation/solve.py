@@ -127,12 +127,22 @@ def conditions(problem: Problem, layers: Floats) -> tuple[Floats, sparse.csr_arr
     vertices, by_layers = place_slopes(problem.surface, layers)
     volume, by_volume = volumes(net, vertices, problem.scale)
     angles, by_angle = sector_angles(net, vertices), angle_slopes(net, vertices)
-    residuals = [volume, net.around @ angles - 2 * np.pi]
+    parts = [volume, net.around @ angles - 2 * np.pi]
     slopes = [by_volume, net.around @ by_angle]
     if problem.flat_foldable:
-        residuals.append(net.opposite @ angles - np.pi)
+        parts.append(net.opposite @ angles - np.pi)
         slopes.append(net.opposite @ by_angle)
-    return np.concatenate(residuals), (sparse.vstack(slopes) @ by_layers).tocsr()
+    return np.concatenate(parts), (sparse.vstack(slopes) @ by_layers).tocsr()
+
+
+def residuals(problem: Problem, layers: Floats) -> Floats:
+    """Residuals of planarity, angle sums and flat folding, as `conditions` has them."""
+    net, vertices = problem.net, places(problem.surface, layers)
+    angles = sector_angles(net, vertices)
+    parts = [volumes(net, vertices, problem.scale)[0], net.around @ angles - 2 * np.pi]
+    if problem.flat_foldable:
+        parts.append(net.opposite @ angles - np.pi)
+    return np.concatenate(parts)
 
 
 def settle(
@@ -190,11 +200,11 @@ class _Search:
         self._free = np.flatnonzero(free.ravel())
         self._fairness = (fairness + sparse.diags_array(weights.ravel())).tocsr()
         self._inner = self._fairness[self._free][:, self._free]
-        self._begin = conditions(problem, start)[0]
+        self._begin = residuals(problem, start)
 
     def residual(self, layers: Floats) -> float:
         """Largest residual of all conditions."""
-        return float(np.abs(conditions(self._problem, layers)[0]).max(initial=0.0))
+        return float(np.abs(residuals(self._problem, layers)).max(initial=0.0))
 
     def reach(self, layers: Floats, t: float) -> Floats | None:
         """Layers at which the share t of the first residual is gone, if they are found."""
@@ -277,7 +287,7 @@ class _Search:
 
     def _left(self, layers: Floats, share: float) -> float:
         """Largest residual over a share of the first."""
-        left = conditions(self._problem, layers)[0] - share * self._begin
+        left = residuals(self._problem, layers) - share * self._begin
         return float(np.abs(left).max(initial=0.0))
 
 
