@@ -30,6 +30,7 @@ TOLD = {
     "gaussian": "Gaussian shares, 10 mm: the rim is all but blind",
     "fingers": "fingertips of 2 to 8 mm",
     "hysteresis": "loops of 2 to 3 % of each motion",
+    "bouc-wen": "the same by another law than the estimator's, Bouc-Wen",
     "debonded": "one column off its base",
     "glue": "magnets, columns and chips placed and glued twice as badly",
     "sectors": "sectors of a magnet that differ by 5 %",
@@ -41,6 +42,7 @@ TOLD = {
     "arrival": "readings 5 ms late, 5 % lost",
     "hard without gravity": "all of the hard world but the skin's weight",
     "hard": "the hard world",
+    "hard, bouc-wen": "the same with the loops of the row bouc-wen",
     "hard, network": "the same, read by networks trained on each skin's table (`train --arm`)",
 }
 """What each row is, in the page's order."""
@@ -129,6 +131,9 @@ def measure(name: str, skins: list[int], count: int) -> dict[str, float]:
     if name == "hard without gravity":
         few = tuple(effect for effect in HARD.effects if effect != EFFECTS["gravity"])
         worlds[name] = World(name=name, effects=few)
+    if name == "hard, bouc-wen":
+        swap = {EFFECTS["hysteresis"]: EFFECTS["bouc-wen"]}
+        worlds[name] = World(name=name, effects=tuple(swap.get(one, one) for one in HARD.effects))
     world = worlds.get(name) or world_of(effect=name)
     table = smo.load_response_table("planar")
     judged = smo.score(table, skins=skins, count=count, world=world, touches=int(touches or 60))

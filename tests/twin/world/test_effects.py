@@ -1,5 +1,6 @@
 """Effects: each does what its record says, and leaves all the others alone."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +21,7 @@ from smoskin.twin.world.arrival import Arrival
 from smoskin.twin.world.effect import Effect, World, rng_of
 from smoskin.twin.world.fields import Earth, Motor, Steel, Warmth
 from smoskin.twin.world.making import Contact, Debonded, Fingers, Glue, Sectors
-from smoskin.twin.world.memory import Loops
+from smoskin.twin.world.memory import Friction, Loops
 from smoskin.twin.world.strangers import STRANGERS
 from smoskin.twin.world.worlds import EFFECTS, HARD, PLAIN, world_of
 
@@ -195,6 +196,50 @@ def test_plays_stay_where_a_motion_is_none():
     for wrong in ((0.5, (0.1, 0.2)), (-0.1, (0.1,)), (0.1, (-0.1,))):
         with pytest.raises(ArgumentError, match="weight and plays must be"):
             Loops(ranges, *wrong)
+
+
+def by_friction(values, share=0.12, width=0.12):
+    """The first component of a motion of 1 a newton, with friction."""
+    ranges = Motion(magnets=np.ones((1, 6)), board=np.zeros(6))
+    motion = Motion(
+        magnets=values[:, None, None] * np.ones((1, 6)), board=values[:, None] * np.ones(6)
+    )
+    out = Friction(ranges, share, width).steps(np.arange(float(len(values))), motion)
+    assert_array_equal(out.board, motion.board)  # where nothing moves under touches
+    return out.magnets[:, 0, 0]
+
+
+def test_friction_is_the_bouc_wen_law_whatever_the_steps():
+    """Its differential equation in small steps, by an integration of its own."""
+    turns = [0.0, 1.0, 0.0, 0.3, 0.05, 0.1, -0.2, 0.0]
+    z, slow = 0.0, [0.0]
+    for begin, end in itertools.pairwise(turns):
+        for step in np.full(4000, (end - begin) / 4000):
+            middle = z + (step - (abs(step) * z + step * abs(z)) / 0.24) / 2
+            z += step - (abs(step) * middle + step * abs(middle)) / 0.24
+        slow.append(end - 0.12 * z)
+    assert_allclose(by_friction(np.array(turns)), slow, atol=1e-7)
+    fine = np.interp(np.linspace(0, 7, 701), range(8), turns)
+    assert_allclose(by_friction(fine)[::100], slow, atol=1e-7)
+    invalid = np.insert(fine, 50, np.nan)
+    assert_allclose(np.delete(by_friction(invalid), 50), by_friction(fine))
+
+
+def test_friction_leaves_as_much_as_plays_do():
+    """Of touches of 0.1 to 1 N, a few per cent; but small loops inside a large one go on."""
+    ranges = Motion(magnets=np.ones((1, 6)), board=np.ones(6))
+    for force in (0.1, 0.3, 1.0):
+        values = np.array([0.0, force, 0.0])
+        motion = Motion(
+            magnets=values[:, None, None] * np.ones((1, 6)), board=values[:, None] * np.ones(6)
+        )
+        plays = Loops(ranges, 0.05, (0.02, 0.06, 0.2)).steps(values, motion).magnets[-1, 0, 0]
+        assert plays / 1.6 < by_friction(values)[-1] < 1.6 * plays
+    small = by_friction(np.array([0.0, 1.0, *10 * [0.5, 0.55]]))[2::2]
+    assert (np.diff(small) < -1e-5).all() or (np.diff(small) > 1e-5).all()
+    for wrong in ((1.0, 0.1), (-0.1, 0.1), (0.1, 0.0)):
+        with pytest.raises(ArgumentError, match="share must be"):
+            Friction(ranges, *wrong)
 
 
 def test_skins_are_made_worse_as_each_effect_says(planar, twin):

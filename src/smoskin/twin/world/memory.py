@@ -1,7 +1,7 @@
 """Hysteresis of creases and adhesive: loops that do not depend on how fast they are gone round."""
 
 from dataclasses import dataclass
-from typing import Final, final
+from typing import ClassVar, Final, final
 
 import numpy as np
 
@@ -40,7 +40,48 @@ class Hysteresis(Effect):
         return Loops(_ranges(twin), self.weight, self.plays, rng)
 
 
-class Loops:
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoucWen(Effect):
+    """Loops of some per cent likewise, by the Bouc-Wen law, which is no sum of plays.
+
+    Friction z takes off: ``y = x - a z``, ``dz = dx - (|dx| z + dx |z|) / (2 q u)`` for every
+    component x of the skin's motion, u its largest one under a newton. Loops are rounded, and a
+    small one inside of a large does not close. "Hysteresis" in `docs/derivations_sheet.md`.
+    """
+
+    chance: ClassVar[str] = "Hysteresis"
+    share: float = 0.12
+    """a."""
+    width: float = 0.12
+    """q."""
+
+    def history(self, twin: Twin, rng: np.random.Generator) -> History:
+        """As `Effect.history`."""
+        return Friction(_ranges(twin), self.share, self.width, rng)
+
+
+class _Memory:
+    """What a motion's components leave behind, each by itself."""
+
+    def __init__(self, ranges: Motion) -> None:
+        self._shape = ranges.magnets.shape
+
+    def steps(self, times: Floats, motion: Motion) -> Motion:
+        """As `History.steps`; where a motion is invalid what is left of others stays."""
+        out = np.stack([_flat(motion[row]) for row in range(len(times))])
+        for value in out:
+            if np.isfinite(value).all():
+                value += self._left(value)
+        magnets, board = np.split(out, [-_BOARD], axis=1)
+        return Motion(magnets=magnets.reshape(-1, *self._shape), board=board)
+
+    def _left(self, value: Floats) -> Floats:
+        """What is added to the components (M,) after what they were before."""
+        raise NotImplementedError
+
+
+class Loops(_Memory):
     """Plays of a motion's components, of a skin with a past: at first they are anywhere.
 
     `ranges` are components' largest motions under a newton, one state; without a generator the skin
@@ -59,23 +100,52 @@ class Loops:
                 "weight and plays must be >= 0 with a sum of weights below 1; got "
                 f"{weight} and {plays}"
             )
-        self._weight, self._shape = weight, ranges.magnets.shape
+        super().__init__(ranges)
+        self._weight = weight
         self._reach = np.array(plays)[:, None] * _flat(ranges)
         self._plays = np.zeros_like(self._reach)
         if rng is not None:
             self._plays = self._reach * rng.uniform(-1, 1, self._reach.shape)
 
-    def steps(self, times: Floats, motion: Motion) -> Motion:
-        """As `History.steps`; where a motion is invalid its plays stay."""
-        asked = np.stack([_flat(motion[row]) for row in range(len(times))])
-        out = asked.copy()
-        for row, value in enumerate(asked):
-            if np.isfinite(value).all():
-                low, high = value - self._reach, value + self._reach
-                self._plays = np.clip(self._plays, low, high)
-                out[row] += self._weight * (self._plays - value).sum(axis=0)
-        magnets, board = np.split(out, [-_BOARD], axis=1)
-        return Motion(magnets=magnets.reshape(-1, *self._shape), board=board)
+    def _left(self, value: Floats) -> Floats:
+        self._plays = np.clip(self._plays, value - self._reach, value + self._reach)
+        return np.asarray(self._weight * (self._plays - value).sum(axis=0))
+
+
+class Friction(_Memory):
+    """Friction of a motion's components, of a skin with a past: at first it is anything.
+
+    `ranges` are components' largest motions under a newton, one state; without a generator the skin
+    is new. `ArgumentError` if the width is not positive, or the share not from 0 to below 1.
+    """
+
+    def __init__(
+        self, ranges: Motion, share: float, width: float, rng: np.random.Generator | None = None
+    ) -> None:
+        if not (0.0 <= share < 1.0 and width > 0.0):
+            raise ArgumentError(
+                f"share must be in [0, 1) and width positive; got {share} and {width}"
+            )
+        super().__init__(ranges)
+        self._share, self._most = share, width * _flat(ranges)
+        self._before = np.zeros_like(self._most)
+        # In units of its most; where nothing ever moves there is none.
+        self._friction = np.zeros_like(self._most)
+        if rng is not None:
+            self._friction = rng.uniform(-1, 1, self._most.shape)
+
+    def _left(self, value: Floats) -> Floats:
+        moved = value - self._before
+        there = self._most > 0
+        way = np.divide(np.abs(moved), self._most, out=np.zeros_like(moved), where=there)
+        along = np.sign(moved) * self._friction
+        # Against what is left friction changes with the way, along it ever slower: both exactly.
+        back = np.minimum(way, np.maximum(-along, 0.0))
+        along = along + back
+        along = 1 - (1 - along) * np.exp(back - way)
+        self._friction = np.where(way > 0, np.sign(moved) * along, self._friction)
+        self._before = value.copy()
+        return np.asarray(-self._share * self._most * self._friction)
 
 
 def _flat(motion: Motion) -> Floats:

@@ -8,7 +8,7 @@ from smoskin.twin.world.arrival import Arrival
 from smoskin.twin.world.effect import Effect, World
 from smoskin.twin.world.fields import Earth, Motor, Steel, Warmth
 from smoskin.twin.world.making import Contact, Cover, Debonded, Fingers, Glue, Sectors
-from smoskin.twin.world.memory import Hysteresis
+from smoskin.twin.world.memory import BoucWen, Hysteresis
 from smoskin.twin.world.strangers import STRANGERS
 
 PLAIN: Final = World(name="plain")
@@ -33,7 +33,7 @@ HARD: Final = World(name="hard", effects=tuple(_HARD.values()))
 EFFECTS: Final[dict[str, Effect]] = (
     {"stream": Effect()}
     | _HARD
-    | {"cover": Cover()}
+    | {"cover": Cover(), "bouc-wen": BoucWen()}
     | {name: Contact(laws=(name,)) for name in STRANGERS}
 )
 """Effects by name, alone. `stream`: none, but readings as often as all effects have them."""
