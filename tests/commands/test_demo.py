@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from chromium import open_page
-from smoskin.commands import demo, hand
-from smoskin.commands.demo import Readers, run_demo
+from smoskin.commands import demo
+from smoskin.commands.demo import Readers, hand, run_demo
 from smoskin.errors import ArgumentError, ModelError
 from smoskin.records import Contact, Status
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator

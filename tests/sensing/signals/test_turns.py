@@ -129,7 +129,7 @@ def test_a_zero_is_believed_up_to_six_radians_past_its_bound(planar, noise, whol
     zero = zero_of(planar, noise, drift_bound=50e-6)
     bound = np.linalg.inv(50e-6**2 * np.eye(9) + 6.0**2 * whole)
     alike, believed = np.tile([0.0, 1.0, 0.0], 3), []
-    for k in range(200):
+    for k in range(400):
         assert zero.step(0.1 * k, 0.5e-6 * min(k, 20) * max(k - 10, k / 2) * alike)
         squared = zero.drift @ bound @ zero.drift
         if abs(squared - 1) > 1e-6:

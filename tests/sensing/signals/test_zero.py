@@ -271,11 +271,11 @@ def test_what_a_turn_changes_is_the_earths_field_and_the_weights(planar):
     alike = uniform_covariance(np.tile(np.eye(3), (3, 1, 1)), EARTH)
     np.testing.assert_array_equal(field, alike)
     weight = np.sqrt(np.diag(whole - field)).reshape(3, 3)
-    # The board slides by 0.70 mm under its chip, where the field changes by 7.2 T/m.
-    np.testing.assert_allclose(weight[0, :2], 0.70e-3 * 7.2, rtol=0.05)
-    # The sheet sways by 0.13 mm and sinks by 0.02 mm over chips where it changes by 7.4 and 14 T/m.
-    np.testing.assert_allclose(weight[1:, :2], 0.13e-3 * 7.4, rtol=0.05)
-    np.testing.assert_allclose(weight[1:, 2], 0.019e-3 * 14, rtol=0.2)
+    # The board slides by 1.27 mm under its chip, where the field changes by 7.2 T/m.
+    np.testing.assert_allclose(weight[0, :2], 1.27e-3 * 7.2, rtol=0.05)
+    # The sheet sways by 0.28 mm and sinks by 0.04 mm over chips where it changes by 7.4 and 14 T/m.
+    np.testing.assert_allclose(weight[1:, :2], 0.282e-3 * 7.4, rtol=0.05)
+    np.testing.assert_allclose(weight[1:, 2], 0.038e-3 * 14, rtol=0.3)
     some = turning(planar, (2, 1))
     rows = [6, 7, 8, 3, 4, 5]
     np.testing.assert_allclose(some.whole, whole[np.ix_(rows, rows)], rtol=1e-12)

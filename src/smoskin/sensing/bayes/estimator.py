@@ -168,7 +168,7 @@ class BayesEstimator(SignalEstimator):
         goes_on = rival is not None and rival.still_misfits(time, signals)
         two = None
         if goes_on:
-            two = self._follow("two", time, signals, self._leads, self._standing(time))
+            two = self._pair(time, signals, self._leads)
         if rival and two and two.evidence > rival.at_best(signals, zero.turned):
             return two
         before, self._leads = self._leads, {}
@@ -178,7 +178,7 @@ class BayesEstimator(SignalEstimator):
         elif two:
             self._leads["two"] = before["two"]
         elif self._priors.chances[2] > 0:
-            two = self._follow("two", time, signals, before, self._standing(time))
+            two = self._pair(time, signals, before)
         self._rival = rival = Rival(time, signals, solver.whitener(one), one)
         if two and two.evidence > rival.at_best(signals, zero.turned):
             return two
@@ -196,6 +196,16 @@ class BayesEstimator(SignalEstimator):
         if turned:
             zero.stir()
         return best
+
+    def _pair(
+        self, time: float, signals: Floats, leads: "dict[str, Lead]"
+    ) -> TouchPosterior | None:
+        """Two touches that explain the signals; none if one of them is harder than what is known.
+
+        Where a table misses what a drag does, such a pair may fit better than the touch itself.
+        """
+        two = self._follow("two", time, signals, leads, self._standing(time))
+        return two if -two.values[:, 4].min() <= self._most else None
 
     def _standing(self, time: float) -> Standing | None:
         """What is known of a touch from when it was alone."""
