@@ -28,7 +28,7 @@ USUAL = {
     "demo": {"rate": 100.0, "seed": 0, "touches": 15, "port": 0},
     "doctor": {"seconds": 5.0, "moving": 0.0},
     "fit-paper": {"out": "calibration.toml"},
-    "follow": {"source": "twin://planar", "rate": 100.0, "seed": 0, "site": "skin"},
+    "follow": {"source": "twin://planar", "rate": 100.0, "seed": 0, "site": "skin", "port": 0},
     "grid": {
         "width": 30.0, "height": 30.0, "out": "plan.csv", "count": 30, "force": 0.5, "seed": 0,
     },
@@ -81,6 +81,7 @@ ENDS = {
     ("follow", "rate"): (50.0, 500.0),
     ("follow", "seed"): (0, None),
     ("follow", "seconds"): (0, None),
+    ("follow", "port"): (0, 65535),
     ("grid", "count"): (1, 10_000),
     ("grid", "seed"): (0, None),
     ("learn", "seed"): (0, None),

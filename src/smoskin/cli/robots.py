@@ -41,12 +41,14 @@ def follow(
     robot: Annotated[
         Text, Option(help="A real arm that the model is of: ur:HOST or xarm:HOST.")
     ] = None,
+    view: Annotated[bool, Option("--view", help="Serve the operator's page.")] = False,
+    port: Annotated[int, Option(min=0, max=65535, help="Its port; 0 takes a free one.")] = 0,
     seconds: Annotated[Number, Option(min=0.0, help="Stop after so many seconds.")] = None,
 ) -> None:
     """Let an arm, simulated unless --robot is given, yield to touches of the skin on its forearm.
 
-    It is disarmed at first: type arm, disarm, reset or quit. A real arm moves only while Enter is
-    held. This is not a safety function: it
+    It is disarmed at first: type arm, disarm, reset, zero or quit. A real arm moves only while
+    Enter or the button of the page is held. This is not a safety function: it
     stops by category 2 only, and the wired emergency stop stays in force. With --headless a script
     presses through 0.5 N; the exit code is 1 if the arm broke a promise.
     """
@@ -69,6 +71,7 @@ def follow(
         model=path,
         site=site,
         robot=robot,
+        port=port if view else None,
         seconds=seconds,
         words=words,
         say=say,

@@ -89,6 +89,8 @@ class Posture:
 
     def __init__(self, chain: Chain, rotations: Floats, shifts: Floats) -> None:
         self._chain, self._rotations, self._shifts = chain, rotations, shifts
+        self.frames = tuple(zip(rotations, shifts, strict=True))
+        """Turn and shift, (3, 3) and (3,), m, of the parts that no, one ... all joints move."""
         self._axes = np.einsum("jab,jb->ja", rotations[:-1], chain.axes)
         self._anchors = np.einsum("jab,jb->ja", rotations[:-1], chain.anchors) + shifts[:-1]
         self.corners = self._moved(chain.corners, chain.moved_by)

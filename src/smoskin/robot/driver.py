@@ -15,7 +15,7 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.errors import SourceError
 from smoskin.records import Estimate, Reading
-from smoskin.robot.arm import Arm
+from smoskin.robot.arm import Arm, ArmState
 from smoskin.robot.follow import Command, Follow, Seen
 from smoskin.robot.reasons import Reason
 from smoskin.roles import Sink
@@ -54,6 +54,8 @@ class Driver(Sink):
         self._lock = threading.RLock()
         self._seen: Seen | None = None
         self._turn = np.eye(3)
+        self.newest: tuple[ArmState, Command] | None = None
+        """Arm and command of the newest look that the arm answered."""
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -84,6 +86,11 @@ class Driver(Sink):
         with self._lock:
             self._follow.reset()
 
+    def set_threshold(self, begin: float) -> None:
+        """As `Follow.set_threshold`."""
+        with self._lock:
+            self._follow.set_threshold(begin)
+
     def look(self) -> Command:
         """Look once at estimate and arm, and tell the arm what to do."""
         with self._lock:
@@ -96,6 +103,7 @@ class Driver(Sink):
             state = self._arm.state()
             command = self._follow.step(self._clock(), self._seen, state, run=self._held())
             self._turn = self._follow.turn_of_skin(state)
+            self.newest = state, command
             if command.speeds.any():
                 self._arm.move(command.speeds)
             else:

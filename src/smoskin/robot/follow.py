@@ -5,7 +5,7 @@ whoever calls `step` says what time it is.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Final, NamedTuple
 
@@ -22,6 +22,11 @@ from smoskin.robot.chain import Chain, Posture
 from smoskin.robot.law import Limits
 from smoskin.robot.reasons import OF_STATUS, Reason
 
+THRESHOLDS: Final = (0.3, 1.0)
+"""Least and largest force from which the arm may be let move, N: untouched skins that turn have
+felt up to 0.14 N, and what is excessive must lie above."""
+_BAND: Final = 0.1
+"""Force below the threshold at which the arm stands again, N."""
 _AT_REST: Final = 0.01
 """Speed of a joint, rad/s, below which it rests."""
 _REST: Final = 0.5
@@ -141,6 +146,25 @@ class Follow:
         self._require_rest()
         if self.state is State.FAULT:
             self.state, self.fault = State.DISARMED, None
+
+    def set_threshold(self, begin: float) -> None:
+        """Let the arm move from this force on, N, of `THRESHOLDS`; only while it is disarmed."""
+        low, high = THRESHOLDS
+        if not low <= begin <= high:
+            raise ArgumentError(f"threshold must be from {low:g} to {high:g} N; got {begin}")
+        if self.state is not State.DISARMED:
+            raise ArgumentError("arm must be disarmed before its threshold changes")
+        self._limits = replace(self._limits, begin=begin, end=begin - _BAND)
+
+    @property
+    def limits(self) -> Limits:
+        """What the arm may do."""
+        return self._limits
+
+    @property
+    def way(self) -> float:
+        """How far this touch has moved its place, m."""
+        return self._way
 
     def turn_of_skin(self, arm: ArmState) -> Floats:
         """Rotation from the skin's frame to the base's at the arm's angles, (3, 3)."""

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable
 from ctypes.util import find_library
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,18 @@ _MASTERLESS: Final = 0.1
 """Time for which joints go on at what was asked last, s."""
 _LONGEST: Final = 0.1
 """Longest time that is simulated at once, s: what is missed of more never happens."""
+
+
+class Shape(NamedTuple):
+    """A solid part at all joints' zero, in the base's frame; a box is round what is no other."""
+
+    kind: str
+    """``capsule`` (or a ball), ``cylinder`` or ``box``; `size` (3,), m, is as MuJoCo has it."""
+    size: Floats
+    place: Floats
+    turn: Floats
+    color: Floats
+    moved_by: int
 
 
 @final
@@ -121,6 +133,28 @@ class SimulatedArm(Arm):
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
+
+    def shapes(self) -> tuple[Shape, ...]:
+        """Its solid parts, its base's too."""
+        mj, model, shapes = _mujoco(), self._model, []
+        data, kinds = mj.MjData(model), mj.mjtGeom
+        data.qpos[:] = 0.0
+        mj.mj_forward(model, data)
+        names = {kinds.mjGEOM_CAPSULE: "capsule", kinds.mjGEOM_CYLINDER: "cylinder"}
+        names[kinds.mjGEOM_SPHERE] = "capsule"
+        for k in np.flatnonzero((model.geom_contype > 0) & (model.geom_type != 0)):
+            turn, place, size = (
+                data.geom_xmat[k].reshape(3, 3),
+                data.geom_xpos[k],
+                model.geom_size[k],
+            )
+            kind = names.get(kinds(model.geom_type[k]), "box")
+            if kind == "box":
+                place, size = place + turn @ model.geom_aabb[k, :3], model.geom_aabb[k, 3:]
+            material, count = model.geom_matid[k], _joints_above(model, int(model.geom_bodyid[k]))
+            color = model.geom_rgba[k] if material < 0 else model.mat_rgba[material]
+            shapes.append(Shape(kind, size, place, turn, color[:3], count))
+        return tuple(shapes)
 
     def pose(self, angles: Floats) -> None:
         """Put the joints at angles, (J,), rad, at rest."""

@@ -138,6 +138,20 @@ def test_junk_is_one_line_of_the_log_each(
     assert get(port, f"/?token={token}")[0] == 200
 
 
+def test_a_message_that_is_too_large_is_refused(port: int, token: str) -> None:
+    import viser
+
+    with sockets.connect(
+        f"ws://127.0.0.1:{port}/?token={token}",
+        origin=f"http://127.0.0.1:{port}",
+        subprotocols=[f"viser-v{viser.__version__}"],
+    ) as connection:
+        connection.send(bytes(server._LARGEST + 1))
+        with pytest.raises(ConnectionClosed, match="1009"):
+            last_message(connection)
+    assert get(port, f"/?token={token}")[0] == 200
+
+
 def test_ten_visitors_come_and_go_and_leave_nothing(view: View, port: int, token: str) -> None:
     import viser
 

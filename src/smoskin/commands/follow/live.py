@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from typing import Final
 
+from smoskin.commands.follow.page import ArmPage
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.robot.arm import Arm
@@ -32,7 +33,7 @@ WARNING: Final = (
     "This is not a safety function: it stops the arm by category 2 only, and runs on an ordinary "
     "computer. The wired emergency stop and the robot's own limits stay in force."
 )
-WORDS: Final = ("arm", "disarm", "reset", "quit")
+WORDS: Final = ("arm", "disarm", "reset", "zero", "quit")
 """What people may say, a word a line; an empty line is a sign that Enter is held."""
 
 
@@ -45,6 +46,7 @@ def follow_source(
     site: str = "skin",
     robot: str | None = None,
     limits: Limits | None = None,
+    port: int | None = None,
     seconds: float | None = None,
     words: "queue.Queue[str] | None" = None,
     say: Callable[[str], object] = lambda sentence: None,
@@ -63,9 +65,11 @@ def follow_source(
         MuJoCo model of the arm, and its site at the skin's middle.
     robot : str, optional
         A real arm that the model is of, ``ur:HOST`` or ``xarm:HOST``; by default the model is
-        simulated. It moves only while Enter is held.
+        simulated. It moves only while Enter is held, or the page's button.
     limits : Limits, optional
         What the arm may do.
+    port : int, optional
+        TCP port of the operator's page, 0 for a free one; no page by default.
     seconds : float, optional
         Time of readings to end after, s.
     words : queue of str, optional
@@ -86,6 +90,7 @@ def follow_source(
     """
     say(WARNING)
     last: list[tuple[object, object]] = []
+    words = queue.Queue() if words is None else words
 
     def tell(command: Command) -> None:
         if last[-1:] != [(command.state, command.reason)]:
@@ -100,15 +105,22 @@ def follow_source(
         simulated = SimulatedArm(skin, time.monotonic, model=model, site=site)
         holding = Holding()
         arm = simulated if robot is None else _robot(robot, simulated.chain)
-        held = (lambda: True) if robot is None else holding
+        switch = None if robot is None else holding
         follow = Follow(arm.chain, skin, limits)
-        driver = stack.enter_context(Driver(arm, follow, on_command=tell, held=held))
+        driver = stack.enter_context(
+            Driver(arm, follow, on_command=tell, held=switch or (lambda: True))
+        )
         inner: Estimator = (
             ClosedFormEstimator(skin) if calibration is None else load_estimator(calibration, skin)
         )
         estimator = ZeroFirst(PosedEstimator(inner, skin, lambda: driver.turn))
         loop = stack.enter_context(Loop(source, estimator, sinks=(driver,)))
         driver.look()
+        if port is not None:
+            page = stack.enter_context(
+                ArmPage(skin, simulated, driver, follow, words, switch, WARNING, port)
+            )
+            say(f"The arm is live at {page.url}")
         driver.start()
         first: float | None = None
         for estimate in loop:
@@ -116,7 +128,10 @@ def follow_source(
             for word in _said(words):
                 if word == "quit":
                     return loop.counters
-                _obey(driver, holding, word, say)
+                if word == "zero":  # it is a fault while armed: nothing is known then
+                    estimator.reset()
+                else:
+                    _obey(driver, holding, word, say)
             if seconds is not None and estimate.time - first >= seconds:
                 break
         return loop.counters
@@ -131,9 +146,9 @@ def _robot(name: str, chain: Chain) -> Arm:
     return kinds[kind](host, chain)
 
 
-def _said(words: "queue.Queue[str] | None") -> Iterator[str]:
+def _said(words: "queue.Queue[str]") -> Iterator[str]:
     """What people have said since."""
-    while words is not None and not words.empty():
+    while not words.empty():
         yield words.get().strip().lower()
 
 

@@ -46,11 +46,7 @@ class Marker:
         radius, faint = (_DISC_RADIUS, 0.8) if solid else (1.35 * _DISC_RADIUS, opacity)
         scene.add_cylinder(f"{name}/disc", radius=radius, height=0.02, color=color, opacity=faint)
         self._ellipse = scene.add_line_segments(
-            f"{name}/ellipse",
-            np.zeros((48, 2, 3)),
-            color,
-            thickness=0.08,
-            visible=False,
+            f"{name}/ellipse", np.zeros((48, 2, 3)), color, thickness=0.08, visible=False
         )
         self._label = scene.add_label(
             f"{name}/label", "", font_screen_scale=0.9, anchor="bottom-center", visible=False

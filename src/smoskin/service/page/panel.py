@@ -284,11 +284,7 @@ class Panel:
             plot.scales = _scales(self._scale)
 
     def _card_html(
-        self,
-        moment: Moment | None,
-        rate: float,
-        now: float,
-        announced: tuple[str, str] | None,
+        self, moment: Moment | None, rate: float, now: float, announced: tuple[str, str] | None
     ) -> str:
         """The status, the touches and the pace, as HTML; rows stay where they are."""
         estimate = None if moment is None else moment.estimate

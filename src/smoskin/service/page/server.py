@@ -36,6 +36,8 @@ _HEADERS: Final = {
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
 }
+_LARGEST: Final = 256 * 1024
+"""Largest message that a page takes from a browser, bytes; what people do there is far smaller."""
 _LOG: Final = logging.getLogger(__name__)
 _MAKING: Final = threading.Lock()
 
@@ -89,7 +91,7 @@ class StillPage(Resource):
 
         try:
             self._server = serve_sockets(
-                end, HERE, port, process_request=answer, logger=_quiet_log()
+                end, HERE, port, process_request=answer, logger=_quiet_log(), max_size=_LARGEST
             )
         except OSError as error:
             raise ArgumentError(f"port must be free; got {port}: {error.strerror}") from error
@@ -192,7 +194,7 @@ def _asked(door: _Door) -> Iterator[None]:
                 connection, request, process_request
             ),
             logger=_quiet_log(),
-            **options,
+            **options | {"max_size": _LARGEST},
         )
 
     with _MAKING:

@@ -1,0 +1,144 @@
+"""The operator's page of an arm: its door, and its controls pressed in a browser."""
+
+import queue
+import time
+from contextlib import contextmanager
+from http.client import HTTPConnection
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco")
+pytest.importorskip("viser")
+
+from chromium import open_page
+from pages import feeding, reading
+from smoskin.commands.follow.live import WARNING
+from smoskin.commands.follow.page import ArmPage
+from smoskin.design.document import read_design
+from smoskin.errors import ArgumentError
+from smoskin.origami.geometry import geometry
+from smoskin.records import Contact, Estimate, Status
+from smoskin.robot.driver import Driver
+from smoskin.robot.follow import Follow, State
+from smoskin.robot.holding import Holding
+from smoskin.robot.law import Limits
+from smoskin.robot.reasons import Reason
+from smoskin.robot.simulated import SimulatedArm
+
+CURVED = read_design("curved")
+PATIENT = Limits(patience=5.0, cycle=5.0, distance=1.0, duration=100.0)
+"""A machine that is busy with other tests is no fault here."""
+
+
+@contextmanager
+def operated():
+    """An arm that a page's button lets move, and the page."""
+    arm, holding, words = SimulatedArm(CURVED, time.monotonic), Holding(), queue.Queue()
+    follow = Follow(arm.chain, CURVED, PATIENT)
+    with Driver(arm, follow, held=holding) as driver:
+        driver.look()
+        driver.start()
+        page = ArmPage(CURVED, arm, driver, follow, words, holding, WARNING, 0)
+        with page:
+            yield page, driver, follow, words
+
+
+def felt(force):
+    """What the skin's middle feels now."""
+    touch = Contact(position=np.array(geometry(CURVED).extent) / 2, force=(0.0, 0.0, -force))
+    if not force:
+        return Estimate(time=time.monotonic(), status=Status.NO_CONTACT)
+    known = np.diag([1e-3, 1e-3, 0.01, 0.01, 0.01])[None] ** 2
+    status = Status.CONTACT
+    return Estimate(time=time.monotonic(), status=status, contacts=(touch,), covariance=known)
+
+
+def test_the_page_is_for_who_has_its_address_and_its_threshold_has_ends():
+    with operated() as (page, driver, follow, _):
+        port = urlsplit(page.url).port
+        for path, host in (("/", f"127.0.0.1:{port}"), (page.url[page.url.index("/?") :], "x.org")):
+            connection = HTTPConnection("127.0.0.1", port, timeout=10.0)
+            connection.request("GET", path, headers={"Host": host})
+            assert connection.getresponse().status == 403
+            connection.close()
+        driver.set_threshold(0.8)
+        assert (follow.limits.begin, follow.limits.end) == (0.8, pytest.approx(0.7))
+        for begin in (0.2, 1.1, np.nan):
+            with pytest.raises(ArgumentError, match=r"threshold must be from 0.3 to 1 N"):
+                driver.set_threshold(begin)
+        follow.state = State.STANDING
+        with pytest.raises(ArgumentError, match="disarmed before its threshold changes"):
+            driver.set_threshold(0.5)
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+def test_an_operator_arms_holds_stops_and_resets():
+    forces = [0.0]
+    with operated() as (page, driver, follow, words), open_page(page.url) as opened:
+
+        def feed(k):
+            driver.write(reading(0.02 * k), felt(forces[0]))
+
+        def press(name):
+            opened.click(opened.page.get_by_role("button", name=name, exact=True))
+
+        def becomes(state):
+            opened.wait_until(lambda: follow.state is state)
+            opened.wait_until(lambda: opened.text("status") == state.value.capitalize())
+
+        def hold():
+            box = opened.page.get_by_role("button", name="Hold to run").bounding_box()
+            opened.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+            opened.page.mouse.down()
+
+        with feeding(feed):
+            becomes(State.DISARMED)
+            assert opened.text("warning") == WARNING
+            opened.wait_until(lambda: follow._now - follow._resting > 1.0)
+            # Not while touched, and touched it only shows where and how hard.
+            forces[0] = 0.6
+            opened.wait_until(lambda: opened.text("touch") == "F 0.60 N")
+            press("Arm")
+            opened.wait_until(lambda: opened.text("answer").startswith("Not done: arm must rest"))
+            forces[0] = 0.0
+            opened.page.wait_for_timeout(1500)
+            press("Arm")
+            becomes(State.STANDING)
+            press("Zero")  # disabled while armed
+            forces[0] = 0.6
+            opened.wait_until(lambda: opened.text("sentence") == Reason.SWITCH.value)
+            before = driver.newest[0].angles
+            hold()
+            becomes(State.MOVING)
+            assert "● Moving: yes" in opened.text("lamps")
+            opened.page.mouse.up()
+            becomes(State.STANDING)
+            assert np.abs(driver.newest[0].angles - before).max() > 1e-3
+            press("Stop")
+            becomes(State.DISARMED)
+            assert words.empty()
+            press("Zero")
+            opened.wait_until(lambda: not words.empty())
+            driver._follow.fail(Reason.STALE)
+            becomes(State.FAULT)
+            assert opened.text("sentence") == Reason.STALE.value
+            forces[0] = 0.0
+            opened.page.wait_for_timeout(1500)
+            press("Reset")
+            becomes(State.DISARMED)
+            # A page that closes while its button is held lets go of it.
+            press("Arm")
+            becomes(State.STANDING)
+            forces[0] = 0.6
+            hold()
+            becomes(State.MOVING)
+            opened.page.goto("about:blank")
+            end = time.monotonic() + 5.0
+            while follow.state is not State.STANDING and time.monotonic() < end:
+                time.sleep(0.01)
+            assert follow.state is State.STANDING
+        assert not opened.outside
+        assert not opened.errors
