@@ -171,11 +171,7 @@ class Trace:
     """Name, begin and end, s, of what the rig did, in its order."""
 
     def __init__(
-        self,
-        *,
-        gauge: ArrayLike,
-        stage: ArrayLike,
-        phases: Sequence[tuple[str, float, float]] = (),
+        self, *, gauge: ArrayLike, stage: ArrayLike, phases: Sequence[tuple[str, float, float]] = ()
     ) -> None:
         told = tuple((str(name), float(begin), float(end)) for name, begin, end in phases)
         assign(self, gauge=gauge, stage=stage, phases=told)

@@ -22,8 +22,7 @@ def fabricate(
     design: Design,
     out: Annotated[Path, Option(help="Folder of the files.", file_okay=False)],
     workshop: Annotated[
-        File,
-        Option(help="Workshop (TOML): what differs from the usual, such as kerf_mm = 0.2."),
+        File, Option(help="Workshop (TOML): what differs from the usual, such as kerf_mm = 0.2.")
     ] = None,
     covers: Annotated[
         bool, Option("--covers", help="Guided cover panels (SI Figure S16) in place of scales.")

@@ -241,8 +241,7 @@ def board(
         str, Option(help="Design of the simulated skin: a shipped name or a document.")
     ] = "planar",
     wire: Annotated[
-        Format,
-        Option("--format", help="What the board sends; smoskin is docs/wire.md."),
+        Format, Option("--format", help="What the board sends; smoskin is docs/wire.md.")
     ] = "smoskin",
     rate: Annotated[float, Option(help="Readings a second, Hz.")] = 100.0,
     seed: Annotated[int, Option(min=0, help="Seed of the skin, the noise and the hand.")] = 0,

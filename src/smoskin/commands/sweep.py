@@ -11,15 +11,7 @@ from types import MappingProxyType
 from typing import Final, Literal
 
 from smoskin.commands.simulate import parse_grip, parse_numbers
-from smoskin.datasets.patterns import (
-    Grid,
-    Mechanics,
-    Pairs,
-    Random,
-    Sweep,
-    format_sweep,
-    sideways,
-)
+from smoskin.datasets.patterns import Grid, Mechanics, Pairs, Random, Sweep, format_sweep, sideways
 from smoskin.datasets.store import Dataset, open_dataset, write_dataset
 from smoskin.datasets.workers import Engine
 from smoskin.design.skin import SkinDesign

@@ -27,12 +27,7 @@ _Opened: TypeAlias = tuple[Callable[[], Executor], Callable[[], int], Callable[.
 
 #: Environment of every worker: each library's arithmetic in one thread (NPROC is XLA's).
 ONE_THREAD: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "OMP_NUM_THREADS": "1",
-        "OPENBLAS_NUM_THREADS": "1",
-        "MKL_NUM_THREADS": "1",
-        "NPROC": "1",
-    }
+    {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "NPROC": "1"}
 )
 _CHECKED: Final = ("OMP_NUM_THREADS", "NPROC")
 _HERE: Final = "local"

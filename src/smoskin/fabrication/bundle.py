@@ -98,9 +98,7 @@ def make_bundle(
         tell("STEP", 0.97)
         files.append(step_file(design, shop))
     return Bundle(
-        design=design,
-        files=tuple(sorted(files, key=lambda file: file.path)),
-        items=tuple(items),
+        design=design, files=tuple(sorted(files, key=lambda file: file.path)), items=tuple(items)
     )
 
 

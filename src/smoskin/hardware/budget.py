@@ -116,9 +116,7 @@ def propose_setting(
     wide = [
         setting
         for gain, resolution in product(range(8), (2, 3))
-        for setting in [
-            replace(design.hall_setting, gain_selection=gain, resolution=resolution),
-        ]
+        for setting in [replace(design.hall_setting, gain_selection=gain, resolution=resolution)]
         if (largest <= MARGIN * mlx90393.full_scale(setting)).all() and largest.max() <= _FRONT_END
     ]
     if not wide:

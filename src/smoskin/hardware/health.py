@@ -123,10 +123,7 @@ def examine_readings(
         good = (flags[:, place] == 0) & np.isfinite(field[:, place]).all(axis=-1)
         enough = np.count_nonzero(good) >= _LEAST
         kept = _Chip(
-            where=where,
-            time=time[good],
-            field=field[good, place],
-            warmth=warmth[good, place],
+            where=where, time=time[good], field=field[good, place], warmth=warmth[good, place]
         )
         heard.append(kept if enough else None)
     present = [chip for chip in heard if chip is not None]

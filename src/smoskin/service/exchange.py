@@ -278,11 +278,7 @@ def export_lerobot(
         "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
         "video_path": None,
         "features": {
-            name: {
-                "dtype": str(values.dtype),
-                "shape": [values.shape[1]],
-                "names": named.get(name),
-            }
+            name: {"dtype": str(values.dtype), "shape": [values.shape[1]], "names": named.get(name)}
             for name, values in features.items()
         },
     }

@@ -297,11 +297,7 @@ class Aside(Sink):
 
 
 def run(
-    source: Source,
-    estimator: Estimator,
-    *,
-    sinks: Sequence[Sink] = (),
-    deadline: float = 1.0,
+    source: Source, estimator: Estimator, *, sinks: Sequence[Sink] = (), deadline: float = 1.0
 ) -> Iterator[Estimate]:
     """Estimates of a source's readings, one by one, until the source ends.
 

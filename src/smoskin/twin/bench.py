@@ -178,10 +178,7 @@ def measure(
 
 
 def _load(
-    design: SkinDesign,
-    cell: tuple[int, int],
-    press: float,
-    drag: tuple[float, float] = (0.0, 0.0),
+    design: SkinDesign, cell: tuple[int, int], press: float, drag: tuple[float, float] = (0.0, 0.0)
 ) -> Contact:
     """A press, N, with a drag on a cell's top vertex."""
     return Contact(position=geometry(design).tops[cell], force=(*drag, -press))

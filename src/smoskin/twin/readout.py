@@ -17,11 +17,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.magnetics import mlx90393
 from smoskin.magnetics.arrangement import arrangement_field, rotation_matrix
 from smoskin.magnetics.dipole import dipole_field, sector_dipoles
-from smoskin.magnetics.temperature import (
-    REFERENCE_TEMPERATURE,
-    check_temperature,
-    magnet_factor,
-)
+from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, check_temperature, magnet_factor
 from smoskin.mechanics.board import board_of
 from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Motion, Reading
@@ -141,11 +137,7 @@ class Readout:
         )
 
     def _field(
-        self,
-        motion: Motion,
-        board: Floats,
-        temperature: ArrayLike,
-        around: Ambience | None = None,
+        self, motion: Motion, board: Floats, temperature: ArrayLike, around: Ambience | None = None
     ) -> Floats:
         """Field of all magnets and the surroundings, with the board's rotation at hand."""
         moved = motion.magnets

@@ -23,13 +23,7 @@ from smoskin.mechanics.sheet.holders import holder_matrix
 from smoskin.mechanics.sheet.touches import Grip, Sticking, Touches, check_on_skin, touches_of
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Motion
-from smoskin.twin.manufacture import (
-    Deviations,
-    Tolerances,
-    as_designed,
-    drawn_skin,
-    made_mechanics,
-)
+from smoskin.twin.manufacture import Deviations, Tolerances, as_designed, drawn_skin, made_mechanics
 from smoskin.twin.readout import MagneticSkin, Readout
 from smoskin.twin.surroundings import Surroundings
 

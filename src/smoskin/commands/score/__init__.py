@@ -167,13 +167,7 @@ class Candidate:
         if self.plan:
             bench = (int(rng.integers(1 << 31)),) if not world.plain else ()
             labels = label(
-                twin,
-                self.plan,
-                rng,
-                temperature=_ROOM,
-                chips=table.chips,
-                world=world,
-                seed=bench,
+                twin, self.plan, rng, temperature=_ROOM, chips=table.chips, world=world, seed=bench
             )
             table = calibrate_touches(table, labels, signal_noise(twin.design, table.chips))
         tracking = _tracking(world)

@@ -20,11 +20,7 @@ _EXACT = 1e-9
 
 
 def skin_on(
-    surface: Surface,
-    name: str,
-    design: SkinDesign,
-    cell: MiuraCell,
-    made: Tessellation,
+    surface: Surface, name: str, design: SkinDesign, cell: MiuraCell, made: Tessellation
 ) -> tuple[SkinDesign | None, str]:
     """The design of a sheet on a surface of this name, or None and why there is none."""
     if not isinstance(surface, Plane | Cylinder):

@@ -56,10 +56,7 @@ _FANS: Final = (
 )
 """Pins and the way, in the chip's frame, from each to a via on its net's ring; a strap's last x is
 that of its ring."""
-_EXTRA: Final = (
-    ("17", ((0.75, 0.75), (0.75, 1.475))),
-    ("13", ((1.05, -4.0), (1.05, -4.95))),
-)
+_EXTRA: Final = (("17", ((0.75, 0.75), (0.75, 1.475))), ("13", ((1.05, -4.0), (1.05, -4.95))))
 """The pad in the middle, to VSS beside it; and the second capacitor's ground to its ring."""
 _CAPACITORS: Final = ((0.0, 2.85, 0), (1.05, -3.25, -1))
 """Places of the two capacitors in the chip's frame and their quarter turns: pin 1 is the supply."""

@@ -201,10 +201,7 @@ def through_a_magnet(design: SkinDesign, parts: Sequence[Part]) -> Picture:
     magnet, place = (
         sheet_magnets[0]
         if sheet_magnets
-        else (
-            design.magnets[0],
-            geometry(design).magnet_places[0],
-        )
+        else (design.magnets[0], geometry(design).magnet_places[0])
     )
     picture = section(parts, float(place[1]) + 1e-4, "")
     caption = f"The assembled skin cut through magnet {magnet.name}"

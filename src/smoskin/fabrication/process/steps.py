@@ -155,10 +155,7 @@ def _fold(design: SkinDesign, sheet: FlatSheet, solids: Solids) -> Step:
             "no panel touches its neighbour",
         ),
         picture=pictures.section(
-            [die],
-            _middle_x(die),
-            "Die of the last stage, cut across",
-            across_y=False,
+            [die], _middle_x(die), "Die of the last stage, cut across", across_y=False
         ),
     )
 

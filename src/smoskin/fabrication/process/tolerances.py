@@ -91,13 +91,7 @@ def _cast(design: SkinDesign) -> list[Tolerance]:
     force = "force, in proportion; calibration takes it up"
     return [
         _row(
-            "radius of a column",
-            LASER,
-            "m",
-            radius,
-            holes,
-            "column_stiffness",
-            (thick - thin) / 2,
+            "radius of a column", LASER, "m", radius, holes, "column_stiffness", (thick - thin) / 2
         ),
         _row("height of a column", LASER, "m", height, "calliper on ten columns", "column_height"),
         _row("rubber's modulus", rubber, "1", force, weigh, "stiffness_variation"),

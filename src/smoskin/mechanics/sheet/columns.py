@@ -127,10 +127,7 @@ def column_changes(columns: Columns, bent: Bent) -> tuple[Array, Array]:
     """Change of the forces with the stiffness sideways and along, relative, (C, 3, B) each, N."""
     wide = (bent.aside * bent.aside).sum(axis=1) / 2
     value, slope, curvature = bent.sway
-    loads = (
-        -bent.load * curvature * wide / bent.give,
-        columns.softness * bent.load / bent.give,
-    )
+    loads = (-bent.load * curvature * wide / bent.give, columns.softness * bent.load / bent.give)
     own = (value - bent.load * slope, jnp.zeros_like(value))
     changes = [
         jnp.concatenate([(direct + slope * load)[:, None] * bent.aside, -load[:, None]], axis=1)

@@ -134,12 +134,7 @@ def _grow(
 
 
 def constrained_solve(
-    tangent: Tangent,
-    place: Place,
-    press: Press,
-    right: Floats,
-    on_board: Floats,
-    closing: Floats,
+    tangent: Tangent, place: Place, press: Press, right: Floats, on_board: Floats, closing: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """Small motions (V, 3, ...), the board's (6, ...), and reactions (R, ...) with held patches.
 
@@ -180,12 +175,7 @@ def constrained_solve(
 
 
 def _newton(
-    tangent: Tangent,
-    press: Press,
-    share: float,
-    tolerance: float,
-    state: Standing,
-    settling: bool,
+    tangent: Tangent, press: Press, share: float, tolerance: float, state: Standing, settling: bool
 ) -> Standing:
     """Newton's method at a share of the load; the residual says whether it converged."""
     stiffness = np.asarray(tangent.elements.stiffness)[:, 0]
@@ -215,12 +205,7 @@ def _newton(
             residual = np.inf
             break
     return Standing(
-        motion=motion,
-        board=board,
-        reaction=reaction,
-        force=force,
-        residual=residual,
-        steps=steps,
+        motion=motion, board=board, reaction=reaction, force=force, residual=residual, steps=steps
     )
 
 

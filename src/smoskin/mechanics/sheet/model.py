@@ -21,13 +21,7 @@ except ModuleNotFoundError as error:
     raise MissingExtraError("the nonlinear model of the whole sheet", "twin") from error
 
 from smoskin.mechanics.board import Board, board_of
-from smoskin.mechanics.sheet.contact import (
-    ContactLaw,
-    contact_of,
-    probe_law,
-    shares_by,
-    slopes_by,
-)
+from smoskin.mechanics.sheet.contact import ContactLaw, contact_of, probe_law, shares_by, slopes_by
 from smoskin.mechanics.sheet.continuation import Press, constrained_solve
 from smoskin.mechanics.sheet.lattice import Lattice, Springs, build_lattice
 from smoskin.mechanics.sheet.tangent import Place

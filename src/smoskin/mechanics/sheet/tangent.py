@@ -103,12 +103,7 @@ class Tangent:
         return RestInverse(np.arange(size), whole, whole[:0], whole[:0])
 
     def at(
-        self,
-        motion: Floats,
-        board: Floats,
-        force: Floats | None = None,
-        *,
-        fold: float = 1.0,
+        self, motion: Floats, board: Floats, force: Floats | None = None, *, fold: float = 1.0
     ) -> Place:
         """The lattice at a displacement (V, 3), m, over the board, which has moved by (6,).
 

@@ -47,10 +47,7 @@ class Attachment:
 
 
 def attach(
-    surface: Surface,
-    cell: MiuraCell,
-    cells: tuple[int, int],
-    stiffness: Stiffness = Stiffness(),
+    surface: Surface, cell: MiuraCell, cells: tuple[int, int], stiffness: Stiffness = Stiffness()
 ) -> Attachment:
     """The attachment and the fold field of least energy, begun at the chart's own lattice.
 

@@ -20,21 +20,8 @@ from smoskin.origami.surface.surface import Surface, curvatures, forms
 from smoskin.origami.tessellation.arc import arc_sheet
 from smoskin.origami.tessellation.attachment import Stiffness, attach, attached_sheet
 from smoskin.origami.tessellation.conditions import net_of
-from smoskin.origami.tessellation.hinges import (
-    Folding,
-    fold,
-    fold_angles,
-    frame_of,
-    rigid_modes,
-)
-from smoskin.origami.tessellation.solve import (
-    Listener,
-    Problem,
-    Solution,
-    Weights,
-    places,
-    settle,
-)
+from smoskin.origami.tessellation.hinges import Folding, fold, fold_angles, frame_of, rigid_modes
+from smoskin.origami.tessellation.solve import Listener, Problem, Solution, Weights, places, settle
 from smoskin.origami.tessellation.unfold import unfold
 from smoskin.origami.tessellation.validity import GAP, Candidate, Gate, Nominal, gates
 

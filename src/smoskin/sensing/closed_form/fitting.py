@@ -182,8 +182,7 @@ def rough_fit(design: SkinDesign, touches: TouchTable) -> RoughFit:
     ).x
     problem.solve(values)
     return RoughFit(
-        misfit=(problem.scaled**2).sum(axis=1),
-        calibration=model.calibration(values, nominal),
+        misfit=(problem.scaled**2).sum(axis=1), calibration=model.calibration(values, nominal)
     )
 
 

@@ -17,12 +17,7 @@ from smoskin.magnetics.inversion import FieldInverse
 from smoskin.mechanics.reduced.stiffness import shear_gain
 from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.confidence import motion_noise, total_tail
-from smoskin.sensing.closed_form.sheets import (
-    Sheet,
-    Solution,
-    place_scatter,
-    presses_anywhere,
-)
+from smoskin.sensing.closed_form.sheets import Sheet, Solution, place_scatter, presses_anywhere
 from smoskin.sensing.response.table import ResponseTable
 
 _PRESS: Final = 0.3

@@ -23,12 +23,7 @@ from smoskin.magnetics.inversion import rest_cross_talk
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, temperature_factor
 from smoskin.measurement import TouchTable
 from smoskin.mechanics.reduced.attenuation import magnet_displacements, profiles
-from smoskin.mechanics.reduced.stiffness import (
-    cell_layers,
-    normal_force,
-    shear_gain,
-    stiffness_map,
-)
+from smoskin.mechanics.reduced.stiffness import cell_layers, normal_force, shear_gain, stiffness_map
 from smoskin.origami.geometry import geometry
 from smoskin.sensing.closed_form.calibration import Calibration
 

@@ -400,9 +400,7 @@ def _hopeless(table: ResponseTable, touches: LabelledTouches) -> Judgement:
         residual=nothing,
         errors=nothing[:, :5],
         suspicion=Suspicion(
-            f"forces reach {reach}, where the table knows {table.forces[1]:g} N",
-            np.inf,
-            np.inf,
+            f"forces reach {reach}, where the table knows {table.forces[1]:g} N", np.inf, np.inf
         ),
         warnings=(),
     )

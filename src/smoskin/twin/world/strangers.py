@@ -8,12 +8,7 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.mechanics.sheet.touches import (
-    Touches,
-    check_on_skin,
-    mean_shares,
-    patch_points,
-)
+from smoskin.mechanics.sheet.touches import Touches, check_on_skin, mean_shares, patch_points
 from smoskin.origami.geometry import geometry
 from smoskin.roles import ContactLaw
 
