@@ -89,14 +89,7 @@ def follow_source(
         If the extra ``robot`` is not installed.
     """
     say(WARNING)
-    last: list[tuple[object, object]] = []
     words = queue.Queue() if words is None else words
-
-    def tell(command: Command) -> None:
-        if last[-1:] != [(command.state, command.reason)]:
-            last[:] = [(command.state, command.reason)]
-            say(f"{command.state.value}: {command.reason.value}")
-
     with ExitStack() as stack:
         source = stack.enter_context(open_source(url))
         skin = source.design if design is None else design
@@ -107,9 +100,8 @@ def follow_source(
         arm = simulated if robot is None else _robot(robot, simulated.chain)
         switch = None if robot is None else holding
         follow = Follow(arm.chain, skin, limits)
-        driver = stack.enter_context(
-            Driver(arm, follow, on_command=tell, held=switch or (lambda: True))
-        )
+        held = switch or (lambda: True)
+        driver = stack.enter_context(Driver(arm, follow, on_command=_changes(say), held=held))
         inner: Estimator = (
             ClosedFormEstimator(skin) if calibration is None else load_estimator(calibration, skin)
         )
@@ -128,13 +120,22 @@ def follow_source(
             for word in _said(words):
                 if word == "quit":
                     return loop.counters
-                if word == "zero":  # it is a fault while armed: nothing is known then
-                    estimator.reset()
-                else:
-                    _obey(driver, holding, word, say)
+                _obey(driver, holding, estimator, word, say)
             if seconds is not None and estimate.time - first >= seconds:
                 break
         return loop.counters
+
+
+def _changes(say: Callable[[str], object]) -> Callable[[Command], None]:
+    """A function that tells commands' state and reason whenever they change."""
+    last: list[tuple[object, object]] = []
+
+    def tell(command: Command) -> None:
+        if last[-1:] != [(command.state, command.reason)]:
+            last[:] = [(command.state, command.reason)]
+            say(f"{command.state.value}: {command.reason.value}")
+
+    return tell
 
 
 def _robot(name: str, chain: Chain) -> Arm:
@@ -152,9 +153,16 @@ def _said(words: "queue.Queue[str]") -> Iterator[str]:
         yield words.get().strip().lower()
 
 
-def _obey(driver: Driver, holding: Holding, word: str, say: Callable[[str], object]) -> None:
-    """Do what was said, or say why not."""
+def _obey(
+    driver: Driver,
+    holding: Holding,
+    estimator: Estimator,
+    word: str,
+    say: Callable[[str], object],
+) -> None:
+    """Do what was said, or say why not; a new zero while armed is a fault, for nothing is known."""
     doing = {"arm": driver.arm, "disarm": driver.disarm, "reset": driver.reset, "": holding.sign}
+    doing["zero"] = estimator.reset
     if word not in doing:
         say(f"Say one of {', '.join(WORDS)}; got {word!r}")
         return
