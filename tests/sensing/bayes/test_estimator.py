@@ -218,6 +218,16 @@ def test_two_are_never_tried_where_they_cannot_be(skin, monkeypatch):
     assert not solver.standing
 
 
+@pytest.mark.parametrize("harder", [False, True])
+def test_a_pair_with_a_touch_harder_than_what_is_known_is_no_answer(skin, monkeypatch, harder):
+    bayes, solver = stated(skin, monkeypatch, 1e3, (-9.0, 0.0))
+    presses = -np.array(FORCE)[:, 2]
+    monkeypatch.setattr(bayes, "_most", float(presses.max()) * (0.99 if harder else 1.01))
+    estimate = bayes.step(raised(skin, 1.0, STRONG))
+    assert solver.standing
+    assert len(estimate.contacts) == (1 if harder else 2)
+
+
 def test_what_nothing_explains_is_out_of_range(skin, monkeypatch):
     for misfit, status in ((400 * 9 - 1, Status.CONTACT), (400 * 9 + 1, Status.OUT_OF_RANGE)):
         bayes, solver = stated(skin, monkeypatch, misfit, (0.0, -9.0))
