@@ -52,7 +52,7 @@ def test_a_real_arm_is_told_by_the_model_and_held_by_empty_lines(tmp_path, monke
     assert counters.readings == 6
     assert len(signs) == 2
     assert told[0] == live.WARNING
-    assert "Say one of arm, disarm, reset, quit; got 'dance'" in told
+    assert "Say one of arm, disarm, reset, zero, quit; got 'dance'" in told
 
 
 @pytest.mark.parametrize("robot", ["abb:10.0.0.7", "ur", "xarm:", ""])
