@@ -4,9 +4,11 @@ Decides what an operator sees and may do. Whatever the page does is asked of the
 no page: closed, the arm goes on where it needs no switch held, else it stands.
 """
 
+import io
 import queue
 import threading
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from html import escape
 from typing import Final, final
 
@@ -75,7 +77,8 @@ class ArmPage(Resource):
         if not self._closing.is_set():
             self._closing.set()
             self._thread.join(5.0)
-            self._server.stop()
+            with redirect_stdout(io.StringIO()):  # the standard output is the caller's
+                self._server.stop()
 
     def _stage(self, design: SkinDesign, shapes: tuple[Shape, ...]) -> None:
         """Set the arm, its skin and the force on it."""
