@@ -94,6 +94,31 @@ def test_the_page_shows_what_it_is_told() -> None:
 
 @pytest.mark.slow
 @pytest.mark.browser
+def test_keys_press_the_buttons() -> None:
+    done: list[object] = []
+    view = View(PLANAR, on_zero=lambda: done.append("zero"), on_record=done.append)
+    with view, open_page(view.url) as opened:
+        view.write(reading(), NOTHING)
+        opened.wait_until(
+            lambda: opened.page.get_by_role("button", name="Stop recording").count() == 1
+        )
+        words = opened.page.locator("#skin-keys")
+        assert not words.is_visible()
+        for key in ("z", "r"):
+            opened.page.keyboard.press(key)
+        opened.wait_until(lambda: done == ["zero", False])
+        opened.page.keyboard.press("?")
+        opened.wait_until(words.is_visible)
+        opened.page.keyboard.press(" ")
+        opened.wait_until(lambda: opened.page.get_by_text("Go on", exact=True).count() == 1)
+        opened.page.locator("input.mantine-NumberInput-input").last.focus()
+        opened.page.keyboard.press("z")
+        opened.page.wait_for_timeout(300)
+        assert done == ["zero", False]
+
+
+@pytest.mark.slow
+@pytest.mark.browser
 def test_the_skin_is_pressed_while_the_button_is_held() -> None:
     presses: list[tuple[Contact, ...]] = []
     top = SHEET.vertices[:, 2].max()

@@ -54,6 +54,17 @@
     }, 100);
   });
 
+  // Keys press the buttons that people see; not while something else takes the key.
+  const keys = { z: ["Zero"], r: ["Record", "Stop recording"], " ": ["Pause", "Go on"] };
+  addEventListener("keydown", (key) => {
+    if (key.ctrlKey || key.metaKey || key.altKey || key.repeat) return;
+    if (key.target.closest?.("input, textarea, button, [role]")) return;
+    if (key.key === "?") document.getElementById("skin-keys").toggleAttribute("hidden");
+    const names = keys[key.key] ?? [];
+    const button = [...document.querySelectorAll("button")].find((each) => names.includes(each.textContent.trim()));
+    if (button && !button.disabled) { key.preventDefault(); button.click(); }
+  });
+
   const said = (name) => document.querySelector(`[data-name="${name}"]`)?.textContent.trim() ?? "";
   let folded = false;
   setInterval(() => {
