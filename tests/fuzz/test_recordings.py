@@ -22,7 +22,7 @@ def recordings(tmp_path_factory):
     """The bytes of a recording with a chunk for each reading, one of four chunks, and a cut one."""
     folder = tmp_path_factory.mktemp("recordings")
     each = record(folder / "each.mcap", COUNT).read_bytes()
-    with recorder(folder / "few.mcap", flush_interval=1e9) as sink:
+    with recorder(folder / "few.mcap", flush_interval=1e9, clock=lambda: 0.0) as sink:
         for k, moment in enumerate(moments(COUNT)):
             sink.write(*moment)
             if k % 10 == 9:

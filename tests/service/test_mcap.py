@@ -120,6 +120,18 @@ def test_a_damaged_chunk_costs_that_chunk_only(recorded: Path) -> None:
     assert list(recording) == expected[:2] + expected[3:]
 
 
+@pytest.mark.parametrize("length", [31, 40, 128, 500])
+def test_a_chunk_whose_head_is_zeros_is_damaged(length: int, recorded: Path) -> None:
+    """Not a chunk without records, whose checksum of nothing would be zero too."""
+    content = bytearray(recorded.read_bytes())
+    begin = open_recording(recorded).spans[6].offset + 9  # behind opcode and length
+    content[begin : begin + length] = bytes(length)
+    recorded.write_bytes(content)
+    recording = open_recording(recorded)
+    assert (recording.lost_chunks, recording.lost_readings) == (1, 1)
+    assert list(recording) == moments(6)[:-1]
+
+
 def test_readings_lost_without_a_trace_are_counted(recorded: Path) -> None:
     """No index, and a chunk that no longer looks like one: only the numbering tells."""
     whole = open_recording(recorded)

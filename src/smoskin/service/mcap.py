@@ -21,6 +21,8 @@ _MAGIC: Final = b"\x89MCAP0\r\n"
 _RECORD: Final = struct.Struct("<BQ")  # opcode, length of what follows
 _FOOTER: Final = struct.Struct("<BQQQI")  # a whole record: starts of the summary, checksum
 _MESSAGE: Final = struct.Struct("<HIQQ")  # channel, sequence, log and publish time
+_CHUNK_HEAD: Final = 8 + 8 + 8 + 4 + 4 + 8
+"""Bytes of a chunk beside its records and the name of their packing: times, sizes, checksum."""
 
 _UNPACKING: Final = (struct.error, ValueError, RuntimeError, OverflowError, MemoryError)
 """Errors that damaged bytes raise in unpacking, beside the libraries' own."""
@@ -90,6 +92,10 @@ def load(file: BinaryIO, span: Span) -> bytes | None:
         return None
     try:
         chunk = Chunk.read(ReadDataStream(BytesIO(raw[_RECORD.size :])))
+        # A head of zeros reads as a chunk without records, whose checksum holds.
+        head = _RECORD.size + _CHUNK_HEAD + len(chunk.compression.encode())
+        if head + len(chunk.data) != span.length:
+            return None
         if chunk.uncompressed_size > min(_ALLOWED + _GROWTH * len(raw), _LARGEST):
             return None
         data = _unpacked(chunk)
