@@ -15,6 +15,7 @@ import subprocess
 import sys
 import time
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -26,6 +27,8 @@ SETTLED = 3.0
 """s after which losses count."""
 SESSION = 30.0
 """s of a hand's touches that a board sends again and again."""
+UNTOUCHED = 5.0
+"""s before them, so that no touch is taken for the zero."""
 BOARD = """
 import sys, smoskin as smo
 from smoskin.hardware.board import VirtualBoard
@@ -63,10 +66,12 @@ def make(folder: Path, seed: int, rate: float) -> None:
         smo.load_response_table("planar"), smo.VirtualRig(design, seed=seed), count=15
     )
     skin.table.save(folder / f"s{seed}.table")
-    url = f"twin://planar?manufactured=yes&seed={seed}&hand=yes&speed=max&rate={rate:g}"
-    with smo.open_source(url) as source, smo.Recorder(folder / f"s{seed}.mcap", design) as sink:
-        for _ in range(round(SESSION * rate)):
-            sink.write(source.read())
+    url = f"twin://planar?manufactured=yes&seed={seed}&speed=max&rate={rate:g}"
+    with smo.Recorder(folder / f"s{seed}.mcap", design) as sink:
+        for begin, seconds, hand in ((0.0, UNTOUCHED, "no"), (UNTOUCHED, SESSION, "yes")):
+            with smo.open_source(f"{url}&hand={hand}") as source:
+                for index in range(round(seconds * rate)):
+                    sink.write(replace(source.read(), time=begin + index / rate))
 
 
 def board(stack: ExitStack, url: str) -> str:
@@ -127,6 +132,8 @@ def main() -> None:
                 key: told[key] - (before or {}).get(name, told)[key]
                 for key in ("skipped", "lost", "dropped", "not_recorded")
             }
+            begun_with = (before or {}).get(name, told)["line"]
+            lost["overtaken"] = told["line"]["dropped"] - begun_with["dropped"]
             print(f"{name}: {told['readings']} readings at {told['rate_hz']} Hz,", json.dumps(lost))
             print(f"  {json.dumps(told['statuses'])}\n  ms: {json.dumps(told['stages_ms'])}")
 

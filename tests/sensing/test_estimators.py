@@ -32,8 +32,8 @@ def learned_model():
         encoding=encoding, chips_in_reading=3, outputs=(Output.X, Output.Y), place=np.zeros(2),
         touch_field=30e-6, centre=np.zeros(count), scale=np.ones(count), support=inputs,
         weights=rng.normal(size=(20, 2)), slope=rng.normal(size=(count, 2)), intercept=np.zeros(2),
-        residual=np.eye(2), noise=np.array([0.5, 1e-6]), gain=np.zeros(2), reach=4.0,
-        data_sha256="0" * 64, split="none", metrics=(),
+        residual=np.eye(2), noise=np.array([0.5, 1e-6]), gain=np.zeros(2), gain_after=1.0,
+        reach=4.0, data_sha256="0" * 64, split="none", metrics=(),
     )  # fmt: skip
 
 

@@ -21,6 +21,8 @@ from smoskin.sensing.learned.training import Examples, FittingEffort, train_mode
 from studies.recordings.eflesh import ProbeRun, read_eflesh
 
 LITTLE = FittingEffort(rows=400, evidence_rows=150, iterations=8)
+FIRST = 2880
+"""Readings of the first four fifths of a run of load cycles."""
 ROWS = 400
 """Readings of a recording that are sent."""
 
@@ -187,3 +189,26 @@ def test_force_is_learned_with_its_past_and_holds_on_another_run(
         assert figures["rmse_fz"] < limit
         assert 0.85 < figures["inside_90_percent_range_fz"] < 0.95
         assert told(learned.metrics)["rmse_fz"] < 0.2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("chips", "most"), [(None, 0.95), ((3, 4), 0.98)])
+def test_ranges_of_force_hold_later_in_the_session_that_was_learned(
+    recordings: Path, chips: tuple[int, ...] | None, most: float
+) -> None:
+    """The last fifth of either run, with what was read before it, by the force before it.
+
+    Two chips are stated too wide: the first run's last fifth is its easiest.
+    """
+    inside = []
+    for run in read_eflesh(recordings):
+        if run.set == "normal_force":
+            whole, late = course_of(run), (np.arange(len(run.time)) >= FIRST)[:, None]
+            before = replace(whole, force=np.where(late, np.nan, whole.force))
+            learned = learn_courses([before], chips=chips)
+            age = -float(whole.time[np.isfinite(before.force[:, 2])].mean())
+            rest = replace(whole, force=np.where(late, whole.force, np.nan))
+            figures = told(judge_courses(learned, [rest], age=age))
+            inside.append(figures["inside_90_percent_range_fz"])
+            assert figures["rmse_fz"] < 0.19
+    assert 0.85 < np.mean(inside) < most

@@ -68,6 +68,7 @@ def test_a_memory_is_chosen_where_rubber_creeps_and_halves_the_error(learned, tm
     again = load_model(tmp_path / "m")
     assert again.encoding.past is Past.STRENGTH or again.encoding.past is Past.COMPONENTS
     np.testing.assert_array_equal(again.gain, learned.gain)
+    assert again.gain_after == learned.gain_after == pytest.approx(3 * 120.0, rel=0.01)
     inputs = learned.encoding.encode(other.time, other.field)
     for one, two in zip(learned.predict(inputs), again.predict(inputs), strict=True):
         np.testing.assert_array_equal(one, two)
@@ -91,6 +92,26 @@ def test_stated_ranges_grow_with_the_force(learned):
     np.testing.assert_allclose(
         told.covariance - bare.covariance, (0.1 * told.values[..., None]) ** 2, atol=1e-12
     )
+
+
+def test_in_the_session_that_was_learned_ranges_grow_with_the_time_since(learned):
+    model = replace(learned, gain=np.array([0.1]), gain_after=100.0)
+    inputs = model.encoding.encode(course().time, course().field)[::100]
+    other, bare = (m.predict(inputs) for m in (model, replace(model, gain=np.zeros(1))))
+    for age, share in ((0.0, 0.0), (25.0, 0.25), (100.0, 1.0), (1e6, 1.0)):
+        now = model.predict(inputs, np.full(len(inputs), age))
+        np.testing.assert_allclose(
+            now.covariance - bare.covariance, share * (other.covariance - bare.covariance)
+        )
+    with pytest.raises(ArgumentError, match="age must be >= 0 s; got -1"):
+        model.predict(inputs, np.full(len(inputs), -1.0))
+
+
+def test_ranges_of_later_times_in_a_session_hold_what_they_state():
+    walks = [learn_courses([course(seed, wander=0.005)], effort=LITTLE) for seed in range(3, 7)]
+    shares = [figures(walk.metrics)["later_inside_90_percent_range_fz"] for walk in walks]
+    assert 0.75 < np.mean(shares) <= 1.0
+    assert np.std(shares) > 0.0
 
 
 def test_several_courses_foretell_each_other():

@@ -46,6 +46,7 @@ def model(outputs=(Output.X, Output.Y), form=Form.DIRECTION, memory=(), chips=(0
         residual=spread @ spread.T,
         noise=np.array([0.5, 1e-6]),
         gain=np.linspace(0.0, 0.1, count),
+        gain_after=1.0,
         reach=4.0,
         data_sha256="0" * 64,
         split="none",
@@ -192,6 +193,7 @@ def test_memory_of_strength_is_the_same_at_once_and_live():
         support=inputs,
         weights=np.ones((len(inputs), 2)),
         slope=np.ones((9, 2)),
+        gain_after=1.0,
         reach=1e3,
     )
     places = [

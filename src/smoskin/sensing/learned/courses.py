@@ -3,13 +3,13 @@
 Decides which memory serves, how a later force is foretold, and how wrong it is stated to be: what
 early parts of a course teach is judged by its later ones, as later touches will be. There forces
 are off by a share of themselves, the gain of rubber that was used meanwhile, which no part held out
-between others shows. It wanders: its square grows with the time between, and is stated for
-another day: three courses' lengths later, or as other courses show it.
+between others shows. It wanders: its square grows with the time between. Another session is stated
+to be as far as three courses' lengths, whatever the clock says: skins are taken off and zeroed.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -31,8 +31,10 @@ _FEWEST: Final = 3
 """Parts from which later ones are foretold, at least."""
 _HALF: Final = 5
 """Parts from which a model is about as sure as one of all."""
+_LAST: Final = 8
+"""Part that begins the last stretch of a course, by which the ranges themselves are judged."""
 _AHEAD: Final = 3.0
-"""Lengths of a course after which ranges are stated: another day, not the next minute."""
+"""Lengths of a course of use that another session counts as."""
 _FAINT: Final = 30e-6
 """Field below which there is no touch, T, at least; nor a direction worth learning."""
 _PRESSED: Final = 0.02
@@ -138,8 +140,9 @@ def learn_courses(
     is then trained on and judged by all later ones: of their errors, what grows with a part's force
     is the gain that is not known, the rest the noise. With several courses each is also foretold by
     the others. `told` gets what was true of later readings, (T, O), and what was missed, (T, O).
-    Metrics are those of parts between others, and of later ones. It raises an `ArgumentError` as
-    `examples_of_courses`, or if a chip is not there.
+    Metrics are those of parts between others, of later ones, and the share of the last fifth of
+    each course inside the ranges that a model of what was before states. It raises an
+    `ArgumentError` as `examples_of_courses`, or if a chip is not there.
     """
     effort = effort or _FULL
     examples = examples_of_courses(courses)
@@ -155,18 +158,7 @@ def learn_courses(
         )
 
     ahead = _AHEAD * float(np.mean([np.ptp(course.time) for course in courses]))
-    splits = list(_splits(examples, len(courses)))
-    misses: list[_Miss] = []
-    for k, (rows, later) in enumerate(splits):
-        progress("later parts", 0.3 + 0.6 * k / len(splits))
-        early = trained(rows, _QUICK)
-        for part in np.unique(examples.group[later & examples.known]):
-            those = later & examples.known & (examples.group == part)
-            after = float(examples.time[those].mean() - examples.time[rows].mean())
-            same = examples.run[those][0] == examples.run[rows][0]
-            enough = not same or len(np.unique(examples.group[rows])) >= _HALF
-            late = after if same else ahead
-            misses.append(_Miss.of(early, inputs[those], examples.targets[those], late, enough))
+    misses, last = _foretold(examples, inputs, lambda rows: trained(rows, _QUICK), ahead, progress)
     error, answer = (
         np.concatenate([getattr(miss, name) for miss in misses if miss.enough])
         for name in ("error", "answer")
@@ -174,8 +166,47 @@ def learn_courses(
     told(answer - error, error)
     progress("final fit", 0.9)
     model = _stated(trained(examples.known, effort), misses, ahead)
+    held = held_share(model.outputs, *map(np.concatenate, zip(*last, strict=True)))
     progress("done", 1.0)
-    return model
+    return replace(model, metrics=(*model.metrics, *map(_later, held)))
+
+
+def _foretold(
+    examples: Examples,
+    inputs: Floats,
+    trained: Callable[[Bools], LearnedModel],
+    ahead: float,
+    progress: Progress,
+) -> "tuple[list[_Miss], list[tuple[Floats, Floats]]]":
+    """What models of early parts, and of other courses, miss of each part.
+
+    Beside it, for the last stretch of each course, errors and the covariances stated of them.
+    """
+    misses: list[_Miss] = []
+    last: list[tuple[Floats, Floats]] = []
+    splits = _splits(examples, int(examples.run.max()) + 1)
+    for k, (rows, others) in enumerate(splits):
+        progress("later parts", 0.3 + 0.6 * k / len(splits))
+        early, later = trained(rows), others & examples.known
+        age = examples.time - examples.time[rows].mean()
+        parts, same = examples.group[rows], examples.run[rows][0] == examples.run[later][0]
+        if same and parts.max() % _PARTS == _LAST - 1:
+            before = [miss for miss in misses if parts.min() <= miss.part <= parts.max()]
+            stated = _stated(early, before, ahead).predict(inputs[later], age[later])
+            last.append((stated.values - examples.targets[later], stated.covariance))
+        for part in np.unique(examples.group[later]):
+            those = later & (examples.group == part)
+            misses.append(
+                _Miss.of(
+                    early,
+                    inputs[those],
+                    examples.targets[those],
+                    part=int(part),
+                    later=float(age[those].mean()) if same else ahead,
+                    enough=not same or len(np.unique(parts)) >= _HALF,
+                )
+            )
+    return misses, last
 
 
 def _splits(examples: Examples, courses: int) -> "list[tuple[Bools, Bools]]":
@@ -203,15 +234,15 @@ class _Miss:
     """(R,): factor of its noise."""
     distance: Floats
     """(R,): to the nearest that it remembers."""
+    part: int
+    """The part's number, over all courses."""
     later: float
     """s between its middle and that of what was learned."""
     enough: bool
     """Whether half of a course was learned, or more."""
 
     @classmethod
-    def of(
-        cls, model: LearnedModel, inputs: Floats, targets: Floats, later: float, enough: bool
-    ) -> "_Miss":
+    def of(cls, model: LearnedModel, inputs: Floats, targets: Floats, **when: Any) -> "_Miss":
         """What it misses of these targets."""
         predicted = model.predict(inputs)
         return cls(
@@ -219,8 +250,7 @@ class _Miss:
             answer=predicted.values,
             factor=model.noise_factor(inputs),
             distance=model.distances(inputs).min(axis=1),
-            later=later,
-            enough=enough,
+            **when,
         )
 
     def gains(self) -> Floats:
@@ -232,7 +262,7 @@ class _Miss:
 def _stated(model: LearnedModel, misses: Sequence[_Miss], ahead: float) -> LearnedModel:
     """The model with residuals, gain, reach and figures by what others like it missed.
 
-    The gain is what it comes to in so many seconds; noise is that of models that learned enough.
+    The gain is what it comes to so many seconds ahead; noise is that of models that learned enough.
     """
     forces = np.array([output in FORCES for output in model.outputs])
     gains = np.where(forces, [miss.gains() for miss in misses], 0.0)
@@ -252,12 +282,15 @@ def _stated(model: LearnedModel, misses: Sequence[_Miss], ahead: float) -> Learn
         later_on,
         residual=noise.T @ noise / len(noise),
         gain=np.sqrt((gains**2 * (ahead / later)[:, None]).mean(axis=0)),
+        gain_after=ahead,
         split=f"{model.split}; later: {len(misses)} parts by earlier ones or other courses",
-        metrics=(
-            *model.metrics,
-            *(m._replace(name=f"later_{m.name}") for m in later_on.metrics),
-        ),
+        metrics=(*model.metrics, *map(_later, later_on.metrics)),
     )
+
+
+def _later(metric: Metric) -> Metric:
+    """A metric of later parts, by its name."""
+    return metric._replace(name=f"later_{metric.name}")
 
 
 def _place(courses: Sequence[Course]) -> Floats:
@@ -277,8 +310,14 @@ def _faint(examples: Examples, chips: Sequence[int]) -> float:
 
 
 @typed
-def judge_courses(model: LearnedModel, courses: Sequence[Course]) -> tuple[Metric, ...]:
-    """What a model misses on courses that it has not learned, as `judge_touches` tells it."""
+def judge_courses(
+    model: LearnedModel, courses: Sequence[Course], *, age: float | None = None
+) -> tuple[Metric, ...]:
+    """What a model misses on courses that it has not learned, as `judge_touches` tells it.
+
+    The age is in s, from the middle of what was learned to the courses' time 0, where that was one
+    session; None for others.
+    """
     errors, inside, refused = [], [], []
     for course in courses:
         known = np.concatenate([course.position, course.force], axis=1)
@@ -289,7 +328,8 @@ def judge_courses(model: LearnedModel, courses: Sequence[Course]) -> tuple[Metri
                 f"courses must be of a board with {model.chips_in_reading} chips and hold readings "
                 f"of known force; got {course.field.shape[1]} chips and {rows.sum()} such readings"
             )
-        predicted = model.predict(model.encoding.encode(course.time, course.field)[rows])
+        inputs = model.encoding.encode(course.time, course.field)[rows]
+        predicted = model.predict(inputs, None if age is None else age + course.time[rows])
         errors.append(predicted.values - targets[rows])
         inside.append(predicted.covariance)
         refused.append(predicted.novelty > 1.0)

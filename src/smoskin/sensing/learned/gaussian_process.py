@@ -34,6 +34,7 @@ _LIMITS: Final = {
     "residual": (-1e9, 1e9),  # in variances of what a fit states, huge where that is tiny
     "noise": (0.0, 1e9),
     "gain": (0.0, 1e3),
+    "gain_after": (1e-3, 1e9),
     "touch_field": (0.0, 1.0),
     "reach": (1e-9, 1e9),
 }
@@ -123,7 +124,9 @@ class LearnedModel:
     noise: Floats
     """(2,): the noise factor is the first plus the second over the squared field in T."""
     gain: Floats
-    """(O,): share of itself by which each quantity may be off besides, as rubber was used since."""
+    """(O,): share of itself by which each quantity may be off besides, in another session."""
+    gain_after: float
+    """s of use after which it is off by as much in the same session."""
     reach: float
     """Distance to the nearest example, in standard deviations of each input, that is believed."""
     data_sha256: str
@@ -156,12 +159,19 @@ class LearnedModel:
         if self.chips_in_reading <= max(chips):
             raise ModelError(f"model: uses the chips {chips} of {self.chips_in_reading}")
 
-    def predict(self, inputs: Floats) -> Prediction:
+    def predict(self, inputs: Floats, age: Floats | None = None) -> Prediction:
         """Outputs for encoded fields, (T, D), as `Encoding.encode` gives them.
 
-        Another number of inputs raises an `ArgumentError`.
+        Ages, (T,), are s since the middle of what was learned, in the same session: the square of
+        the gain has grown in proportion. Without them it is that of another session. Another number
+        of inputs, or a negative age, raises an `ArgumentError`.
         """
         inputs = floats("inputs", inputs, (None, len(self.centre)))
+        grown = np.ones(len(inputs))
+        if age is not None:
+            grown = np.minimum(floats("age", age, (len(inputs),)) / self.gain_after, 1.0)
+            if not (grown >= 0.0).all():
+                raise ArgumentError(f"age must be >= 0 s; got {np.min(age)}")
         row = (inputs - self.centre) / self.scale
         # Here, so that whoever only imports the package does not wait for it.
         from scipy.spatial.distance import cdist
@@ -172,7 +182,8 @@ class LearnedModel:
         parts = [k @ self.weights + u @ self.slope for k, u in zip(kernel, row, strict=True)]
         values = np.reshape(parts, (len(row), len(self.outputs))) + self.intercept
         covariance = self.noise_factor(inputs)[:, None, None] * self.residual
-        covariance += (self.gain * values)[..., None] ** 2 * np.eye(len(self.outputs))
+        gained = grown[:, None] * (self.gain * values) ** 2
+        covariance += gained[..., None] * np.eye(len(self.outputs))
         return Prediction(values, covariance, self.distances(inputs).min(axis=1) / self.reach)
 
     def noise_factor(self, inputs: Floats) -> Floats:
@@ -215,6 +226,7 @@ class LearnedModel:
             "outputs": [{"name": output.name, "unit": output.unit} for output in self.outputs],
             "touch_field_T": self.touch_field,
             "reach": self.reach,
+            "gain_after_s": self.gain_after,
             "data_sha256": self.data_sha256,
             "split": self.split,
             "metrics": [metric._asdict() for metric in self.metrics],
@@ -256,6 +268,7 @@ def _model(arrays: dict[str, Floats], spec: dict[str, Any]) -> LearnedModel:
         outputs=tuple(Output[output["name"]] for output in spec["outputs"]),
         touch_field=float(spec["touch_field_T"]),
         reach=float(spec["reach"]),
+        gain_after=float(spec.get("gain_after_s", 1.0)),
         data_sha256=str(spec["data_sha256"]),
         split=str(spec["split"]),
         metrics=tuple(Metric(**metric) for metric in spec["metrics"]),

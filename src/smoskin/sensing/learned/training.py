@@ -169,6 +169,7 @@ def train_model(
         touch_field=touch_field,
         residual=np.eye(len(examples.outputs)),
         gain=np.zeros(len(examples.outputs)),
+        gain_after=1.0,
         reach=1.0,
         data_sha256=examples.sha256(),
         split=f"{split} held out whole, drawn with seed {seed}",
