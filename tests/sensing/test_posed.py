@@ -6,6 +6,7 @@ import pytest
 from smoskin.design.document import read_design
 from smoskin.magnetics import mlx90393
 from smoskin.magnetics.arrangement import rotation_matrix
+from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
 from smoskin.magnetics.temperature import temperature_factor
 from smoskin.mechanics.viscoelasticity import Memory, elastomer_prony
 from smoskin.mechanics.weight import sags
@@ -18,6 +19,9 @@ from smoskin.sensing.signals.turning import change_by_weight
 DESIGN = read_design("curved")
 CHIPS = len(DESIGN.halls)
 EARTH = np.array([20e-6, 5e-6, -45e-6])
+MAGNETS = point_charges([DESIGN.magnet(site.magnet) for site in DESIGN.halls])
+LYING = np.array([0.0, 0.0, -1.0])
+"""Pull, g, on a skin that lies face up, as it is calibrated."""
 RATE = 50.0
 ONE = Contact(position=(0.06, 0.08), force=(0.0, 0.0, -0.5))
 
@@ -57,7 +61,10 @@ class Still(Estimator):
 
 
 class Arm:
-    """Readings of a made skin, unlike the designed one, on an arm that turns; by the equation."""
+    """Readings of a made skin, unlike the designed one, on an arm that turns; by the equation.
+
+    What weight changes is linear in it, but a touch moves magnets from where that has put them.
+    """
 
     def __init__(self, seed=0):
         self.rng = np.random.default_rng(seed)
@@ -66,6 +73,10 @@ class Arm:
         skin = geometry(DESIGN)
         designed = [change_by_weight(DESIGN, chip, sags(DESIGN)) for chip in range(CHIPS)]
         self.weight = [one * self.rng.uniform(0.8, 1.2, (3, 3)) for one in designed]
+        self.rest = skin.rest
+        slope = charge_field_and_gradient(*MAGNETS, self.rest)[1]
+        self.sag = np.linalg.solve(slope, np.array(self.weight))  # m at 1 g
+        self.pressed = np.linalg.inv(slope).sum(axis=2)  # m, for 1 T more of each field
         self.own = [mlx90393.rotation(site).T for site in DESIGN.halls]
         self.inward = np.swapaxes(skin.chip_axes, 1, 2)
         self.pull = Memory(elastomer_prony(DESIGN.columns.material), [0.0, 0.0, -1.0])
@@ -77,16 +88,24 @@ class Arm:
         self.turn = rotation_matrix(np.asarray(turn, dtype=float))
         self.time += 1 / RATE
         down = self.pull.step(1 / RATE, -self.turn[2])
+        sunk = self.sag @ (down - LYING)
+        pressed = self.magnets(sunk + touch * self.pressed) - self.magnets(sunk)
         field = [
-            0.03 + own @ (inward @ self.turn.T @ EARTH + weight @ down)
-            for own, inward, weight in zip(self.own, self.inward, self.weight, strict=True)
+            own @ (rest + inward @ self.turn.T @ EARTH + weight @ (down - LYING) + added)
+            for own, rest, inward, weight, added in zip(
+                self.own, self.magnets(0.0 * sunk), self.inward, self.weight, pressed, strict=True
+            )
         ]
         factor = temperature_factor(25.0 + warmer)
         degrees = np.full(CHIPS, 25.0 + warmer)
         noise = 2e-6 * self.rng.normal(size=(CHIPS, 3))
-        warm = factor * np.array(field) + noise + touch
+        warm = factor * np.array(field) + noise
         reading = Reading(time=self.time, field=warm, temperature=degrees)
         return self.posed.step(reading).status
+
+    def magnets(self, moved):
+        """Fields where magnets have moved so, (S, 3), m, from the lying skin."""
+        return charge_field_and_gradient(*MAGNETS, self.rest + moved)[0]
 
     def swing(self):
         """Swing about three axes, untouched."""
@@ -112,7 +131,8 @@ def test_magnets_that_warm_are_the_estimators_to_correct():
     before = arm.posed.drift
     for warmer in np.linspace(0.0, 0.3, 100):  # it feels 15 uT, half a degree
         assert arm.step([0.0, 0.0, 0.0], warmer=warmer) is Status.NO_CONTACT
-    expected = 0.03 * abs(temperature_factor(25.3) - 1.0)
+    rest = np.abs(arm.magnets(np.zeros((CHIPS, 3)))).max()
+    expected = rest * abs(temperature_factor(25.3) - 1.0)
     assert arm.inner.felt == pytest.approx(expected, abs=7e-6)
     assert np.abs(arm.posed.drift - before).max() < 3e-6
 
@@ -124,6 +144,21 @@ def test_a_touch_at_rest_is_no_pose_however_slowly_it_comes():
     statuses = [arm.step([0.0, 0.0, 0.0], touch) for touch in ramp]
     assert statuses[-1] is Status.CONTACT
     assert arm.inner.felt > 280e-6
+
+
+def test_a_touch_moves_magnets_that_have_sunk_and_reads_as_it_does_on_the_lying_skin():
+    arm = Arm()
+    arm.swing()
+    lying = np.abs(arm.magnets(300e-6 * arm.pressed) - arm.magnets(np.zeros((CHIPS, 3)))).max()
+    hung = rotation_matrix([np.pi / 2, 0.0, 0.0])
+    sunk = arm.sag @ (hung.T @ LYING - LYING)
+    added = np.abs(arm.magnets(sunk + 300e-6 * arm.pressed) - arm.magnets(sunk)).max()
+    assert abs(added - lying) > 0.05 * lying
+    for angle in np.linspace(0.0, np.pi / 2, 200):
+        arm.step([angle, 0.0, 0.0])
+    for _ in range(50):
+        arm.step([np.pi / 2, 0.0, 0.0], 300e-6)
+    assert arm.inner.felt == pytest.approx(lying, abs=8e-6 + 0.02 * lying)
 
 
 def test_a_touch_that_moves_the_arm_leaves_nothing_when_it_goes():

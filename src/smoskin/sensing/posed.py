@@ -12,6 +12,8 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics import mlx90393
+from smoskin.magnetics.inversion import rest_cross_talk
+from smoskin.magnetics.straightening import Straightening
 from smoskin.magnetics.temperature import temperature_factor
 from smoskin.mechanics.viscoelasticity import Memory, elastomer_prony
 from smoskin.mechanics.weight import sags
@@ -67,6 +69,7 @@ class PosedEstimator(Estimator):
     _time: float | None
     _pull: Memory | None
     _changed: Floats | None
+    _straightening: Straightening | None
 
     def __init__(
         self, estimator: Estimator, design: SkinDesign, turn: Callable[[], Floats]
@@ -75,7 +78,7 @@ class PosedEstimator(Estimator):
         from scipy.linalg import block_diag
         from scipy.stats import chi2
 
-        self._estimator, self._turn = estimator, turn
+        self._estimator, self._design, self._turn = estimator, design, turn
         chips = range(len(design.halls))
         inward = np.swapaxes(geometry(design).chip_axes, 1, 2)
         own = np.stack([mlx90393.rotation(site).T for site in design.halls])
@@ -86,14 +89,14 @@ class PosedEstimator(Estimator):
         turns = block_diag(*own)
         self._noise = turns @ signal_noise(design) @ turns.T
         self._limit = float(chi2.isf(_MISSED, len(self._noise)))
+        self._lying = self._pulled(np.array([0.0, 0.0, -1.0]))
         self._forget()
 
     @property
     def drift(self) -> Floats:
         """How far the zero has followed, poses apart, since it was set, shape (S, 3), T."""
         gone = (self._known[self._count :] - self._rest).reshape(-1, 3)
-        turned = np.einsum("sba,sb->sa", self._own, gone) if len(gone) else 0.0
-        return np.asarray(self._estimator.drift + turned)
+        return self._estimator.drift + (self._in_skin(gone) if len(gone) else 0.0)
 
     def zero(self, readings: Sequence[Reading], *, force: bool = False) -> None:
         """Take the mean of readings, all at the present pose, as the zero."""
@@ -136,16 +139,30 @@ class PosedEstimator(Estimator):
         return estimate
 
     def _left(self, reading: Reading, changes: Floats) -> Reading:
-        """A reading without what its pose changes."""
-        changed = changes @ self._known[: self._count]
-        # What is learned of poses must not look like a touch: all else goes on as it began.
-        gone = self._known[self._count :] - self._rest if len(self._rest) else 0.0
+        """A reading without what its pose changes: a touch moves magnets that have sunk already."""
+        changed = (changes @ self._known[: self._count]).reshape(-1, 3)
+        left = reading.field / self._factor - changed
+        if self._straightening is not None:
+            # What is learned of poses must not look like a touch: all else goes on as it began.
+            left -= (self._known[self._count :] - self._rest).reshape(-1, 3)
+            rest = self._rest.reshape(-1, 3)
+            tilted = (changes[:, 3:] - self._lying) @ self._known[3 : self._count]
+            weight = self._in_skin(tilted.reshape(-1, 3))
+            sunk, both = self._straightening.straightened(
+                np.stack([weight, weight + self._in_skin(left - rest)])
+            )
+            own = self._straightening.bent(both - sunk)
+            left = rest + np.einsum("sab,sb->sa", self._own, own)
         return Reading(
             time=reading.time,
-            field=reading.field - self._factor * (changed + gone).reshape(-1, 3),
+            field=self._factor * left,
             temperature=reading.temperature,
             flags=reading.flags,
         )
+
+    def _in_skin(self, fields: Floats) -> Floats:
+        """Fields (S, 3) along the chips' axes, along the skin's."""
+        return np.asarray(np.einsum("sba,sb->sa", self._own, fields))
 
     @property
     def _factor(self) -> Floats:
@@ -194,22 +211,28 @@ class PosedEstimator(Estimator):
         rest = field - changes @ self._known
         crossed = changes @ self._spread
         self._known, self._rest = np.append(self._known, rest), rest
+        lying = rest + self._lying @ self._known[3 : self._count]
+        own = self._in_skin(lying.reshape(-1, 3)) - rest_cross_talk(self._design)
+        self._straightening = Straightening(self._design, own)
         self._spread = np.block(
             [[self._spread, -crossed.T], [-crossed, crossed @ changes.T + self._noise]]
         )
 
     def _pattern(self, turn: Floats, elapsed: float) -> Floats:
         """What E and G change of all readings so many seconds later, (3 S, 3 + 9 S)."""
-        chips = len(self._own)
-        pattern = np.zeros((3 * chips, self._count))
+        pattern = np.empty((3 * len(self._own), self._count))
         if self._pull is None:
             self._pull = Memory(self._creep, -turn[2])
-        down = self._pull.step(elapsed, -turn[2])
-        for chip in range(chips):
-            rows = slice(3 * chip, 3 * chip + 3)
-            pattern[rows, :3] = self._inward[chip] @ turn.T
-            pattern[rows, 3 + 9 * chip : 12 + 9 * chip] = np.kron(self._own[chip], down)
+        pattern[:, :3] = np.concatenate(self._inward @ turn.T)
+        pattern[:, 3:] = self._pulled(self._pull.step(elapsed, -turn[2]))
         return pattern
+
+    def _pulled(self, down: Floats) -> Floats:
+        """What G changes of all readings where weight pulls so, (3 S, 9 S)."""
+        chips = range(len(self._own))
+        changes = np.zeros((len(chips), 3, len(chips), 9))
+        changes[chips, :, chips] = np.kron(self._own, down)
+        return changes.reshape(3 * len(chips), 9 * len(chips))
 
     def _forget(self) -> None:
         """Know no more than the design."""
@@ -218,6 +241,7 @@ class PosedEstimator(Estimator):
         sizes = _UNLIKE / 3 * np.linalg.norm(self._designed, axis=(1, 2))
         self._spread = np.diag(np.append(np.full(3, _EARTH), np.repeat(sizes, 9)) ** 2)
         self._rest = np.zeros(0)
+        self._straightening = None
         self._pull = None
         self._thermometer = Thermometer(len(self._own))
         self._changed = None
