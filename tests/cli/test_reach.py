@@ -423,6 +423,7 @@ def test_a_virtual_bench_says_what_comes_next(monkeypatch, sheet, said):
 
 def test_a_source_is_run_as_asked(monkeypatch):
     import smoskin.commands.run as work
+    from smoskin.commands.run import lines
 
     class Watching:
         def __init__(self, *asked, **options):
@@ -451,19 +452,19 @@ def test_a_source_is_run_as_asked(monkeypatch):
         return thinned.append(options) or zip(estimates, (True, False), strict=True)
 
     monkeypatch.setattr(work, "Watch", Watching)
-    monkeypatch.setattr(work, "thinned", thin)
-    monkeypatch.setattr(work, "estimate_line", lambda estimate, as_json: f"{estimate} {as_json}")
+    monkeypatch.setattr(lines, "thinned", thin)
+    monkeypatch.setattr(lines, "estimate_line", lambda estimate, as_json: f"{estimate} {as_json}")
     done = invoke("run")
     assert (done.exit_code, done.stdout) == (0, "a False\n"), done.output
     assert made[0].asked == ("twin://planar", None)
     assert made[0].options.pop("say")
     assert made[0].options == {
         "calibration": None, "arm": False, "zero": True, "seconds": None, "record": None,
-        "force": False, "view": False, "port": 0,
+        "force": False, "view": False, "port": 0, "estimators": (),
     }  # fmt: skip
     assert thinned[0] == {"every": None, "changes": False}
     some = "--design optimised --calibration a.table --no-zero --seconds 2 --view --port 8 --force"
-    some += " --arm"
+    some += " --arm --estimator b.table --estimator c.network"
     done = invoke("run", "replay:a", *some.split(), "--record", "b.mcap", "--every", 1, "--changes",
                   "--json")  # fmt: skip
     assert (done.stdout, json.loads(done.stderr)) == ("a True\n", {"summary": {"n": 2}})
@@ -472,6 +473,7 @@ def test_a_source_is_run_as_asked(monkeypatch):
     assert made[1].options == {
         "calibration": Path("a.table"), "zero": False, "seconds": 2.0, "record": Path("b.mcap"),
         "force": True, "view": True, "port": 8, "arm": True,
+        "estimators": [Path("b.table"), Path("c.network")],
     }  # fmt: skip
     assert thinned[1] == {"every": 1.0, "changes": True}
     assert invoke("run", "--quiet").stdout == ""

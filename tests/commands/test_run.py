@@ -9,7 +9,8 @@ from boards import sending
 from networks import tiny_network
 from smoskin.commands import run as running
 from smoskin.commands.calibrate import calibrate
-from smoskin.commands.run import Watch, thinned
+from smoskin.commands.run import Watch
+from smoskin.commands.run.lines import thinned
 from smoskin.errors import ArgumentError, FileError, ModelError
 from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.service.recorder import Recorder
@@ -211,7 +212,10 @@ def test_lines_are_thinned_by_time_and_by_changes():
     assert shown(every=0.29, changes=True) == [0, 3, 4, 6, 8, 9, 10]
 
 
-def test_the_page_shows_and_presses_a_virtual_skin(planar, monkeypatch):
+@pytest.fixture
+def pages(monkeypatch):
+    """Pages that are made, each a stand-in that keeps what it is given."""
+
     class Page:
         url = "http://127.0.0.1:1"
 
@@ -225,11 +229,21 @@ def test_the_page_shows_and_presses_a_virtual_skin(planar, monkeypatch):
         def show_drift(self, drift):
             assert drift.shape == (3, 3)
 
+        def show_recording(self, goes_on, sentence):
+            self.recording = goes_on, sentence
+
+        def show_bound(self, bound):
+            self.bound = bound
+
         def close(self):
             self.closed = True
 
     pages = []
     monkeypatch.setattr("smoskin.service.page.view.View", Page)
+    return pages
+
+
+def test_the_page_shows_and_presses_a_virtual_skin(pages):
     touch = Contact(position=(0.05, 0.0667), force=(0.0, 0.0, -0.5))
     with Watch(f"{REDUCED}&creep=no", view=True, port=7, seconds=0.8) as watch:
         (page,) = pages
@@ -300,3 +314,49 @@ def test_what_is_sought_again_on_the_page_counts_once(planar, tmp_path):
     summary = watch.summary
     assert summary.touches == 1
     assert summary.readings == sum(summary.statuses.values()) == 55  # and 36 again
+
+
+def test_the_page_begins_and_ends_recordings(pages, tmp_path):
+    estimates = []
+    with Watch(REDUCED, view=True, record=tmp_path, seconds=0.8) as watch:
+        (page,) = pages
+        for number, estimate in enumerate(watch):
+            if number in (10, 60):
+                page.options["on_record"](number == 10)
+            estimates.append(estimate)
+            if number == 30:
+                assert page.recording[0]
+                assert page.recording[1].endswith(" readings, 0 lost.")
+    (file,) = tmp_path.iterdir()
+    assert page.recording == (False, f"Recorded {file.name}: 50 readings, 0 lost.")
+    assert [estimate for _, estimate in open_recording(file)] == estimates[11:61]
+
+
+def test_an_estimator_is_chosen_and_reads_what_is_played_anew(pages, planar, tmp_path):
+    twin = ReducedTwin(planar, seed=1)
+    touch = Contact(position=(0.05, 0.0667), force=(0.0, 0.0, -0.5))
+    with Recorder(tmp_path / "a.mcap", planar) as recorder:
+        for k in range(60):
+            recorder.write(twin.read([touch] * (k >= 30), time=0.02 * k))
+    url = f"replay:{tmp_path / 'a.mcap'}?speed=max"
+    alone = list(Watch(url))
+    with Watch(url, view=True) as watch:
+        (page,) = pages
+        assert page.options["on_record"] is None  # it would hold what nobody did
+        first, second = watch.estimators
+        assert page.options["estimators"] == (first, second)
+        given = []
+        for number, estimate in enumerate(watch):
+            given.append(estimate)
+            if number == 40:
+                page.options["on_choose"](second)
+            if number == 50:
+                page.options["on_choose"](first)
+            if estimate.time > 1.1:
+                break
+    assert given[:41] == alone[:41]
+    assert given[41].time == given[40].time
+    assert given[41].covariance.tolist() != given[40].covariance.tolist()
+    assert given[-1] == alone[56]
+    with pytest.raises(ArgumentError, match="name must be one of"):
+        watch.choose("guess")

@@ -30,6 +30,17 @@ from smoskin.sensing.response.table import load_response_table
 Seconds = Annotated[Number, Option(min=0.0, help="Stop after so many seconds.")]
 Record = Annotated[File, Option(help="Write everything to this new MCAP file.", dir_okay=False)]
 Port = Annotated[int, Option(min=0, max=65535, help="TCP port of the page; 0 takes a free one.")]
+Recorded = Annotated[
+    File,
+    Option(help="Write everything to this new MCAP file; with --view a folder for the page's."),
+]
+JsonLines = Annotated[
+    bool, Option("--json", help="Print estimates, and the summary, as lines of JSON.")
+]
+Others = Annotated[
+    list[Path] | None,
+    Option(help="File of another estimator to choose on the page, such as a network."),
+]
 Zeroed = Annotated[
     bool,
     Option("--zero/--no-zero", help="Take the first 20 readings as those of the untouched skin."),
@@ -64,10 +75,7 @@ def demo(
     table: Annotated[
         File, Option(help="Response table of the design; by default the shipped one.")
     ] = None,
-    estimator: Annotated[
-        list[Path] | None,
-        Option(help="File of another estimator to choose on the page, such as a network."),
-    ] = None,
+    estimator: Others = None,
     record: Record = None,
 ) -> None:
     """Touch a simulated skin and see what its chips feel, live in a browser.
@@ -129,22 +137,22 @@ def run(
     seconds: Seconds = None,
     view: Paged = False,
     port: Port = 0,
-    record: Record = None,
+    record: Recorded = None,
     force: Force = False,
+    estimator: Others = None,
     every: Annotated[Number, Option(min=0.0, help="Print one estimate in so many seconds.")] = None,
     changes: Changes = False,
     quiet: Annotated[bool, Option("--quiet", help="Print no estimates.")] = False,
     strict: Annotated[bool, Option("--strict", help="Fail if a recording is not whole.")] = False,
-    as_json: Annotated[
-        bool, Option("--json", help="Print estimates, and the summary, as lines of JSON.")
-    ] = False,
+    as_json: JsonLines = False,
 ) -> None:
     """Estimate touches from a source of readings and print them as they come.
 
     At the end a summary is told on standard error. The exit code is 1 if readings could not be
     recorded or, with --strict, are missing from a recording.
     """
-    from smoskin.commands.run import Watch, estimate_line, thinned
+    from smoskin.commands.run import Watch
+    from smoskin.commands.run.lines import estimate_line, thinned
 
     say = partial(typer.echo, err=True)
     with Watch(
@@ -156,6 +164,7 @@ def run(
         seconds=seconds,
         record=record,
         force=force,
+        estimators=estimator or (),
         view=view,
         port=port,
         say=say,

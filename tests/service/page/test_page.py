@@ -50,7 +50,7 @@ def test_the_page_shows_what_it_is_told() -> None:
             assert opened.page.get_by_text("smoskin: planar").count() > 0
             assert opened.page.get_by_text("Press the skin").count() == 0
             assert opened.page.get_by_text("Three magnetic chips under a folded sheet").count() == 1
-            assert opened.page.get_by_role("button", name="Stop recording").count() == 0
+            assert opened.page.get_by_role("button", name="Record").count() == 0
             empty = opened.page.locator('[data-name="touches"] tr').all_text_contents()
         opened.wait_until(lambda: opened.text("status") == "Silent")
         opened.dismiss_notices()
@@ -99,6 +99,7 @@ def test_keys_press_the_buttons() -> None:
     view = View(PLANAR, on_zero=lambda: done.append("zero"), on_record=done.append)
     with view, open_page(view.url) as opened:
         view.write(reading(), NOTHING)
+        view.show_recording(True, "Recording into a.mcap: 1 readings, 0 lost.")
         opened.wait_until(
             lambda: opened.page.get_by_role("button", name="Stop recording").count() == 1
         )
@@ -206,6 +207,10 @@ def test_every_control_does_what_it_says() -> None:
     done: list[object] = []
     failing = threading.Event()
 
+    def record(on: bool) -> None:
+        done.append(("record", on))
+        view.show_recording(on, f"{'Recording into' if on else 'Recorded'} <a>.mcap.")
+
     def zero() -> None:
         if failing.is_set():
             raise RuntimeError("no zero to be had")
@@ -221,7 +226,7 @@ def test_every_control_does_what_it_says() -> None:
             on_still=lambda still: done.append(("still", still)),
             on_zero=zero,
             on_undo=lambda: done.append("undo"),
-            on_record=lambda recording: done.append(("record", recording)),
+            on_record=record,
         ) as view,
         open_page(view.url) as opened,
     ):
@@ -234,11 +239,13 @@ def test_every_control_does_what_it_says() -> None:
             for name, what in (
                 ("Zero", "zero"),
                 ("Undo", "undo"),
-                ("Stop recording", ("record", False)),
                 ("Record", ("record", True)),
+                ("Stop recording", ("record", False)),
             ):
+                opened.page.get_by_role("button", name=name, exact=True).wait_for()
                 press(name)
                 opened.wait_until(lambda what=what: done and done[-1] == what)  # type: ignore[misc]
+            opened.wait_until(lambda: opened.text("recording") == "Recorded <a>.mcap.")
             opened.click(opened.page.get_by_label("Hold the hand still"))
             opened.wait_until(lambda: done[-1] == ("still", True))
             opened.wait_until(lambda: opened.text("status") == "Not touched")

@@ -194,7 +194,7 @@ def test_buttons_stand_only_for_what_can_be_done():
     for undo, record, names in (
         (None, None, ("Pause", "Zero")),
         (print, None, ("Pause", "Zero", "Undo")),
-        (print, print, ("Pause", "Zero", "Undo", "Stop recording")),
+        (print, print, ("Pause", "Zero", "Undo", "Record")),
     ):
         with View(PLANAR, on_undo=undo, on_record=record) as view:
             assert view._panel.actions.options == names

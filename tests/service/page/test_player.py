@@ -8,11 +8,13 @@ from types import SimpleNamespace
 import pytest
 
 from chromium import open_page
+from pages import settle
 from smoskin.commands.run import Watch
 from smoskin.records import Contact, Estimate
 from smoskin.service.page import player as players
 from smoskin.service.page.player import Player
 from smoskin.service.recorder import Recorder
+from smoskin.service.recording import open_recording
 from smoskin.twin.reduced import ReducedTwin
 from touch_recordings import DESIGN
 
@@ -155,3 +157,46 @@ def test_a_recording_is_paused_and_sought_in(tmp_path: Path) -> None:
     player.join(10.0)
     assert not player.is_alive()
     assert watch.summary.touches == 1  # what is shown again counts once
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+def test_a_live_skin_is_recorded_and_read_by_another_estimator(tmp_path: Path) -> None:
+    touch = Contact(position=(0.045, 0.090), force=(0.1, -0.05, -0.5))
+    # Eight readings a second: a browser without a graphics card draws no more beside its panels.
+    with Watch(
+        "twin://planar?mechanics=reduced&creep=no&rate=8", view=True, record=tmp_path
+    ) as watch:
+        reader = threading.Thread(target=lambda: list(watch))
+        reader.start()
+        assert watch.url is not None
+        with open_page(watch.url) as opened:
+
+            def press(name: str) -> None:
+                button = opened.page.get_by_role("button", name=name, exact=True)
+                button.wait_for()
+                opened.click(button)
+
+            opened.wait_until(lambda: opened.text("status") == "Not touched")
+            settle(opened)
+            assert opened.page.locator('[data-name="recording"]').count() == 0
+            press("Record")
+            opened.wait_until(lambda: opened.text("recording").startswith("Recording into planar-"))
+            watch._source.touch([touch])
+            # The closed form tells the middle of a cell, Bayes the place.
+            opened.wait_until(lambda: opened.text("touch").startswith("x 50.0 mm  y 93.3 mm"))
+            opened.click(opened.page.locator('input[role="combobox"][value^="closed"]'))
+            opened.click(opened.page.get_by_role("option", name="Bayes, as designed"))
+            opened.wait_until(lambda: not opened.text("touch").startswith(("x 50.0 mm", "–")))
+            press("Stop recording")
+            opened.wait_until(lambda: opened.text("recording").startswith("Recorded planar-"))
+            told = opened.text("recording")
+            press("Record")
+            opened.wait_until(lambda: opened.text("recording").startswith("Recording into planar-"))
+            watch.stop()
+        reader.join(10.0)
+        assert not reader.is_alive()
+    first, second = (open_recording(file) for file in sorted(tmp_path.iterdir()))
+    assert told == f"Recorded {first.path.name}: {first.reading_count} readings, 0 lost."
+    assert first.reading_count > 20
+    assert second.damage == ""

@@ -168,19 +168,21 @@ def test_what_people_ask_for_is_called_back_in_their_words() -> None:
     }
     with View(PLANAR, **asks) as view:
         view._panel.zero = lambda: done.append("curves")
-        for action in ("Zero", "Undo", "Stop recording", "Record"):
+        for action in ("Zero", "Undo", "Record", "Stop recording", "junk"):
             view._do(action)
             begin = time.monotonic()
             while not view._asked.empty() and time.monotonic() < begin + 5:
                 time.sleep(0.01)
         time.sleep(0.05)
-        assert done == ["curves", "zero", "undo", ("record", False), ("record", True)]
+        assert done == ["curves", "zero", "undo", ("record", True), ("record", False)]
         for action, next_label in (("Pause", "Go on"), ("Go on", "Pause")):
             view._do(action)
             assert view._paused == (action == "Pause")
             assert next_label in view._panel.actions.options
-        view._do("Stop recording")
-        assert "Record" in view._panel.actions.options
+        for goes_on, label in ((True, "Stop recording"), (False, "Record")):
+            view.show_recording(goes_on, "Recording into a.mcap.")
+            view._panel.write_recording()
+            assert view._panel.actions.options[-1] == label
 
 
 def test_the_right_button_sets_a_finger_that_stays_until_it_is_pressed_again() -> None:

@@ -22,6 +22,7 @@ import numpy as np
 from smoskin.commands.calibrate import TouchCalibration, TouchStep, calibrate
 from smoskin.commands.demo.hand import Hand, JudgedTouch, Touch
 from smoskin.commands.readers import ZEROS, Readers, bound_of
+from smoskin.commands.recordings import Recordings, can_record
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.origami.geometry import geometry
@@ -34,7 +35,6 @@ from smoskin.sensing.estimators import load_estimator
 from smoskin.sensing.response.table import ResponseTable, load_response_table
 from smoskin.service.loop import Counters, Loop
 from smoskin.service.page.view import View
-from smoskin.service.recorder import Recorder
 from smoskin.service.source import TwinSource
 from smoskin.twin.creep import Creep
 from smoskin.twin.hand import scripted_hand
@@ -159,7 +159,8 @@ def run_demo(
         Table of the design; by default the one that comes with the package.
     others, record : sequence of path and path
         Files of more estimators to choose from on the page, as `smoskin.load_estimator` reads them;
-        and a new MCAP file for readings and estimates.
+        and a new MCAP file for readings and estimates. What the page's button records stands beside
+        it, or else in the working folder, by dated names.
     on_start, say : callable
         Functions called once with the page's address, or None without a page; and with a sentence
         before each step that takes time.
@@ -192,12 +193,12 @@ def run_demo(
     }
     with ExitStack() as stack:
         stack.enter_context(stage)
-        on_start(stage.open(design, port, tuple(makers), record is not None) if page else None)
+        on_start(stage.open(design, port, tuple(makers)) if page else None)
         stage.make_skin(design, seed)
         done = stage.calibrated(table, seed, calibration_touches)
         source = TwinSource(stage.twin, rate=rate, creep=Creep(design))
         readers = Readers(makers)
-        loop = stack.enter_context(Loop(source, readers, sinks=stage.sinks(record, design)))
+        loop = stack.enter_context(Loop(source, readers, sinks=stage.sinks(record, design, source)))
         located: float | None = None
         # Whoever stops the demonstration, by a signal too, gets what it has shown so far.
         with suppress(KeyboardInterrupt):
@@ -269,10 +270,10 @@ class _Stage(Sink):
         self._choices: deque[str] = deque(maxlen=1)
         self._pressed: deque[tuple[float, tuple[Contact, ...]]] = deque(maxlen=100)
         self._told_until = math.inf
-        self.recording = True
+        self._recordings: Recordings | None = None
         self._latest: deque[Reading] = deque(maxlen=1000)
 
-    def open(self, design: SkinDesign, port: int, names: Sequence[str], recorded: bool) -> str:
+    def open(self, design: SkinDesign, port: int, names: Sequence[str]) -> str:
         """Serve the page, with these estimators to choose from; its address."""
         self._view = View(
             design,
@@ -281,7 +282,7 @@ class _Stage(Sink):
             on_still=self._hold_still,
             on_zero=partial(self._asked.append, "zero"),
             on_undo=partial(self._asked.append, "undo"),
-            on_record=self._switch if recorded else None,
+            on_record=self._switch if can_record() else None,
             estimators=names,
             on_choose=self._choices.append,
         )
@@ -330,9 +331,16 @@ class _Stage(Sink):
             self._view.write(reading, truth=contacts, vertices=vertices)
             time.sleep(_SHOWN / 4 + seconds)
 
-    def sinks(self, record: str | os.PathLike[str] | None, design: SkinDesign) -> list[Sink]:
-        """The page, and before it the recorder where there is a file for it."""
-        return [self] if record is None else [_Switched(Recorder(record, design), self), self]
+    def sinks(
+        self, record: str | os.PathLike[str] | None, design: SkinDesign, source: TwinSource
+    ) -> list[Sink]:
+        """The page, and before it what records, into this file or when somebody wants it."""
+        if record is None and (self._view is None or not can_record()):
+            return [self]
+        self._recordings = Recordings(design, source, home=record, say=self._say)
+        if record is not None:
+            self._recordings.begin(record)
+        return [self._recordings, self]
 
     def press(self, time: float) -> tuple[Contact, ...]:
         """What touches the skin from this time on."""
@@ -366,6 +374,7 @@ class _Stage(Sink):
         if self._view is not None and self._rounds % 25 == 0:
             self._latency = loop.counters.latency_median
             self._view.show_drift(readers.drift)
+            self._tell_recording()
         if self._choices:
             readers.choose(self._choices.popleft())
             self.tell()
@@ -414,21 +423,12 @@ class _Stage(Sink):
     def _hold_still(self, still: bool) -> None:
         self.hand.still = still
 
-    def _switch(self, recording: bool) -> None:
-        self.recording = recording
+    def _switch(self, on: bool) -> None:
+        if self._recordings is not None:  # there is no reading before the rig is done
+            self._recordings.switch(on)
+            self._tell_recording()
 
-
-class _Switched(Sink):
-    """A recorder that people can stop and let go on."""
-
-    def __init__(self, recorder: Recorder, stage: _Stage) -> None:
-        self._recorder, self._stage = recorder, stage
-
-    def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
-        """Record, unless people have stopped it."""
-        if self._stage.recording:
-            self._recorder.write(reading, estimate)
-
-    def close(self) -> None:
-        """End the recording."""
-        self._recorder.close()
+    def _tell_recording(self) -> None:
+        """Tell on the page how the recording is."""
+        if self._view is not None and self._recordings is not None:
+            self._view.show_recording(self._recordings.goes_on, self._recordings.sentence)

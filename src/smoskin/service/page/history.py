@@ -36,7 +36,7 @@ class ForceHistory:
     def __init__(self, gui: "viser.GuiApi") -> None:
         self._past: deque[tuple[float, float, float]] = deque()
         self._threshold = gui.add_slider(
-            "Threshold, N", 0.05, 1.0, 0.05, 0.5, hint="Touches above it are told apart."
+            "Threshold, N", 0.05, 1.0, 0.05, 0.5, hint="Touches are told to be above or below it."
         )
         self._top = _LEAST
         curves: list[uplot.Series] = [

@@ -6,6 +6,7 @@ people carry a `data-name` attribute, by which programs find them in the page.
 """
 
 import math
+import threading
 from collections import deque
 from collections.abc import Sequence
 from html import escape
@@ -53,6 +54,8 @@ _STATUS: Final = {
     Status.CHIP_MISSING: ("Chip missing", _RED),
     Status.NOT_CALIBRATED: ("Not calibrated", _AMBER),
 }
+RECORD: Final = ("Record", "Stop recording")
+"""What the button of recordings says while none goes on, and while one does."""
 _AXES: Final = (("Bx", "#c2478f"), ("By", "#0f9d74"), ("Bz", "#1f6fb5"))
 _LEGEND: Final = (
     ("estimated", ESTIMATED),
@@ -119,6 +122,9 @@ class Panel:
         """(S, 3), T: how far the zero has followed; None where nobody has told."""
         self.end = ""
         """Last sentence of the page, empty while it goes on."""
+        self.recording = (False, "")
+        """Whether a recording goes on, and a sentence about the newest one."""
+        self._told, self._labels = "", threading.Lock()
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 111, 181))
         gui.set_panel_label(title)
         gui.main_panel.dock_right()
@@ -130,10 +136,11 @@ class Panel:
             else None
         )
         self._add_press(gui, pressable, holdable)
-        actions = ("Pause", "Zero", *(("Undo",) * undoable), *(("Stop recording",) * recordable))
+        actions = ("Pause", "Zero", *(("Undo",) * undoable), *(RECORD[:1] * recordable))
         self.actions = gui.add_button_group(
             "Actions", actions, hint="Let go before Zero; Undo goes back to the zero before."
         )
+        self._recorded = gui.add_html("", visible=False) if recordable else None
         self.player = None if played is None else Player(server, played)
         with gui.add_folder("Touches so far"):
             self._touches = gui.add_html(self.tally.html())
@@ -219,9 +226,18 @@ class Panel:
 
     def relabel(self, action: str, label: str) -> None:
         """Let a button that did one thing do its opposite."""
-        self.actions.options = tuple(
-            label if name == action else name for name in self.actions.options
-        )
+        with self._labels:
+            options = self.actions.options
+            if action in options:
+                self.actions.options = tuple(label if name == action else name for name in options)
+
+    def write_recording(self) -> None:
+        """Bring what is told of recordings up to date."""
+        goes_on, sentence = self.recording
+        self.relabel(RECORD[not goes_on], RECORD[goes_on])
+        if sentence and sentence != self._told and self._recorded is not None:
+            self._told, self._recorded.visible = sentence, True
+            self._recorded.content = html("recorded", sentence=escape(sentence))
 
     def zero(self) -> None:
         """Draw the curves from the next reading's field onwards."""

@@ -25,7 +25,7 @@ from smoskin.records import Contact, Estimate, Reading
 from smoskin.roles import Sink
 from smoskin.service.page.carpet import Bound
 from smoskin.service.page.markers import UNITS
-from smoskin.service.page.panel import Panel
+from smoskin.service.page.panel import RECORD, Panel
 from smoskin.service.page.parts import css, first_paint
 from smoskin.service.page.scene import ESTIMATED, TRUE, Moment, SkinScene, camera
 from smoskin.service.page.server import serve
@@ -61,8 +61,8 @@ class View(Sink):
     on_zero, on_undo : callable
         Called when somebody asks for a new zero, and, where it is given, for the one before.
     on_record : callable, optional
-        Called with whether somebody wants the recording to go on; it does at the start. What has
-        no callable has no control on the page.
+        Called with whether somebody wants a recording; `show_recording` tells whether there is one.
+        What has no callable has no control on the page.
     estimators, on_choose : sequence of str and callable
         Names of the estimators to choose from, the one that reads the skin first; called with the
         one that somebody chooses.
@@ -155,6 +155,10 @@ class View(Sink):
         """Tell how far the zero has followed since it was set, (S, 3), T."""
         self._panel.drift = drift
 
+    def show_recording(self, goes_on: bool, sentence: str) -> None:
+        """Tell whether a recording goes on, and in a sentence its name and what it lost."""
+        self._panel.recording = (goes_on, sentence)
+
     def end(self, sentence: str) -> None:
         """Say a last sentence over the whole page; it stays there after the view is closed."""
         with self._lock:
@@ -229,7 +233,8 @@ class View(Sink):
 
             @chooser.on_update
             async def _(event: object) -> None:
-                asked.put(partial(self._on_choose, str(chooser.value)))
+                if chooser.value in chooser.options:  # a stranger's message may hold anything
+                    asked.put(partial(self._on_choose, str(chooser.value)))
 
         if self._on_press is not None:
             self._scene.sheet.on_drag("left")(self._move_finger)
@@ -237,18 +242,15 @@ class View(Sink):
 
     def _do(self, action: str) -> None:
         """Act on one of the panel's buttons."""
-        other = {"Pause": "Go on", "Stop recording": "Record"}
-        other |= {label: action for action, label in other.items()}
-        if action in other:
-            self._panel.relabel(action, other[action])
         if action in ("Pause", "Go on"):
+            self._panel.relabel(action, "Go on" if action == "Pause" else "Pause")
             self._pause(action == "Pause")
         elif action == "Zero":
             self._asked.put(self._panel.zero)
             self._asked.put(self._on_zero)
         elif action == "Undo" and self._on_undo is not None:
             self._asked.put(self._on_undo)
-        elif self._on_record is not None:
+        elif action in RECORD and self._on_record is not None:
             self._asked.put(partial(self._on_record, action == "Record"))
 
     def _pause(self, paused: bool) -> None:
@@ -316,6 +318,8 @@ class View(Sink):
             newest, rate = self._newest, self._rate(now)
             new, self._waiting = self._waiting, False
             announced = self._announced
+        if write:
+            self._panel.write_recording()
         if self._paused and not self._panel.end:
             return
         if self._panel.player is not None:

@@ -1,97 +1,41 @@
-"""Estimates of any source, as lines and on a page: what `smoskin run` does.
+"""Estimates of any source, handed on and on a page: what `smoskin run` does.
 
 Decides with which design a source is read (its own, unless another is given), that the first
 readings are the zero, and what is said of it all at the end.
 """
 
-import json
-import math
 import os
 import threading
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from smoskin.arrays import Floats
-from smoskin.commands.readers import bound_of
+from smoskin.commands.readers import Readers, bound_of, makers_of
+from smoskin.commands.recordings import Recordings, can_record
+from smoskin.commands.run.lines import Summary
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.hardware.serial import SerialSource
-from smoskin.outputs import check_output, read_input
+from smoskin.outputs import check_output
 from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Estimator, Resource, Sink, Source
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst, load_estimator
 from smoskin.sensing.signals.zero import ZeroTracking
-from smoskin.service.bridges.values import estimate_values, number
-from smoskin.service.loop import Aside, Counters, Loop
-from smoskin.service.page.carpet import Bound
-from smoskin.service.recorder import Recorder
+from smoskin.service.bridges.values import number
+from smoskin.service.loop import Counters, Loop
 from smoskin.service.replay import ReplaySource
 from smoskin.service.source import TwinSource, open_source
 
-_ATTACHED: Final = 1 << 28
-"""Bytes of a calibration that a recording takes along, at most."""
 _BACKLOG: Final = 100
 """Readings of a board that may wait to be estimated; then the oldest are dropped, and counted."""
-_PATIENCE: Final = 10.0
-"""s that a recording of what can wait waits for the disk."""
-_DRIFT_EVERY: Final = 25
-"""Readings from one look at the zero's drift to the next."""
-_TOLD: Final = ("corrupt", "repeated", "late", "dropped", "restarts", "reconnections")
-"""Counters of a line that a summary tells where they are not 0."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Summary:
-    """What was read, in a few numbers."""
-
-    readings: int
-    rate_hz: float | None
-    """Rate of the last thousand readings."""
-    latency_ms_median: float | None
-    latency_ms_p99: float | None
-    """Time from a reading's arrival until it is estimated and recorded."""
-    statuses: dict[str, int]
-    """Estimates of each status that occurred."""
-    touches: int
-    """How often an untouched skin became a touched one."""
-    skipped: int
-    """Readings that the source left out because nobody asked in time."""
-    lost: int
-    """Readings that are missing from the recording that was played, or on a board's line."""
-    damage: str
-    """Sentence about that recording's damage; empty where it is whole."""
-    line: dict[str, int]
-    """Counters of a board's serial line (`LineCounters`); empty for any other source."""
-    not_recorded: int
-    """Readings that could not be written."""
-    failure: str
-    """Sentence about why; empty where all could be."""
-
-    def as_json(self) -> dict[str, Any]:
-        """Plain values for machines."""
-        return asdict(self)
-
-    def __str__(self) -> str:
-        statuses = ", ".join(f"{count} {name}" for name, count in self.statuses.items())
-        parts = [
-            f"{self.readings} readings" + (f": {statuses}" if statuses else ""),
-            f"{self.touches} touches",
-            f"{self.rate_hz:.0f} Hz" if self.rate_hz else "",
-            f"estimated in {self.latency_ms_median:.2f} ms, 99 % in {self.latency_ms_p99:.2f} ms"
-            if self.latency_ms_median is not None and self.latency_ms_p99 is not None
-            else "",
-            f"{self.skipped} skipped" if self.skipped else "",
-            f"{self.lost} lost" if self.lost else "",
-            *(f"{count} {name}" for name, count in self.line.items() if name in _TOLD and count),
-            f"{self.not_recorded} not recorded" if self.not_recorded else "",
-        ]
-        return "; ".join(filter(None, parts)) + "."
+_TELL_EVERY: Final = 25
+"""Readings from one look at the zero's drift and the recording to the next."""
 
 
 class Watch(Resource):
@@ -116,11 +60,15 @@ class Watch(Resource):
         Time after the first reading to stop at, s, on the readings' clock.
     record, force : path and bool
         A new MCAP file for readings, estimates and the calibration's file; with `force` it may
-        replace another.
+        replace another. With a page it may be a folder, for the recordings that are begun there;
+        they stand beside the file, or else in the working folder, by dated names.
+    estimators : sequence of path
+        Files of more estimators to choose from on the page.
     view, port : bool and int
         Whether to serve the live page, and its TCP port; 0 takes a free one. The mouse presses a
         virtual skin there. A recording, unless it is recorded anew, is paused, sought in and
-        played at other speeds; without `seconds` it stays behind its end.
+        played at other speeds; without `seconds` it stays behind its end. An estimator that is
+        chosen there reads it again up to where it is.
     say : callable
         Called with sentences about what is going on.
     bridges : callable
@@ -140,9 +88,8 @@ class Watch(Resource):
         If the source cannot be opened; in iterating, if it falls silent.
     """
 
-    _page: "_Page | None"
-    _recorder: Recorder | None
-    _recording: Aside | None
+    _page: "_Page | None" = None
+    _recordings: Recordings | None = None
 
     def __init__(
         self,
@@ -156,37 +103,40 @@ class Watch(Resource):
         seconds: float | None = None,
         record: str | os.PathLike[str] | None = None,
         force: bool = False,
+        estimators: Sequence[str | os.PathLike[str]] = (),
         view: bool = False,
         port: int = 0,
         say: Callable[[str], object] = lambda sentence: None,
         bridges: Callable[["Watch"], Sequence[Sink]] = lambda watch: (),
     ) -> None:
-        if record is not None:
-            check_output(record, force=force)
-        self._seconds = seconds
+        if begins := record is not None and not (view and Path(record).is_dir()):
+            check_output(record or "", force=force)
+        self._seconds, self._chosen = seconds, deque[str](maxlen=1)
         self._zero_asked = threading.Event()
         self._begun, self._shown = set[int](), dict[int, Status]()  # readings, by their numbers
         with ExitStack() as stack:
-            if str(url).startswith("twin:"):
-                say(f"Making the skin of {url}.")
-            self._source = stack.enter_context(_live(open_source(url)))
+            self._source = stack.enter_context(_opened(str(url), say))
             self._played = self._source if isinstance(self._source, ReplaySource) else None
-            if self._damage:
-                say(self._damage)
             needed = calibration is None or view or record is not None
             skin = _design_of(self._source, str(url), design, needed=needed)
-            estimator = _estimator_of(skin, calibration, arm, uncalibrated)
-            self._estimator = ZeroFirst(estimator) if zero else estimator
-            self._page = self._recorder = self._recording = None
-            self._seekable = view and record is None and self._played is not None
+            options = {"arm": arm, "uncalibrated": uncalibrated}
             if view and skin is not None:
-                self._page = stack.enter_context(self._page_of(skin, port, estimator))
-            if record is not None and skin is not None:
-                self._recorder = _recorder_of(record, skin, self._source, calibration, say)
-                self._recording = stack.enter_context(_aside(self._recorder, self._source))
+                makers = makers_of(skin, calibration, estimators, **options)
+                self._estimator: Estimator = Readers(makers, zero=zero)
+            else:
+                self._estimator = _estimator_of(skin, calibration, zero, **options)
+            self._seekable = view and record is None and self._played is not None
+            # A recording of one that is sought in would hold what nobody did.
+            if skin is not None and (begins or (view and not self._seekable and can_record())):
+                sink = Recordings(skin, self._source, calibration, home=record, say=say)
+                self._recordings = stack.enter_context(sink)
+            if view and skin is not None:
+                self._page = stack.enter_context(self._page_of(skin, port))
+            if begins and self._recordings:
+                self._recordings.begin(record, force=force)
             self.design, self.chips = skin, self._source.chips
-            own = (sink for sink in (self._recording, self._page) if sink is not None)
-            sinks = *own, *map(stack.enter_context, bridges(self))
+            own = filter(None, (self._recordings, self._page))
+            sinks = (*own, *map(stack.enter_context, bridges(self)))
             self._loop = stack.enter_context(Loop(self._source, self._estimator, sinks=sinks))
             stack.pop_all()
         if self._page is not None:
@@ -205,8 +155,8 @@ class Watch(Resource):
             first = estimate.time if first is None else first
             if touched:
                 self._begun.add(began)
-            if self._page is not None and count % _DRIFT_EVERY == 0:
-                self._page.show_drift(self._estimator.drift)
+            if self._page is not None and count % _TELL_EVERY == 0:
+                self._page.tell(self._estimator.drift)
             if self._seekable:
                 self._shown[number] = estimate.status
             yield estimate
@@ -214,23 +164,50 @@ class Watch(Resource):
             if self._zero_asked.is_set() and not touched:
                 self._zero_asked.clear()
                 self._estimator.reset()
+            self._heed_choice()
             if self._seconds is not None and estimate.time - first >= self._seconds:
                 return
 
-    def _page_of(self, skin: SkinDesign, port: int, estimator: Estimator) -> "_Page":
-        """The live page, with the map of a table's bound.
-
-        A recording is sought in there unless it is recorded anew.
-        """
-        # A recording of one that is sought in would hold what nobody did.
+    def _page_of(self, skin: SkinDesign, port: int) -> "_Page":
+        """The live page, on which a recording is sought in unless it is recorded anew."""
         seekable = self._played if self._seekable else None
         if seekable is not None:
-            seekable.on_rewind = self._estimator.reset
+            seekable.on_rewind = self._rewind
             seekable.stays = lambda: self._seconds is None
-        page = _Page(skin, port, self._source, seekable, self.ask_zero)
-        if isinstance(estimator, BayesEstimator):
-            page.show_bound(bound_of(skin, estimator.table))
+        page = _Page(self, skin, port, self._source, seekable, self._recordings)
+        if isinstance(self._estimator, Readers):
+            page.show_bound_of(skin, self._estimator.made(self._estimator.name))
         return page
+
+    @property
+    def estimators(self) -> tuple[str, ...]:
+        """Names of the estimators to choose from, that of the beginning first; with a page only."""
+        return self._estimator.names if isinstance(self._estimator, Readers) else ()
+
+    def choose(self, name: str) -> None:
+        """Let another of the `estimators` read the skin, by the same zero; from the page's thread.
+
+        What is played is read again by it up to where it is.
+        """
+        readers = self._estimator
+        if not isinstance(readers, Readers) or name not in readers.names:
+            raise ArgumentError(f"name must be one of {self.estimators}; got {name!r}")
+        made = readers.made(name)
+        self._chosen.append(name)
+        if self._seekable and self._played is not None:
+            self._played.seek(self._played.position)
+        if self._page is not None and self.design is not None:
+            self._page.show_bound_of(self.design, made)
+
+    def _heed_choice(self) -> None:
+        """Read on by the estimator that was chosen."""
+        while isinstance(self._estimator, Readers) and self._chosen:
+            self._estimator.choose(self._chosen.popleft())
+
+    def _rewind(self) -> None:
+        """Begin anew at the first reading of what is played."""
+        self._heed_choice()
+        self._estimator.reset()
 
     def ask_zero(self) -> None:
         """Take the next readings of the untouched skin as its zero; from any thread."""
@@ -257,7 +234,7 @@ class Watch(Resource):
     @property
     def summary(self) -> Summary:
         """What has been read so far; what is shown again on the page counts once."""
-        counters, recording = self._loop.counters, self._recording
+        counters, recordings = self._loop.counters, self._recordings
         statuses = Counter(self._shown.values()) if self._seekable else counters.statuses
         played = None if self._played is None else self._played.recording
         line = asdict(self._source.counters) if isinstance(self._source, SerialSource) else {}
@@ -272,8 +249,8 @@ class Watch(Resource):
             lost=line.get("lost", 0) if played is None else played.lost_readings,
             line=line,
             damage=self._damage,
-            not_recorded=0 if recording is None else recording.dropped,
-            failure="" if self._recorder is None else self._recorder.failure,
+            not_recorded=0 if recordings is None else recordings.dropped,
+            failure="" if recordings is None else recordings.failure,
         )
 
     @property
@@ -284,14 +261,18 @@ class Watch(Resource):
 def _estimator_of(
     skin: SkinDesign | None,
     calibration: str | os.PathLike[str] | None,
+    zero: bool,
     arm: bool,
     uncalibrated: bool,
 ) -> Estimator:
     """What reads a skin: by its calibration, else as the paper does one that is as designed."""
-    if calibration is None and skin is not None:
-        return ClosedFormEstimator(skin, tracking=ZeroTracking(arm=arm))
-    assert calibration is not None
-    return load_estimator(calibration, skin, arm=arm, uncalibrated=uncalibrated)
+    estimator: Estimator
+    if calibration is None:
+        assert skin is not None
+        estimator = ClosedFormEstimator(skin, tracking=ZeroTracking(arm=arm))
+    else:
+        estimator = load_estimator(calibration, skin, arm=arm, uncalibrated=uncalibrated)
+    return ZeroFirst(estimator) if zero else estimator
 
 
 class _Page(Sink):
@@ -299,21 +280,25 @@ class _Page(Sink):
 
     def __init__(
         self,
+        watch: Watch,
         design: SkinDesign,
         port: int,
         source: Source,
         player: ReplaySource | None,
-        on_zero: Callable[[], None],
+        recordings: Recordings | None,
     ) -> None:
         from smoskin.service.page.view import View
 
-        self._player = player
+        self._player, self._recordings, self._mapped = player, recordings, False
         self._twin = source if isinstance(source, TwinSource) else None
         self._view = View(
             design,
             port=port,
             on_press=None if self._twin is None else self._press,
-            on_zero=on_zero,
+            on_zero=watch.ask_zero,
+            on_record=None if recordings is None else self._switch,
+            estimators=watch.estimators,
+            on_choose=watch.choose,
             player=player,
         )
         self.url = self._view.url
@@ -322,13 +307,22 @@ class _Page(Sink):
         if self._twin is not None:
             self._twin.touch(contacts)
 
-    def show_bound(self, bound: Bound) -> None:
-        """Offer a heat map of how finely touches can be placed."""
-        self._view.show_bound(bound)
+    def _switch(self, on: bool) -> None:
+        if self._recordings is not None:
+            self._recordings.switch(on)
+            self._view.show_recording(self._recordings.goes_on, self._recordings.sentence)
 
-    def show_drift(self, drift: Floats) -> None:
-        """Tell how far the zero has followed."""
+    def show_bound_of(self, design: SkinDesign, estimator: Estimator) -> None:
+        """Offer the map of a table's bound, of the first estimator that has a table."""
+        if isinstance(estimator, BayesEstimator) and not self._mapped:
+            self._view.show_bound(bound_of(design, estimator.table))
+            self._mapped = True
+
+    def tell(self, drift: Floats) -> None:
+        """Tell how far the zero has followed, and how the recording is."""
         self._view.show_drift(drift)
+        if self._recordings is not None:
+            self._view.show_recording(self._recordings.goes_on, self._recordings.sentence)
 
     def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
         """Show a reading, its estimate and, of a virtual skin, the true touch."""
@@ -368,77 +362,16 @@ def _design_of(
     return design
 
 
-def _make_room(record: str | os.PathLike[str], source: Source) -> None:
-    """Remove the recording that a new one replaces, unless it is the one that is played."""
-    if not os.path.exists(record):
-        return
-    if isinstance(source, ReplaySource) and os.path.samefile(record, source.recording.path):
-        raise ArgumentError(
-            f"record must be another file than the one that is played; got {record}"
-        )
-    os.unlink(record)
+def _opened(url: str, say: Callable[[str], object]) -> Source:
+    """A source, with a word about what takes long or is damaged.
 
-
-def _live(source: Source) -> Source:
-    """A source whose readings are not kept until they are old where estimating is too slow."""
+    Readings of a board are not kept until they are old where estimating is too slow.
+    """
+    if url.startswith("twin:"):
+        say(f"Making the skin of {url}.")
+    source = open_source(url)
+    if isinstance(source, ReplaySource) and source.recording.damage:
+        say(source.recording.damage)
     if isinstance(source, SerialSource):
         source.room = _BACKLOG
     return source
-
-
-def _recorder_of(
-    record: str | os.PathLike[str],
-    skin: SkinDesign,
-    source: Source,
-    calibration: str | os.PathLike[str] | None,
-    say: Callable[[str], object],
-) -> Recorder:
-    """A recorder of a skin into a new file, which may replace another than the one played."""
-    _make_room(record, source)
-    return Recorder(record, skin, attachments=_files(calibration), on_failure=say)
-
-
-def _aside(recorder: Recorder, source: Source) -> Aside:
-    """A recorder that holds up no chips; what is played or simulated can wait for a disk."""
-    waits = isinstance(source, ReplaySource | TwinSource)
-    return Aside(recorder, patience=_PATIENCE if waits else 0.0)
-
-
-def _files(calibration: str | os.PathLike[str] | None) -> dict[str, bytes]:
-    """What a recording takes along beside the design: the calibration, by its file's name."""
-    if calibration is None:
-        return {}
-    return {Path(calibration).name: read_input(calibration, _ATTACHED)}
-
-
-def thinned(
-    estimates: Iterator[Estimate], *, every: float | None = None, changes: bool = False
-) -> Iterator[tuple[Estimate, bool]]:
-    """Estimates, and whether each is worth a line.
-
-    With neither option all are; with `every` one in so many seconds is, with `changes` one whose
-    status or number of touches differs from the one before.
-    """
-    due = -math.inf
-    before: tuple[Status, int] | None = None
-    for estimate in estimates:
-        state = estimate.status, len(estimate.contacts)
-        # A clock that was set back counts from there.
-        late = every is not None and not due - every <= estimate.time < due
-        if late:
-            due = estimate.time + (every or 0.0)
-        yield estimate, late or (changes and state != before) or (every is None and not changes)
-        before = state
-
-
-def estimate_line(estimate: Estimate, *, as_json: bool) -> str:
-    """One estimate as a line of text, or of JSON, in millimetres and newtons."""
-    values = estimate_values(estimate)
-    if as_json:
-        return json.dumps(values)
-    places = "".join(
-        f"  x {touch['x_mm']:6.1f} mm  y {touch['y_mm']:6.1f} mm  "
-        "F ({:+.3f}, {:+.3f}, {:+.3f}) N".format(*touch["force_N"])
-        for touch in values["contacts"]
-    )
-    return f"{estimate.time:10.3f} s  {estimate.status.name:<14}{places}"
