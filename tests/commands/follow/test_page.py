@@ -1,8 +1,11 @@
 """The operator's page of an arm: its door, and its controls pressed in a browser."""
 
+import logging
 import queue
 import time
+from collections import deque
 from contextlib import contextmanager
+from functools import partial
 from http.client import HTTPConnection
 from urllib.parse import urlsplit
 
@@ -30,6 +33,12 @@ from smoskin.robot.simulated import SimulatedArm
 CURVED = read_design("curved")
 PATIENT = Limits(patience=5.0, cycle=5.0, distance=1.0, duration=100.0)
 """A machine that is busy with other tests is no fault here."""
+
+CAMERA = {
+    "type": "ViewerCameraMessage", "wxyz": (1.0, 0.0, 0.0, 0.0), "position": (9.0, 0.0, 0.0),
+    "fov": 1.0, "near": 0.1, "far": 99.0, "image_height": 90, "image_width": 140,
+    "look_at": (0.0, 0.0, 0.0), "up_direction": (0.0, 0.0, 1.0),
+}  # fmt: skip
 
 
 @contextmanager
@@ -73,6 +82,55 @@ def test_the_page_is_for_who_has_its_address_and_its_threshold_has_ends():
             driver.set_threshold(0.5)
 
 
+def test_malformed_messages_move_nothing(caplog):
+    """By who has the address: junk ends the connection, wrong values change nothing."""
+    sockets = pytest.importorskip("websockets.sync.client")
+    import msgspec
+    import viser
+    from websockets.exceptions import ConnectionClosed
+
+    caplog.set_level(logging.WARNING)
+    with operated() as (page, _, follow, words):
+        parts = urlsplit(page.url)
+        uuid = page._threshold._impl.uuid
+
+        def connected():
+            return sockets.connect(
+                f"ws://{parts.netloc}/?{parts.query}",
+                origin=f"http://{parts.netloc}",
+                subprotocols=[f"viser-v{viser.__version__}"],
+            )
+
+        def update(value, name=uuid):
+            message = {"type": "GuiUpdateMessage", "uuid": name, "updates": {"value": value}}
+            return msgspec.msgpack.encode(message)
+
+        wrong = [b"\xff\x00junk", "text", update("half")[:-3], bytes(256 * 1024 + 1)]
+        for message in wrong:
+            with connected() as connection:
+                connection.send(message)
+                with pytest.raises(ConnectionClosed, match=r"1003|1009"):
+                    deque(iter(connection), maxlen=0)
+        with connected() as connection:
+            hold = {"type": "GuiButtonHoldMessage", "uuid": uuid, "frequency": np.inf}
+            connection.send(msgspec.msgpack.encode(CAMERA))  # as every browser does first
+            values = ("junk", None, [], float("nan"), -1.0, 1e300)
+            for message in (*map(update, values), update(0.9, "x"), msgspec.msgpack.encode(hold)):
+                connection.send(message)
+            end = time.monotonic() + 10.0
+            while not page._answer.endswith("got 1e+300") and time.monotonic() < end:
+                time.sleep(0.01)
+            assert page._answer == "Not done: threshold must be from 0.3 to 1 N; got 1e+300"
+            connection.send(update(0.7))
+            while follow.limits.begin != 0.7 and time.monotonic() < end:
+                time.sleep(0.01)
+        assert (follow.limits.begin, follow.state) == (0.7, State.DISARMED)
+        assert words.empty()
+        assert not page._switch()
+    assert caplog.records
+    assert all(record.exc_info is None for record in caplog.records)
+
+
 @pytest.mark.slow
 @pytest.mark.browser
 def test_an_operator_arms_holds_stops_and_resets():
@@ -94,8 +152,22 @@ def test_an_operator_arms_holds_stops_and_resets():
             opened.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
             opened.page.mouse.down()
 
+        def out_of_sight():
+            """What a browser does when another tab is chosen; the button stays pressed."""
+            opened.page.evaluate(
+                """() => {
+                    Object.defineProperty(document, "hidden", { get: () => true });
+                    document.dispatchEvent(new Event("visibilitychange"));
+                }"""
+            )
+
+        def freeze(state):
+            session = opened.page.context.new_cdp_session(opened.page)
+            session.send("Page.setWebLifecycleState", {"state": state})
+
         with feeding(feed):
             becomes(State.DISARMED)
+            assert "true touch" not in opened.page.locator("#skin-title").text_content()
             assert opened.text("warning") == WARNING
             opened.wait_until(lambda: follow._now - follow._resting > 1.0)
             # Not while touched, and touched it only shows where and how hard.
@@ -117,6 +189,21 @@ def test_an_operator_arms_holds_stops_and_resets():
             opened.page.mouse.up()
             becomes(State.STANDING)
             assert np.abs(driver.newest[0].angles - before).max() > 1e-3
+            # A page that goes out of sight lets go, and so does one whose timers stand still.
+            for hide, show in (
+                (out_of_sight, lambda: None),
+                (partial(freeze, "frozen"), partial(freeze, "active")),
+            ):
+                hold()
+                becomes(State.MOVING)
+                hide()
+                end = time.monotonic() + 5.0
+                while follow.state is not State.STANDING and time.monotonic() < end:
+                    time.sleep(0.01)
+                assert follow.state is State.STANDING
+                assert not page._switch()
+                show()
+                opened.page.mouse.up()
             press("Stop")
             becomes(State.DISARMED)
             assert words.empty()

@@ -190,6 +190,15 @@ def test_a_second_touch_has_a_line_of_its_own(view):
     assert "– ms" in one
 
 
+@pytest.mark.parametrize(
+    ("value", "push"), [(np.nan, 0.05), (-1.0, 0.05), (1e300, 1.0), (0.3, 0.3)]
+)
+def test_a_press_is_one_of_the_sliders_whatever_a_message_says(value, push):
+    with View(PLANAR) as view:
+        view._panel._push._impl.value = value
+        assert view._panel.force == (0.0, 0.0, -push)
+
+
 def test_buttons_stand_only_for_what_can_be_done():
     for undo, record, names in (
         (None, None, ("Pause", "Zero")),

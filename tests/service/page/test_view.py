@@ -153,9 +153,11 @@ def test_the_first_paint_counts_the_chips(count: int, words: str) -> None:
     eye = (np.array((0.1, 0.2, 0.3)), np.array((0.06, 0.08, 0.0)), 0.5)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(views, "camera", lambda design, *, narrow: eye if narrow else None)
-        head, body = views._first_paint(design, "a <b>")
+        head, body = views._first_paint(design, "a <b>", virtual=False)
     assert "<title>a &lt;b&gt;</title>" in head
     assert words in body
+    assert "what the chips say" in body
+    assert "true touch" not in body  # which nobody knows of a real skin
     assert 'data-eye="10.000,20.000,30.000" data-aim="6.000,8.000,0.000"' in body
 
 

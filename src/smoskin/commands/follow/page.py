@@ -24,8 +24,8 @@ from smoskin.robot.holding import Holding
 from smoskin.robot.simulated import Shape, SimulatedArm
 from smoskin.roles import Resource
 from smoskin.service.page.markers import UNITS, arrow
-from smoskin.service.page.parts import css, first_paint, html
-from smoskin.service.page.scene import ESTIMATED, TRUE, triangles
+from smoskin.service.page.parts import first_paint, html
+from smoskin.service.page.scene import ESTIMATED, triangles
 from smoskin.service.page.server import serve
 
 _PERIOD: Final = 1.0 / 25.0
@@ -62,7 +62,8 @@ class ArmPage(Resource):
         eye = aim + np.array((0.35, -1.0, 0.35)) * 1.15 * (high - low).max()
         title, sentence = "smoskin follow", "An arm that yields to touch: not a safety function"
         views = {name: ",".join(map(str, at * UNITS)) for name, at in (("eye", eye), ("aim", aim))}
-        paint = first_paint(title, sentence, estimated=css(ESTIMATED), true=css(TRUE), **views)
+        marks = {"force on the skin, as its chips tell it": ESTIMATED}
+        paint = first_paint(title, sentence, marks, keys="z zero", **views)
         self._server, self.url = serve(port, title, *paint)
         start = self._server.initial_camera
         start.position, start.look_at = eye * UNITS, aim * UNITS

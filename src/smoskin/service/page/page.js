@@ -31,6 +31,14 @@
     if (event.target instanceof HTMLCanvasElement) event.preventDefault();
   });
 
+  // A button that is held is let go where the page goes out of sight or another window comes before it.
+  let down = null;
+  addEventListener("pointerdown", (event) => { down = event; }, true);
+  const letGo = () => down?.target.dispatchEvent(
+    new PointerEvent("pointercancel", { bubbles: true, pointerId: down.pointerId }));
+  document.addEventListener("visibilitychange", () => document.hidden && letGo());
+  addEventListener("blur", letGo);
+
   // A box beside a slider shows what was typed, within the slider's ends; else what it held.
   const sliderOf = (box) => box instanceof HTMLInputElement && box.closest(".mantine-NumberInput-root")
     ?.parentElement.querySelector('[role="slider"]');

@@ -201,7 +201,7 @@ class Panel:
     @property
     def force(self) -> tuple[float, float, float]:
         """Force that a press exerts on the skin, as the sliders stand, N."""
-        return float(self._shear_x.value), float(self._shear_y.value), -float(self._push.value)
+        return _within(self._shear_x), _within(self._shear_y), -_within(self._push)
 
     @property
     def picture(self) -> tuple[float, float, Floats]:
@@ -321,6 +321,11 @@ class Panel:
             threshold=self._threshold_words(moment),
             end=escape(self.end),
         )
+
+
+def _within(slider: "viser.GuiSliderHandle[float]") -> float:
+    """Where a slider stands; a stranger's message may say otherwise, or that it is no number."""
+    return min(slider.max, max(slider.min, float(slider.value)))
 
 
 def _status(

@@ -1,5 +1,6 @@
 """The HTML, CSS and JavaScript that stand beside these modules, with their values filled in."""
 
+from collections.abc import Mapping
 from functools import cache
 from html import escape
 from importlib import resources
@@ -23,8 +24,16 @@ def css(color: tuple[int, int, int]) -> str:
     return f"rgb{color}"
 
 
-def first_paint(title: str, sentence: str, **values: str) -> tuple[str, str]:
-    """What stands in the page's head and what before its body; `values` are the template's."""
+def first_paint(
+    title: str, sentence: str, marks: Mapping[str, tuple[int, int, int]], **values: str
+) -> tuple[str, str]:
+    """What stands in the page's head and what before its body.
+
+    `marks` are the colours in the picture by what they mean, `values` those of the template.
+    """
+    mark = '<span class="skin-mark" style="background:{}"></span>{}\n'
+    marked = "".join(mark.format(css(color), escape(name)) for name, color in marks.items())
     head = f"<title>{escape(title)}</title>\n<style>\n{text('page.css')}</style>"
     script = f"<script>\n{text('page.js')}</script>"
-    return head, html("page", sentence=escape(sentence), script=script, **values)
+    sentence = escape(sentence)
+    return head, html("page", sentence=sentence, script=script, marks=marked, **values)

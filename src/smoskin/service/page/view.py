@@ -26,7 +26,7 @@ from smoskin.roles import Sink
 from smoskin.service.page.carpet import Bound
 from smoskin.service.page.markers import UNITS
 from smoskin.service.page.panel import RECORD, Panel
-from smoskin.service.page.parts import css, first_paint
+from smoskin.service.page.parts import first_paint
 from smoskin.service.page.scene import ESTIMATED, TRUE, Moment, SkinScene, camera
 from smoskin.service.page.server import serve
 from smoskin.service.replay import ReplaySource
@@ -107,7 +107,9 @@ class View(Sink):
         self._failure: Exception | None = None
         self._closing = threading.Event()
         title = f"smoskin: {design.name}"
-        self._server, self._url = serve(port, title, *_first_paint(design, title))
+        self._server, self._url = serve(
+            port, title, *_first_paint(design, title, on_press is not None)
+        )
         self._panel = Panel(
             self._server,
             title,
@@ -344,8 +346,11 @@ class View(Sink):
         return (len(recent) - 1) / (recent[-1] - recent[0]) if recent[-1] > recent[0] else math.inf
 
 
-def _first_paint(design: SkinDesign, title: str) -> tuple[str, str]:
-    """What the page says before the viewer works, for people who have never seen a skin."""
+def _first_paint(design: SkinDesign, title: str, virtual: bool) -> tuple[str, str]:
+    """What the page says before the viewer works, for people who have never seen a skin.
+
+    The true touch is known of a virtual skin only.
+    """
     count = len(design.halls)
     chips = "One magnetic chip" if count == 1 else f"{_NUMBERS.get(count, count)} magnetic chips"
     feel = "feels" if count == 1 else "feel"
@@ -353,8 +358,8 @@ def _first_paint(design: SkinDesign, title: str) -> tuple[str, str]:
     return first_paint(
         title,
         f"{chips} under a folded sheet {feel} where, how hard and which way you touch",
-        estimated=css(ESTIMATED),
-        true=css(TRUE),
+        ({"true touch": TRUE} if virtual else {}) | {"what the chips say": ESTIMATED},
+        keys="z zero, r record or stop recording, space pause or go on",
         eye=",".join(f"{value:.3f}" for value in eye),
         aim=",".join(f"{value:.3f}" for value in aim),
     )
