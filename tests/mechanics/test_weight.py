@@ -76,7 +76,9 @@ def test_a_skin_that_hangs_sags_by_its_weight_over_its_springs(planar):
     sagged, columns = sags(planar), geometry(planar).sheet.columns.size
     beam = column_beam(planar)
     for axis, stiffness in enumerate((beam.lateral, beam.lateral, beam.axial)):
-        assert sagged.sheet[axis] * columns * stiffness == pytest.approx(9.81 * sheet)
+        # Rims sag otherwise than the middle, where the magnets are.
+        sunk = sagged.magnets[1:, axis, axis] * columns * stiffness
+        np.testing.assert_allclose(sunk, 9.81 * sheet, rtol=0.06)
     feet = columns * column_mass(planar) / 2
     whole = 9.81 * (sheet + feet + board_mass(planar) + frame_mass(planar))
     board = board_of(planar)
@@ -96,7 +98,8 @@ def test_a_board_tilts_by_the_height_of_what_it_bears(planar):
     thick, high = planar.board.thickness, planar.columns.height
     up = high + thick
     heights = geometry(planar).sheet.vertices[:, 2]
-    moment = hung_masses(planar) @ (up + heights) + sum(magnet_masses(planar)) * up
+    moment = hung_masses(planar) @ (up + heights)
+    moment += magnet_masses(planar) @ (up + geometry(planar).magnets[:, 2])
     moment += board_mass(planar) * thick / 2
     moment += geometry(planar).sheet.columns.size * column_mass(planar) / 2 * thick
     moment += frame_mass(planar) * (thick + planar.frame.held_height / 2)

@@ -9,7 +9,8 @@ from smoskin.arrays import Floats
 from smoskin.design.materials import DENSITY
 from smoskin.design.skin import SkinDesign
 from smoskin.mechanics.board import board_of, carried
-from smoskin.mechanics.sheet.lattice import column_beam
+from smoskin.mechanics.sheet.holders import holder_matrix
+from smoskin.mechanics.sheet.lattice import springs_of
 from smoskin.origami.geometry import geometry
 from smoskin.origami.outline import (
     FRAME_WALL,
@@ -101,6 +102,16 @@ def hung_masses(design: SkinDesign) -> Floats:
     return masses
 
 
+def hung_loads(design: SkinDesign, holders: Floats) -> Floats:
+    """Forces on each vertex of the sheet, (V, 3, 3), by 1 m/s^2 along x, y and z, magnets' too.
+
+    They hang from the vertices by their holders' linear map, (G, 6, V, 3).
+    """
+    hung = hung_masses(design)[:, None, None] * np.eye(3)
+    axes, masses = geometry(design).magnet_axes, magnet_masses(design)
+    return np.asarray(hung + np.einsum("g,gid,gdva->vai", masses, axes, holders[:, :3]))
+
+
 def board_load(design: SkinDesign) -> Floats:
     """Forces and moments of what stands on the pillars, (6, 3), by 1 m/s^2 along x, y and z.
 
@@ -126,8 +137,9 @@ def board_load(design: SkinDesign) -> Floats:
 class Sags(NamedTuple):
     """Motions of a skin by its own weight, each by 1 g along x, y and z."""
 
-    sheet: Floats
-    """(3,): of the sheet over the board, along the local axes by as much along them, m."""
+    magnets: Floats
+    """(G, 6, 3): of the magnets over the board along their own axes, m, and their turns, rad; 0 of
+    those on the base."""
     board: Floats
     """(6, 3): of the board over the base, m, and its turns, rad."""
 
@@ -135,26 +147,29 @@ class Sags(NamedTuple):
 def sags(design: SkinDesign) -> Sags:
     """How far and how a skin's own weight moves its sheet and its board.
 
-    Columns bear panels, scales, magnets and their own upper halves, each as much of them, the
-    pillars the rest besides; what softens under that weight is left out.
+    Columns bear panels, scales, magnets and their own upper halves, the pillars the rest besides;
+    what softens under that weight is left out. On a limb columns lean each its own way, and the
+    sheet bends between them: pulled along its girth it sways round the limb.
 
     Examples
     --------
     >>> from smoskin.design.document import read_design
-    >>> sheet, board = sags(read_design("planar"))
-    >>> (1e3 * sheet).round(2).tolist(), (1e3 * board[:3].diagonal()).round(2).tolist()
-    ([0.28, 0.28, 0.04], [1.27, 1.27, 0.24])
+    >>> magnets, board = sags(read_design("planar"))
+    >>> [(1e3 * motion[:3].diagonal()).round(2).tolist() for motion in (magnets[1], board)]
+    [[0.29, 0.28, 0.04], [1.27, 1.27, 0.24]]
     """
-    skin = geometry(design)
-    whole, column = skin.sheet, column_beam(design)
-    # A magnet hangs by its holder from the columns' tops.
-    hung = skin.roll.places(np.pad(skin.magnet_places, ((0, 0), (0, 1))))
-    places = np.vstack([whole.vertices, hung])
-    masses = np.concatenate([hung_masses(design), magnet_masses(design)])
-    board = board_of(design)
-    loads = np.einsum("p,pab->ba", masses, carried(board, places)) + board_load(design)
-    sheet = GRAVITY * masses.sum() / whole.columns.size
+    # Here, so that whoever only imports the package does not wait for SciPy.
+    from scipy.sparse.linalg import splu
+
+    from smoskin.mechanics.sheet.foldability import sheet_stiffness
+
+    skin, board = geometry(design), board_of(design)
+    sheet, holders = skin.sheet, holder_matrix(design).reshape(len(design.magnets), 6, -1, 3)
+    stiffness = sheet_stiffness(sheet, skin.axes[sheet.columns][..., 2], springs_of(design))
+    weights = GRAVITY * hung_loads(design, holders)
+    moved = splu(stiffness.tocsc()).solve(weights.reshape(-1, 3)).reshape(weights.shape)
+    taken = np.einsum("vdb,vda->ba", carried(board, sheet.vertices), weights)
     return Sags(
-        sheet=sheet / np.array([column.lateral, column.lateral, column.axial]),
-        board=board.gives(GRAVITY * loads),
+        magnets=np.einsum("gpva,vad->gpd", holders, moved),
+        board=board.gives(taken + GRAVITY * board_load(design)),
     )

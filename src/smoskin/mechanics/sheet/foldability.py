@@ -1,4 +1,4 @@
-"""How much of a press folds the pressed cell, on any sheet: flat or lying on a surface.
+"""How stiff a sheet is at rest, flat or on a surface, and how much of a press folds its cell.
 
 Decides nothing about touches: small presses along the normal, free to slide. What grips, buckles
 or turns far is left to the whole model.
@@ -29,7 +29,7 @@ def fold_shares(sheet: Sheet, normals: Floats, springs: Springs) -> Floats:
     normals : array, shape (2N + 1, M + 1, 3)
         Directions in which the columns stand.
     """
-    stiffness = _stiffness(sheet, normals, springs)
+    stiffness = sheet_stiffness(sheet, normals, springs)
     loads = _presses(sheet, normals)
     sinks = -splu(stiffness.tocsc()).solve(loads.T).T.reshape(len(loads), -1, 3)
     pressed = -(sinks.reshape(len(loads), -1) * loads).sum(axis=1)
@@ -57,8 +57,11 @@ def _loaded_normals(normals: Floats) -> Floats:
     return np.asarray(between / np.linalg.norm(between, axis=-1, keepdims=True))
 
 
-def _stiffness(sheet: Sheet, normals: Floats, springs: Springs) -> Any:
-    """Stiffness of a sheet on its columns at rest, (3 V, 3 V), N/m."""
+def sheet_stiffness(sheet: Sheet, normals: Floats, springs: Springs) -> Any:
+    """Stiffness of a sheet on its columns at rest, sparse, (3 V, 3 V), N/m.
+
+    Columns stand along `normals`, (2N + 1, M + 1, 3).
+    """
     places, facets = sheet.vertices, sheet.facets
     count = len(places)
     pairs = lengths_of(facets)

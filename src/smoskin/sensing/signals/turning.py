@@ -71,7 +71,10 @@ def change_by_weight(design: SkinDesign, chip: int, sagged: Sags) -> Floats:
     magnet = design.magnet(site.magnet)
     field, gradient = field_and_gradient(magnet, places.rest[chip])
     if magnet.mount == "sheet":
-        return np.asarray(-gradient * sagged.sheet @ places.chip_axes[chip].T)
+        # The field goes and turns with its magnet: r x B.
+        moved, turns = np.split(sagged.magnets[design.magnets.index(magnet)], 2)
+        moved = moved + turned(places.rest[chip]) @ turns
+        return np.asarray(turned(field) @ turns - gradient @ moved)
     inward = places.chip_axes[chip].T
     moved = inward @ carried(board_of(design), places.chips[chip]) @ sagged.board
     # The chip turns with the board, the magnet does not: -r x B.

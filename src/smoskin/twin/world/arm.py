@@ -11,8 +11,7 @@ from smoskin.magnetics.arrangement import rotation_matrix
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.mechanics.board import carried
 from smoskin.mechanics.sheet.holders import holder_matrix
-from smoskin.mechanics.weight import GRAVITY, board_load, hung_masses, magnet_masses
-from smoskin.origami.geometry import geometry
+from smoskin.mechanics.weight import GRAVITY, board_load, hung_loads
 from smoskin.records import Motion
 from smoskin.twin.manufacture import made_mechanics
 from smoskin.twin.whole import Twin
@@ -92,11 +91,8 @@ def motion_by_acceleration(twin: Twin) -> tuple[Floats, Floats]:
 
     design = twin.design
     lattice, board = made_mechanics(design, twin.deviations, REFERENCE_TEMPERATURE)
-    loads = hung_masses(design)[:, None, None] * np.eye(3)
     holders = holder_matrix(design).reshape(len(design.magnets), 6, -1, 3)
-    weights = magnet_masses(design)
-    axes = geometry(design).magnet_axes
-    loads = loads + np.einsum("g,gid,gdva->vai", weights, axes, holders[:, :3])
+    loads = hung_loads(design, holders)
     tangent = Tangent(lattice, board)
     rest = settle(tangent)
     moved = tangent.solve(tangent.at(rest.motion, rest.board, rest.force), loads)
