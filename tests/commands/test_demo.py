@@ -164,9 +164,9 @@ def test_the_page_shows_rig_and_press_and_changes_the_estimator(planar, monkeypa
             assert (x, y) == pytest.approx((73.0, 90.5), abs=1.2), line
             assert force == pytest.approx(0.844, abs=0.05), line
             opened.page.wait_for_timeout(2500)  # the curves fill
-            # SMOSKIN_PICTURE=docs/demo.png renews the README's picture.
-            picture = Path(os.environ.get("SMOSKIN_PICTURE", tmp_path / "demo.png"))
-            opened.page.screenshot(path=str(picture))
+            # SMOSKIN_PICTURES=docs renews the pictures of README and quick start.
+            pictures = Path(os.environ.get("SMOSKIN_PICTURES", tmp_path))
+            opened.page.screenshot(path=str(pictures / "demo.png"))
             opened.click(opened.page.get_by_role("button", name="Zero"))
             opened.wait_until(lambda: opened.text("status") == "Not touched")  # the hand lets go
             opened.wait_until(lambda: opened.text("status") == "Touched")
@@ -176,9 +176,17 @@ def test_the_page_shows_rig_and_press_and_changes_the_estimator(planar, monkeypa
             opened.wait_until(
                 lambda: opened.text("touch").startswith("x 70.0 mm  y 93.3 mm"), deadline=60.0
             )
+            opened.page.set_viewport_size({"width": 390, "height": 844})
+            opened.page.reload()
+            now = opened.page.locator("#skin-now")
+            opened.wait_until(lambda: now.text_content().startswith("x 70.0 mm"))
+            opened.page.wait_for_timeout(3000)  # the panel folds
+            opened.dismiss_notices()
+            opened.page.screenshot(path=str(pictures / "demo_phone.png"))
     finally:
         stop.set()
         work.join(60.0)
     assert not work.is_alive()
-    assert picture.stat().st_size > 50_000
+    assert (pictures / "demo.png").stat().st_size > 50_000
+    assert (pictures / "demo_phone.png").stat().st_size > 20_000
     assert results[0].touches == ()

@@ -287,7 +287,9 @@ def test_every_control_does_what_it_says() -> None:
 @pytest.mark.slow
 @pytest.mark.browser
 def test_a_telephone_shows_the_skin_and_folds_the_panel() -> None:
-    with View(PLANAR, on_press=lambda contacts: None) as view, open_page(view.url) as opened:
+    asked: list[bool] = []
+    view = View(PLANAR, on_press=lambda contacts: None, on_record=asked.append)
+    with view, open_page(view.url) as opened:
         opened.page.set_viewport_size({"width": 390, "height": 844})
         opened.page.reload()
         with feeding(lambda k: view.write(reading(0.02 * k), TOUCHED, truth=[TOUCH])):
@@ -299,9 +301,26 @@ def test_a_telephone_shows_the_skin_and_folds_the_panel() -> None:
             left, top, width, height = opened.canvas()
             assert (left, width) == (0, 390)
             assert top < 150 < 600 < height  # a heading above, the folded panel below
+
+            def covered() -> float:
+                """How much of the picture the panel covers, in pixels."""
+                _, top, _, height = opened.canvas()
+                box = opened.page.locator(sheet).bounding_box()
+                return top + height - box["y"] if box else 999.0
+
+            sheet = '.mantine-Paper-root[style*="position: fixed"]'
+            opened.wait_until(lambda: covered() <= 0)
             assert now.is_visible()
             assert not folder.is_visible()
             assert opened.page.get_by_text("smoskin: planar").first.is_visible()
+            opened.click(opened.page.locator(f'{sheet} div[style*="height: 3.5em"]'))
+            record = opened.page.get_by_role("button", name="Record", exact=True)
+            record.scroll_into_view_if_needed()
+            opened.wait_until(lambda: covered() <= 0 and opened.canvas()[3] < 400)
+            assert opened.canvas()[3] > 250
+            assert vermilion(picture(opened)) > 50
+            opened.click(record)
+            opened.wait_until(lambda: asked == [True])
 
 
 @pytest.mark.slow

@@ -82,6 +82,9 @@
     const sheet = document.querySelector('.mantine-Paper-root[style*="position: fixed"]');
     if (!folded) sheet?.querySelector('div[style*="height: 3.5em"]')?.click();
     folded = Boolean(sheet);
+    // On a phone the panel lies below the picture, not over it.
+    const room = `${Math.ceil(sheet?.getBoundingClientRect().height ?? 0)}px`, root = document.getElementById("root");
+    if (root.style.marginBottom !== room) root.style.marginBottom = room;
     const touch = said("touch");
     document.getElementById("skin-now").textContent = touch === "–" ? status : touch;
     const end = document.getElementById("skin-end");
