@@ -84,7 +84,9 @@ class ArmPage(Resource):
     def _stage(self, design: SkinDesign, shapes: tuple[Shape, ...]) -> None:
         """Set the arm, its skin and the force on it."""
         scene, chain = self._server.scene, self._chain
-        scene.add_grid("/ground", width=3 * UNITS, height=3 * UNITS, cell_size=0.1 * UNITS)
+        wide, cell, far = 3 * UNITS, 0.1 * UNITS, 9 * UNITS
+        ground = scene.add_grid("/ground", width=wide, height=wide, fade_distance=far)
+        ground.cell_size, ground.section_size = cell, 5 * cell
         parts = range(chain.joints + 1)
         self._frames = [scene.add_frame(f"/part{k}", show_axes=False) for k in parts]
         for number, shape in enumerate(shapes):
@@ -105,9 +107,10 @@ class ArmPage(Resource):
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 111, 181))
         gui.set_panel_label(title)
         gui.main_panel.dock_right()
-        self._card = gui.add_html("")
+        # First, so that a phone shows it without scrolling.
         stop = gui.add_button("Stop", color="red", hint="Disarms; the arm stands at once.")
         stop.on_click(lambda event: self._do("Disarmed.", driver.disarm))
+        self._card = gui.add_html("")
         arm = gui.add_button("Arm", hint="Lets touches move the arm; it must rest untouched.")
         arm.on_click(lambda event: self._do("Armed.", driver.arm))
         hold = gui.add_button("Hold to run", visible=switch is not None)

@@ -80,7 +80,8 @@
     if (!status) return;
     document.getElementById("skin-loading").hidden = true;
     const sheet = document.querySelector('.mantine-Paper-root[style*="position: fixed"]');
-    if (!folded) sheet?.querySelector('div[style*="height: 3.5em"]')?.click();
+    // What an operator needs at once stays open.
+    if (!folded && !document.querySelector(".skin-arm")) sheet?.querySelector('div[style*="height: 3.5em"]')?.click();
     folded = Boolean(sheet);
     // On a phone the panel lies below the picture, not over it.
     const room = `${Math.ceil(sheet?.getBoundingClientRect().height ?? 0)}px`, root = document.getElementById("root");
