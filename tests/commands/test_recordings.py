@@ -75,6 +75,16 @@ def test_further_recordings_stand_beside_the_file_that_was_given(planar, twin, t
             again.begin(first, force=True)
 
 
+def test_a_name_that_another_program_takes_meanwhile_is_refused(planar, twin, tmp_path):
+    taken = tmp_path / "taken.mcap"
+    taken.write_bytes(b"another's")
+    with Recordings(planar, TwinSource(twin), home=tmp_path) as recordings:
+        recordings._free = lambda: taken
+        recordings.switch(True)
+        assert recordings.sentence.startswith(f"Not recorded: {taken} exists")
+    assert taken.read_bytes() == b"another's"
+
+
 def test_what_cannot_be_recorded_is_told_and_counted(planar, twin, tmp_path, monkeypatch):
     told = []
     with Recordings(planar, TwinSource(twin), home=tmp_path, say=told.append) as recordings:

@@ -7,6 +7,7 @@ overwritten unasked, and what is told of each. Hides the threads that write.
 import os
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import datetime
 from itertools import count
 from pathlib import Path
@@ -31,12 +32,11 @@ _PATIENCE: Final = 10.0
 
 
 def can_record() -> bool:
-    """Whether recordings can be written here."""
-    try:
+    """Whether the libraries that write recordings are installed."""
+    with suppress(MissingExtraError):
         require("recording", "recording", "mcap", "rosbags")
-    except MissingExtraError:
-        return False
-    return True
+        return True
+    return False
 
 
 @final
@@ -66,7 +66,8 @@ class Recordings(Sink):
         say: Callable[[str], object] = lambda sentence: None,
     ) -> None:
         self._design, self._source, self._say = design, source, say
-        self._attachments = {} if calibration is None else _content(Path(calibration))
+        names = [] if calibration is None else [Path(calibration)]
+        self._attachments = {path.name: read_input(path, _ATTACHED) for path in names}
         path = Path(home or ".")
         name = "".join(sign if sign.isalnum() or sign in "-_." else "-" for sign in design.name)
         self._folder, self._name = (path, name) if path.is_dir() else (path.parent, path.stem)
@@ -85,14 +86,7 @@ class Recordings(Sink):
         `SmoskinError` if the file cannot be written.
         """
         self.end()
-        file = self._free() if path is None else check_output(path, force=force)
-        if file.exists():
-            played = self._source
-            if isinstance(played, ReplaySource) and file.samefile(played.recording.path):
-                raise ArgumentError(
-                    f"record must be another file than the one that is played; got {file}"
-                )
-            file.unlink()
+        file = self._free() if path is None else self._given(path, force)
         recorder = Recorder(file, self._design, attachments=self._attachments, on_failure=self._say)
         with self._lock:
             self._path, self._recorder, self._taken = file, recorder, 0
@@ -157,13 +151,20 @@ class Recordings(Sink):
         """End the recording that goes on."""
         self.end()
 
+    def _given(self, path: Given, force: bool) -> Path:
+        """A file of a name that was given; what it replaces is gone."""
+        file, played = check_output(path, force=force), self._source
+        if not file.exists():
+            return file
+        if isinstance(played, ReplaySource) and file.samefile(played.recording.path):
+            raise ArgumentError(
+                f"record must be another file than the one that is played; got {file}"
+            )
+        file.unlink()
+        return file
+
     def _free(self) -> Path:
         """A dated name that no file has."""
         start = f"{self._name}-{datetime.now():%Y%m%d-%H%M%S}"
         names = (f"{start}{f'-{k}' * (k > 1)}.mcap" for k in count(1))
         return next(path for name in names if not (path := self._folder / name).exists())
-
-
-def _content(path: Path) -> dict[str, bytes]:
-    """The content of a file by its name."""
-    return {path.name: read_input(path, _ATTACHED)}
