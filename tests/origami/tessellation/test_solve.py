@@ -1,6 +1,7 @@
 """The search for the vertices: derivatives, exactness, fairness, and giving up."""
 
 import time
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from smoskin.origami.cell import size
 from smoskin.origami.sheet import build_sheet
 from smoskin.origami.surface.analytic import Cone, Cylinder, Sphere
+from smoskin.origami.tessellation import solve
 from smoskin.origami.tessellation.arc import arc_sheet
 from smoskin.origami.tessellation.conditions import net_of
 from smoskin.origami.tessellation.hinges import frame_of
@@ -18,6 +20,7 @@ from smoskin.origami.tessellation.solve import (
     place_slopes,
     places,
     settle,
+    settle_further,
 )
 
 CELLS = (3, 4)
@@ -72,6 +75,18 @@ def test_conditions_are_met_to_rounding(planar, foldable):
     assert solution.residual < 1e-12
     heights = np.abs(solution.layers[problem.bottom, 2])
     assert heights.max() == 0.0 if not foldable else 0.0 < heights.max() < 1e-5
+
+
+def test_a_search_that_goes_on_comes_to_the_fairest_sheet(planar):
+    problem, start = posed(planar.cell, Sphere(0.3), 0.3, foldable=False)
+    fairest = settle(problem, start)
+    with mock.patch.object(solve, "_FAIR", 1):
+        early = settle(problem, start)
+    assert np.abs(early.layers - fairest.layers).max() > 1e-3 * problem.scale
+    later = settle_further(problem, start, early)
+    assert later.residual < 1e-12
+    np.testing.assert_allclose(later.layers, fairest.layers, atol=2e-4 * problem.scale)
+    assert settle_further(problem, start, early, deadline=0.0).layers == pytest.approx(early.layers)
 
 
 def test_a_firmer_pull_keeps_bottom_vertices_nearer(planar):

@@ -11,7 +11,7 @@ by Newton's method on a residual that is taken away in steps, c(y) = (1 - t) c(y
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -36,6 +36,8 @@ _NEWTON: Final = 8
 """Newton's steps at each t."""
 _FAIR: Final = 25
 """Steps at the end that seek the fairest sheet."""
+_FURTHER: Final = 20
+"""Steps half as long by which a search goes on."""
 _STILL: Final = 1e-4
 """Motion over the scale at which the sheet counts as the fairest."""
 _DIVE: Final = 0.5
@@ -182,6 +184,24 @@ def settle(
     if not search.residual(layers) < _NEAR:  # seeking what is fairer led astray
         layers = search.polish(there)
     return Solution(layers=layers, reached=1.0, residual=search.residual(layers))
+
+
+def settle_further(
+    problem: Problem, start: Floats, solution: Solution, *, deadline: float = np.inf
+) -> Solution:
+    """A fairer sheet, from one that meets the conditions.
+
+    Whole steps may go to and fro between bounds that they pass and that they keep; these are half
+    as long, so that what is left of the conditions is taken away at the end.
+    """
+    search, layers = _Search(problem, start), solution.layers
+    for _ in range(_FURTHER):
+        if time.monotonic() > deadline:
+            break
+        layers = layers + search.step(layers, 0.0, fair=True) / 2
+    layers = search.polish(layers)
+    residual = search.residual(layers)
+    return replace(solution, layers=layers, residual=residual) if residual < _NEAR else solution
 
 
 class _Search:
