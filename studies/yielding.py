@@ -23,7 +23,7 @@ from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.geometry import geometry
 from smoskin.robot import law
 from smoskin.robot.arm import ArmState
-from smoskin.robot.chain import Chain
+from smoskin.robot.chain import Carriage, Chain
 from smoskin.robot.follow import Follow, Seen
 from smoskin.robot.law import Limits
 from smoskin.robot.simulated import SimulatedArm
@@ -36,6 +36,7 @@ from smoskin.twin.carried import CarriedSkin
 from smoskin.twin.rig import VirtualRig
 from smoskin.twin.whole import Twin
 from smoskin.twin.world.effect import World
+from smoskin.twin.world.fields import Steel
 from smoskin.twin.world.worlds import HARD, PLAIN
 
 FORCES: Final = (0.30, 0.35, 0.40, 0.45, 0.50, 0.55, 0.60, 0.65, 0.70)
@@ -118,23 +119,28 @@ def carried(design: SkinDesign, seed: int, seconds: float) -> tuple[bool, float]
     """Whether an untouched skin on one trajectory moved the arm, and the largest force felt, N.
 
     The carrying joints turn along sines whose fastest part moves at the limit, in the Earth's
-    field, with gravity and acceleration on the skin's mass, while all warms.
+    field, beside a piece of steel, with gravity and acceleration on the skin's mass, while all
+    warms.
     """
     twin, table = calibrated(design, PLAIN, seed, 15)
-    skin = CarriedSkin(twin, seed=seed)
+    steel = World(name="steel", effects=(Steel(),)).run(twin, (seed, 5))
+    skin = CarriedSkin(twin, seed=seed, run=steel)
     with SimulatedArm(design, lambda: 0.0) as arm:
         chain, start = arm.chain, arm.state().angles
     path = trajectory(chain, start, np.random.default_rng([seed, 4]), seconds)
     postures = [chain.posture(angles) for angles in path]
     turns = [posture.of_skin(np.eye(3)).T for posture in postures]
-    ends = [posture.on_skin([*geometry(design).extent, 0.0]) for posture in postures]
-    pulls = np.gradient(np.gradient(np.array(ends), 1 / _RATE, axis=0), 1 / _RATE, axis=0)
-    now = [turns[0]]
-    posed = PosedEstimator(BayesEstimator(design, table), design, lambda: now[0])
-    estimator, follow = ZeroFirst(posed), Follow(chain, design)
+    middle = geometry(design).roll.places(np.append(geometry(design).extent / 2, 0.0))
+    middles = np.array([posture.on_skin(middle) for posture in postures])
+    pulls = np.gradient(np.gradient(middles, 1 / _RATE, axis=0), 1 / _RATE, axis=0)
+    follow, speeds = Follow(chain, design), np.gradient(np.array(path), 1 / _RATE, axis=0)
+    carriage = Carriage(chain, follow.middle)
+    posed = PosedEstimator(BayesEstimator(design, table), design, lambda: carriage.pose)
+    estimator = ZeroFirst(posed)
     moves, largest = False, 0.0
     for k, angles in enumerate(path):
-        now[0], time = turns[k], k / _RATE
+        time = k / _RATE
+        carriage.look(time, angles, speeds[k])
         warm = 25.0 + _WARMING * time
         reading = skin.read(time, (), turns[k], acceleration=pulls[k], temperature=warm)
         estimate = estimator.step(reading)
@@ -158,10 +164,10 @@ def trajectory(
     away = np.zeros((len(times), chain.joints))
     for joint in range(chain.carriers):
         phase = np.clip((times - 1.0 - 2.0 * joint) / 2.0, 0.0, 1.0)
-        away[:, joint] += 0.25 * np.sin(2 * np.pi * phase)
+        away[:, joint] += 0.25 * np.sin(2 * np.pi * phase) * np.sin(np.pi * phase)
         late = np.maximum(times - _SWING, 0.0)
         rate = rng.uniform(0.3, 1.2)
-        away[:, joint] += rng.uniform(0.05, 0.5) * np.sin(rate * late) * np.minimum(late, 1.0)
+        away[:, joint] += rng.uniform(0.05, 0.5) * np.sin(rate * late) * _eased(late)
     path = np.clip(start + away, chain.lower, chain.upper)
     speeds = np.gradient(path, 1 / _RATE, axis=0)
     fastest = [
@@ -171,6 +177,12 @@ def trajectory(
     slower = min(1.0, law.HARD_LIMIT / max(fastest))
     path[times > _SWING] = start + slower * (path[times > _SWING] - start)
     return list(path)
+
+
+def _eased(since: Floats) -> Floats:
+    """From 0 to 1 in a second without a jerk."""
+    share = np.clip(since, 0.0, 1.0)
+    return np.asarray(share**2 * (3 - 2 * share))
 
 
 def draw(found: dict[str, dict[str, list[int]]]) -> None:

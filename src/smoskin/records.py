@@ -218,6 +218,19 @@ class HeldTouch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Pose:
+    """How an arm holds and moves a skin at a moment."""
+
+    turn: Floats
+    """(3, 3): rotation from the skin's frame to the room's, whose z points up."""
+    acceleration: Floats = field(default_factory=lambda: np.zeros(3))
+    """(3,), m/s^2: of the skin's middle, in the room's frame."""
+
+    def __post_init__(self) -> None:
+        freeze(self, turn=(3, 3), acceleration=(3,))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Motion:
     """How far magnets and board have moved from rest, for any batch of states.
 

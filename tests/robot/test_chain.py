@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from smoskin.errors import ArgumentError
+from smoskin.robot.chain import Carriage
 from tests.arms import FORE, SHOULDER, UPPER, forearm_chain
 
 CHAIN = forearm_chain()
@@ -41,6 +42,22 @@ def test_the_jacobian_is_the_change_of_place(angles):
     for joint, turn in enumerate(step * np.eye(3)):
         more, less = (CHAIN.posture(angles + sign * turn).on_skin(place) for sign in (1, -1))
         assert jacobian[:, joint] == pytest.approx((more - less) / (2 * step), abs=1e-8)
+
+
+def test_a_carried_skin_has_the_acceleration_of_its_path():
+    """A circle, by both its curvature and its change of speed; a pause in between tells none."""
+    middle, rate, dt = np.array([0.05, 0.08, 0.02]), 0.8, 1e-3
+    carriage = Carriage(CHAIN, middle)
+    away = np.hypot(*CHAIN.posture([0.0, 0.4, -1.2]).on_skin(middle)[:2])
+    for time in np.arange(0.0, 0.5, dt):
+        angles = np.array([0.5 * rate * time**2, 0.4, -1.2])
+        pose = carriage.look(time, angles, np.array([rate * time, 0.0, 0.0]))
+    expected = away * np.hypot(rate, (rate * time) ** 2)
+    assert np.linalg.norm(pose.acceleration) == pytest.approx(expected, rel=5e-3)
+    assert pose.turn == pytest.approx(CHAIN.posture(angles).of_skin(np.eye(3)).T)
+    later = carriage.look(time + 10.0, angles, np.zeros(3))
+    assert not later.acceleration.any()
+    assert carriage.pose is later
 
 
 def test_corners_are_moved_by_the_joints_before_them_alone():

@@ -4,6 +4,7 @@ Decides that an arm is told by what its joints are at zero; hides the products o
 """
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +12,10 @@ from numpy.typing import ArrayLike
 from smoskin.arrays import Floats, Ints, assign, freeze, wholes
 from smoskin.errors import ArgumentError
 from smoskin.magnetics.arrangement import rotation_matrix
+from smoskin.records import Pose
+
+_LONGEST: Final = 0.1
+"""Longest time between two moments, s, over which an acceleration is told."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -124,3 +129,31 @@ class Posture:
     def _motions(self, points: Floats) -> Floats:
         arms = points[:, None] - self._anchors
         return np.asarray(np.cross(self._axes, arms).swapaxes(-1, -2))
+
+
+class Carriage:
+    """Poses of the skin that a chain carries, by its joints one moment after the other.
+
+    Parameters
+    ----------
+    chain : Chain
+    middle : Floats, shape (3,)
+        Middle of the skin in its frame, m.
+    """
+
+    def __init__(self, chain: Chain, middle: Floats) -> None:
+        self._chain, self._middle = chain, middle
+        self._before: tuple[float, Floats] | None = None
+        self.pose = Pose(turn=np.eye(3))
+        """Pose at the newest moment; its acceleration is the mean since the one before."""
+
+    def look(self, time: float, angles: Floats, speeds: Floats) -> Pose:
+        """The pose at a moment, s, by angles and speeds of the joints, (J,), rad and rad/s."""
+        posture = self._chain.posture(angles)
+        velocity = posture.jacobian(posture.on_skin(self._middle)) @ speeds
+        acceleration = np.zeros(3)
+        if self._before is not None and 0.0 < time - self._before[0] < _LONGEST:
+            acceleration = (velocity - self._before[1]) / (time - self._before[0])
+        self._before = time, velocity
+        self.pose = Pose(turn=posture.of_skin(np.eye(3)).T, acceleration=acceleration)
+        return self.pose

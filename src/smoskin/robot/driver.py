@@ -10,12 +10,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Final, final
 
-import numpy as np
-
-from smoskin.arrays import Floats
 from smoskin.errors import SourceError
-from smoskin.records import Estimate, Reading
+from smoskin.records import Estimate, Pose, Reading
 from smoskin.robot.arm import Arm, ArmState
+from smoskin.robot.chain import Carriage
 from smoskin.robot.follow import Command, Follow, Seen
 from smoskin.robot.reasons import Reason
 from smoskin.roles import Sink
@@ -53,16 +51,16 @@ class Driver(Sink):
         self._on_command, self._held = on_command, held
         self._lock = threading.RLock()
         self._seen: Seen | None = None
-        self._turn = np.eye(3)
+        self._carriage = Carriage(arm.chain, follow.middle)
         self.newest: tuple[ArmState, Command] | None = None
         """Arm and command of the newest look that the arm answered."""
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
 
     @property
-    def turn(self) -> Floats:
-        """Rotation from the skin's frame to the room's at the newest look, (3, 3)."""
-        return self._turn
+    def pose(self) -> Pose:
+        """How the arm held and moved the skin at the newest look."""
+        return self._carriage.pose
 
     def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
         """Take the newest estimate; the one before is forgotten."""
@@ -101,8 +99,9 @@ class Driver(Sink):
     def _look(self) -> Command:
         try:
             state = self._arm.state()
-            command = self._follow.step(self._clock(), self._seen, state, run=self._held())
-            self._turn = self._follow.turn_of_skin(state)
+            now = self._clock()
+            command = self._follow.step(now, self._seen, state, run=self._held())
+            self._carriage.look(now, state.angles, state.speeds)
             self.newest = state, command
             if command.speeds.any():
                 self._arm.move(command.speeds)

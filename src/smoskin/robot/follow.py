@@ -109,6 +109,8 @@ class Follow:
     def __init__(self, chain: Chain, design: SkinDesign, limits: Limits | None = None) -> None:
         self._chain = chain
         self._skin = geometry(design)
+        self.middle = self._skin.roll.places(np.append(self._skin.extent / 2, 0.0))
+        """Middle of the skin in its frame, (3,), m."""
         self._limits = Limits() if limits is None else limits
         self._still = np.zeros(chain.joints)
         self.state = State.DISARMED
@@ -165,10 +167,6 @@ class Follow:
     def way(self) -> float:
         """How far this touch has moved its place, m."""
         return self._way
-
-    def turn_of_skin(self, arm: ArmState) -> Floats:
-        """Rotation from the skin's frame to the base's at the arm's angles, (3, 3)."""
-        return self._chain.posture(arm.angles).of_skin(np.eye(3)).T
 
     def fail(self, reason: Reason) -> Command:
         """Stop for a fault."""

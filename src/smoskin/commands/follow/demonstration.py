@@ -18,8 +18,9 @@ from smoskin.commands.follow.script import Press, scripted_presses
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.origami.geometry import geometry
-from smoskin.records import Contact
+from smoskin.records import Contact, Pose
 from smoskin.robot import law
+from smoskin.robot.chain import Carriage
 from smoskin.robot.follow import Command, Follow, Seen, State
 from smoskin.robot.law import Limits
 from smoskin.robot.reasons import Reason
@@ -177,7 +178,7 @@ class Stage:
         self,
         arm: Callable[[Callable[[], float]], SimulatedArm],
         skin: CarriedSkin,
-        estimator: Callable[[Callable[[], Floats]], Estimator],
+        estimator: Callable[[Callable[[], Pose]], Estimator],
         *,
         rate: float = 100.0,
         limits: Limits | None = None,
@@ -187,8 +188,8 @@ class Stage:
         self._design = skin.twin.design
         self.follow = Follow(self.arm.chain, self._design, limits)
         self._limits = Limits() if limits is None else limits
-        self._skin, self._turn = skin, np.eye(3)
-        self._estimator = estimator(lambda: self._turn)
+        self._skin, self._carriage = skin, Carriage(self.arm.chain, self.follow.middle)
+        self._estimator = estimator(lambda: self._carriage.pose)
         self._period = 1.0 / rate
         self.start = self.arm.state().angles
         """(J,), rad: angles that the arm goes back to."""
@@ -247,8 +248,8 @@ class Stage:
             place = posture.on_skin(roll.places(np.array([x, y, 0.0])))
             push = posture.of_skin(roll.axes(y) @ contact.force)
         self.arm.push(place, push)
-        self._turn = posture.of_skin(np.eye(3)).T
-        reading = self._skin.read(self._now, contacts, self._turn)
+        pose = self._carriage.look(self._now, state.angles, state.speeds)
+        reading = self._skin.read(self._now, contacts, pose.turn, acceleration=pose.acceleration)
         begun = time.perf_counter()
         estimate = self._estimator.step(reading)
         command = self.follow.step(self._now, Seen(estimate, self._now), state)
@@ -327,8 +328,8 @@ def demonstrate(
     done = calibrate(known, rig, design=design, count=calibration_touches)
     skin = CarriedSkin(twin, seed=seed)
 
-    def estimator(turn: Callable[[], Floats]) -> Estimator:
-        return ZeroFirst(PosedEstimator(BayesEstimator(design, done.table), design, turn))
+    def estimator(pose: Callable[[], Pose]) -> Estimator:
+        return ZeroFirst(PosedEstimator(BayesEstimator(design, done.table), design, pose))
 
     stage = Stage(lambda clock: arm(design, clock), skin, estimator, rate=rate, limits=limits)
     say("The arm swings untouched, so that what its pose changes is known.")

@@ -105,7 +105,7 @@ def follow_source(
         inner: Estimator = (
             ClosedFormEstimator(skin) if calibration is None else load_estimator(calibration, skin)
         )
-        estimator = ZeroFirst(PosedEstimator(inner, skin, lambda: driver.turn))
+        estimator = ZeroFirst(PosedEstimator(inner, skin, lambda: driver.pose))
         loop = stack.enter_context(Loop(source, estimator, sinks=(driver,)))
         driver.look()
         if port is not None:
