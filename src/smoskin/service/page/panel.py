@@ -324,7 +324,7 @@ class Panel:
 
 
 def _within(slider: "viser.GuiSliderHandle[float]") -> float:
-    """Where a slider stands; a stranger's message may say otherwise, or that it is no number."""
+    """Value of a slider; a stranger's message may say otherwise, or that it is no number."""
     return min(slider.max, max(slider.min, float(slider.value)))
 
 
