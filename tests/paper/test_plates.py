@@ -15,6 +15,7 @@ from smoskin.origami.geometry import geometry
 
 pytest.importorskip("jax")
 pytest.importorskip("matplotlib")
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from smoskin.mechanics.sheet.compliance import grip_compliance, load_coupling
 from smoskin.mechanics.sheet.model import BarHinge
 
 
-@pytest.mark.parametrize("soft", [False, True])
+@pytest.mark.parametrize("soft", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_small_forces_move_vertices_as_the_whole_sheet_says(small, soft):
     """Over the ground: the sheet on its board, which slides and turns on its pillars."""
     lattice = None

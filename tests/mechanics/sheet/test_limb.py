@@ -131,7 +131,9 @@ def test_far_off_it_answers_as_the_planar_skin(planar):
     assert off[0][3] < 0.01 * np.abs(signals).max()
 
 
-@pytest.mark.parametrize("grip", [None, Frictionless(), Covered()])
+@pytest.mark.parametrize(
+    "grip", [pytest.param(None, marks=pytest.mark.slow), Frictionless(), Covered()]
+)
 def test_presses_balance_vertex_by_vertex(small, grip):
     """Against forces computed apart from the solver, along each column's own axis."""
     model, cases = BarHinge(small, grip=grip), some(small, places=2)

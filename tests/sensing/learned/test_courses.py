@@ -107,6 +107,7 @@ def test_in_the_session_that_was_learned_ranges_grow_with_the_time_since(learned
         model.predict(inputs, np.full(len(inputs), -1.0))
 
 
+@pytest.mark.slow
 def test_ranges_of_later_times_in_a_session_hold_what_they_state():
     walks = [learn_courses([course(seed, wander=0.005)], effort=LITTLE) for seed in range(3, 7)]
     shares = [figures(walk.metrics)["later_inside_90_percent_range_fz"] for walk in walks]
@@ -114,6 +115,7 @@ def test_ranges_of_later_times_in_a_session_hold_what_they_state():
     assert np.std(shares) > 0.0
 
 
+@pytest.mark.slow
 def test_several_courses_foretell_each_other():
     both = learn_courses([course(0), course(1, gain=1.1)], effort=LITTLE)
     assert both.gain[0] > 0.02  # a tenth between two of them, which neither shows alone
