@@ -69,9 +69,10 @@ class OpenPage:
 
     def dismiss_notices(self) -> None:
         """Close what the viewer says about drawing without a graphics card."""
-        for notice in self.page.locator(".mantine-Notification-closeButton").all():
-            self.click(notice)
-            notice.wait_for(state="detached")
+        # In one go: a notice also goes by itself, and a click would then wait for it.
+        close = ".mantine-Notification-closeButton"
+        self.page.evaluate(f"document.querySelectorAll('{close}').forEach((each) => each.click())")
+        self.wait_until(lambda: not self.page.locator(close).count())
 
 
 def _is_here(url: str) -> bool:
