@@ -24,7 +24,7 @@ from smoskin.origami.geometry import geometry
 from smoskin.robot import law
 from smoskin.robot.arm import ArmState
 from smoskin.robot.chain import Carriage, Chain
-from smoskin.robot.follow import Follow, Seen
+from smoskin.robot.follow import Follow, Seen, State
 from smoskin.robot.law import Limits
 from smoskin.robot.simulated import SimulatedArm
 from smoskin.sensing.bayes.estimator import BayesEstimator
@@ -51,7 +51,11 @@ _ZEROS: Final = 20
 _RATE: Final = 50.0
 """Readings a second on a trajectory."""
 _WARMING: Final = 0.1
-"""Rise of the temperature, degC/s: 5 degC in 50 s."""
+"""Rise of the temperature, degC/s."""
+_WARMER: Final = 5.0
+"""Whole rise, degC."""
+_PAUSE: Final = 1.0
+"""Seconds of rest after a trajectory."""
 _SWING: Final = 9.0
 """Seconds of slower turns before a trajectory counts, in which poses are learned."""
 
@@ -105,78 +109,99 @@ def moved(
     return {f"{size:.2f}": [found[size], asked[size]] for size in FORCES}
 
 
-def untouched(design: SkinDesign, seeds: Sequence[int], seconds: float) -> dict[str, float]:
+def untouched(
+    design: SkinDesign, seeds: Sequence[int], count: int, seconds: float
+) -> dict[str, float]:
     """Trajectories at the speed limit, nobody touching: how many asked the arm to move."""
-    found = [carried(design, seed, seconds) for seed in seeds]
+    found = [each for seed in seeds for each in carried(design, seed, count, seconds)]
     return {
         "trajectories": len(found),
-        "asked_to_move": sum(moves for moves, _ in found),
-        "largest_force_N": round(max(force for _, force in found), 4),
+        "skins": len(seeds),
+        "asked_to_move": sum(moves for moves, _, _ in found),
+        "stopped": sum(stopped for _, stopped, _ in found),
+        "largest_force_N": round(max(force for _, _, force in found), 4),
     }
 
 
-def carried(design: SkinDesign, seed: int, seconds: float) -> tuple[bool, float]:
-    """Whether an untouched skin on one trajectory moved the arm, and the largest force felt, N.
+def carried(
+    design: SkinDesign, seed: int, count: int, seconds: float
+) -> list[tuple[bool, bool, float]]:
+    """What an untouched skin on each of so many trajectories asked of the arm.
 
-    The carrying joints turn along sines whose fastest part moves at the limit, in the Earth's
-    field, beside a piece of steel, with gravity and acceleration on the skin's mass, while all
-    warms.
+    Whether it was to move, whether it was stopped by a fault, and the largest force felt, N. The
+    carrying joints turn along sines whose fastest part moves at the limit, in the Earth's field,
+    beside a piece of steel, with gravity and acceleration on the skin's mass, while all warms.
     """
     twin, table = calibrated(design, PLAIN, seed, 15)
     steel = World(name="steel", effects=(Steel(),)).run(twin, (seed, 5))
     skin = CarriedSkin(twin, seed=seed, run=steel)
     with SimulatedArm(design, lambda: 0.0) as arm:
         chain, start = arm.chain, arm.state().angles
-    path = trajectory(chain, start, np.random.default_rng([seed, 4]), seconds)
+    path = trajectory(chain, start, np.random.default_rng([seed, 4]), count, seconds)
+    speeds = np.gradient(path, 1 / _RATE, axis=0)
+    follow = Follow(chain, design)
+    carriage = Carriage(chain, follow.middle)
     postures = [chain.posture(angles) for angles in path]
     turns = [posture.of_skin(np.eye(3)).T for posture in postures]
-    middle = geometry(design).roll.places(np.append(geometry(design).extent / 2, 0.0))
-    middles = np.array([posture.on_skin(middle) for posture in postures])
+    middles = np.array([posture.on_skin(follow.middle) for posture in postures])
     pulls = np.gradient(np.gradient(middles, 1 / _RATE, axis=0), 1 / _RATE, axis=0)
-    follow, speeds = Follow(chain, design), np.gradient(np.array(path), 1 / _RATE, axis=0)
-    carriage = Carriage(chain, follow.middle)
     posed = PosedEstimator(BayesEstimator(design, table), design, lambda: carriage.pose)
     estimator = ZeroFirst(posed)
-    moves, largest = False, 0.0
+    found = [(False, False, 0.0)] * count
     for k, angles in enumerate(path):
         time = k / _RATE
         carriage.look(time, angles, speeds[k])
-        warm = 25.0 + _WARMING * time
+        warm = 25.0 + min(_WARMING * time, _WARMER)
         reading = skin.read(time, (), turns[k], acceleration=pulls[k], temperature=warm)
         estimate = estimator.step(reading)
         still = ArmState(angles=angles, speeds=np.zeros(chain.joints))
         command = follow.step(time, Seen(estimate, time), still)
-        if k == round((_SWING - 1.0) * _RATE):
-            follow.arm()
-        if time > _SWING:
-            moves |= bool(command.speeds.any())
-            sizes = [float(np.linalg.norm(contact.force)) for contact in estimate.contacts]
-            largest = max([largest, *sizes])
-    print(f"seed {seed}: {moves}, {largest:.3f} N, {command.reason.name}", flush=True)
-    return moves, largest
+        number, since = divmod(time - _SWING, seconds + _PAUSE)
+        if number < 0:
+            continue
+        if since < 1 / _RATE:
+            if follow.state is State.FAULT:
+                follow.reset()
+            if follow.state is State.DISARMED:
+                follow.arm()
+        sizes = [float(np.linalg.norm(contact.force)) for contact in estimate.contacts]
+        moved, stopped, largest = found[int(number)]
+        found[int(number)] = (
+            moved or bool(command.speeds.any()),
+            stopped or command.state is State.FAULT,
+            max([largest, *sizes]),
+        )
+    print(f"seed {seed}: {[round(force, 3) for _, _, force in found]}", flush=True)
+    return found
 
 
 def trajectory(
-    chain: Chain, start: Floats, rng: np.random.Generator, seconds: float
-) -> list[Floats]:
-    """Angles at each reading: a swing of each joint, a rest, then sines at the speed limit."""
-    times = np.arange(0.0, seconds, 1 / _RATE)
+    chain: Chain, start: Floats, rng: np.random.Generator, count: int, seconds: float
+) -> Floats:
+    """Angles at each reading: a swing of each joint, then trajectories at the speed limit.
+
+    Each begins and ends at rest where the arm began, and a pause follows it.
+    """
+    times = np.arange(0.0, _SWING, 1 / _RATE)
     away = np.zeros((len(times), chain.joints))
     for joint in range(chain.carriers):
         phase = np.clip((times - 1.0 - 2.0 * joint) / 2.0, 0.0, 1.0)
-        away[:, joint] += 0.25 * np.sin(2 * np.pi * phase) * np.sin(np.pi * phase)
-        late = np.maximum(times - _SWING, 0.0)
-        rate = rng.uniform(0.3, 1.2)
-        away[:, joint] += rng.uniform(0.05, 0.5) * np.sin(rate * late) * _eased(late)
-    path = np.clip(start + away, chain.lower, chain.upper)
-    speeds = np.gradient(path, 1 / _RATE, axis=0)
-    fastest = [
-        np.linalg.norm(chain.posture(angles).corner_motions @ speed, axis=1).max()
-        for angles, speed in zip(path[times > _SWING], speeds[times > _SWING], strict=True)
-    ]
-    slower = min(1.0, law.HARD_LIMIT / max(fastest))
-    path[times > _SWING] = start + slower * (path[times > _SWING] - start)
-    return list(path)
+        away[:, joint] = 0.25 * np.sin(2 * np.pi * phase) * np.sin(np.pi * phase)
+    parts = [away]
+    times = np.arange(0.0, seconds + _PAUSE, 1 / _RATE)
+    for _ in range(count):
+        away = np.zeros((len(times), chain.joints))
+        eased = (_eased(times) * _eased(seconds - times))[:, None]
+        for joint in range(chain.carriers):
+            size, rate = rng.uniform(0.05, 0.5), rng.uniform(0.3, 1.2)
+            away[:, joint] = size * np.sin(rate * times + rng.uniform(0, 2 * np.pi))
+        away = np.clip(start + eased * away, chain.lower, chain.upper) - start
+        fastest = max(
+            float(np.linalg.norm(chain.posture(start + part).corner_motions @ speed, axis=1).max())
+            for part, speed in zip(away, np.gradient(away, 1 / _RATE, axis=0), strict=True)
+        )
+        parts.append(away * min(1.0, law.HARD_LIMIT / fastest))
+    return np.asarray(start + np.concatenate(parts))
 
 
 def _eased(since: Floats) -> Floats:
@@ -216,7 +241,8 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs=2, default=(41, 44), help="first and behind")
     parser.add_argument("--presses", type=int, default=40, help="presses of each force and skin")
     parser.add_argument("--touches", type=int, default=60, help="touches of the rig")
-    parser.add_argument("--seconds", type=float, default=20.0, help="of a trajectory")
+    parser.add_argument("--trajectories", type=int, default=25, help="of each skin")
+    parser.add_argument("--seconds", type=float, default=6.0, help="of a trajectory")
     given = parser.parse_args()
     design, seeds = load_design(given.design), range(*given.seeds)
     if given.what == "force":
@@ -225,7 +251,7 @@ def main() -> None:
             for world in (PLAIN, HARD)
         }
     else:
-        found = {"nobody": untouched(design, seeds, given.seconds)}
+        found = {"nobody": untouched(design, seeds, given.trajectories, given.seconds)}
     known = json.loads(FIGURES.read_text()) if FIGURES.exists() else {}
     known |= found
     FIGURES.write_text(json.dumps(known) + "\n")
