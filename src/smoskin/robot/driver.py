@@ -19,6 +19,8 @@ from smoskin.robot.reasons import Reason
 from smoskin.roles import Sink
 
 _LOG: Final = logging.getLogger(__name__)
+_APART: Final = 4e-3
+"""Shortest time between two looks, s: the arm takes no more."""
 
 
 @final
@@ -54,7 +56,7 @@ class Driver(Sink):
         self._carriage = Carriage(arm.chain, follow.middle)
         self.newest: tuple[ArmState, Command] | None = None
         """Arm and command of the newest look that the arm answered."""
-        self._ended = threading.Event()
+        self._ended, self._news = threading.Event(), threading.Event()
         self._thread: threading.Thread | None = None
 
     @property
@@ -67,6 +69,7 @@ class Driver(Sink):
         if estimate is not None:
             with self._lock:
                 self._seen = Seen(estimate, self._clock())
+            self._news.set()
 
     def arm(self) -> None:
         """As `Follow.arm`."""
@@ -114,15 +117,15 @@ class Driver(Sink):
         return command
 
     def start(self, rate: float = 125.0) -> None:
-        """Look so many times a second until closed."""
+        """Look at every new estimate, and at least so many times a second, until closed."""
         self._thread = threading.Thread(target=self._run, args=(1.0 / rate,), daemon=True)
         self._thread.start()
 
     def _run(self, period: float) -> None:
-        due = time.monotonic()
-        while not self._ended.wait(max(due - time.monotonic(), 0.0)):
+        while not self._ended.wait(_APART):
+            self._news.clear()
             self.look()
-            due = max(due + period, time.monotonic())
+            self._news.wait(period - _APART)
 
     def _stop(self) -> None:
         """Stop the arm, whatever it answers."""
@@ -132,6 +135,7 @@ class Driver(Sink):
     def close(self) -> None:
         """Stop the arm, and let go of it."""
         self._ended.set()
+        self._news.set()
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join(timeout=1.0)
         with self._lock:
