@@ -140,6 +140,7 @@ def test_what_reads_a_skin_is_tried_on_a_virtual_one_of_its_design(tmp_path):
         assert shown.watch.summary.statuses["NO_CONTACT"] >= 5  # after a zero of 20 readings
 
 
+@pytest.mark.slow
 @pytest.mark.browser
 def test_the_slider_folds_the_sheet_in_the_browser(hinge):
     with Shown(hinge) as shown, open_page(shown.url) as opened:

@@ -32,7 +32,7 @@ def scheduler():
         yield cluster.scheduler_address
 
 
-@pytest.fixture(params=["local", "dask"])
+@pytest.fixture(params=["local", pytest.param("dask", marks=pytest.mark.slow)])
 def engine(request):
     if request.param == "local":
         return Engine(2)

@@ -144,6 +144,7 @@ def test_held_out_touches_are_of_skins_that_no_lesson_holds(skin):
     assert not taught & {row.tobytes() for row in lessons.judges[1]}
 
 
+@pytest.mark.slow
 def test_a_killed_training_goes_on_to_the_same_numbers(skin, tmp_path):
     whole = train_network(skin, reduced_table(skin), effort=SHORT)
     checkpoint, curve = tmp_path / "checkpoint", tmp_path / "curve.jsonl"
