@@ -10,9 +10,12 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from typing import Final
 
+import numpy as np
+
 from smoskin.commands.follow.page import ArmPage
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
+from smoskin.records import Pose
 from smoskin.robot.arm import Arm
 from smoskin.robot.chain import Chain
 from smoskin.robot.driver import Driver
@@ -22,12 +25,13 @@ from smoskin.robot.law import Limits
 from smoskin.robot.simulated import OWN_MODEL, SimulatedArm
 from smoskin.robot.ur import UrArm
 from smoskin.robot.xarm import XArm
-from smoskin.roles import Estimator
+from smoskin.roles import Estimator, Source
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst, load_estimator
 from smoskin.sensing.posed import PosedEstimator
 from smoskin.service.loop import Counters, Loop
-from smoskin.service.source import open_source
+from smoskin.service.replay import ReplaySource
+from smoskin.service.source import TwinSource, open_source
 
 WARNING: Final = (
     "This is not a safety function: it stops the arm by category 2 only, and runs on an ordinary "
@@ -105,7 +109,7 @@ def follow_source(
         inner: Estimator = (
             ClosedFormEstimator(skin) if calibration is None else load_estimator(calibration, skin)
         )
-        estimator = ZeroFirst(PosedEstimator(inner, skin, lambda: driver.pose))
+        estimator = ZeroFirst(PosedEstimator(inner, skin, _poses(source, driver)))
         loop = stack.enter_context(Loop(source, estimator, sinks=(driver,)))
         driver.look()
         if port is not None:
@@ -124,6 +128,14 @@ def follow_source(
             if seconds is not None and estimate.time - first >= seconds:
                 break
         return loop.counters
+
+
+def _poses(source: Source, driver: Driver) -> Callable[[], Pose]:
+    """How the skin is held: what virtual and recorded skins read does not hang on the arm."""
+    if isinstance(source, TwinSource | ReplaySource):
+        lying = Pose(turn=np.eye(3))
+        return lambda: lying
+    return lambda: driver.pose
 
 
 def _changes(say: Callable[[str], object]) -> Callable[[Command], None]:
