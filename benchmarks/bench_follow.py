@@ -25,7 +25,6 @@ from smoskin.robot.simulated import SimulatedArm
 from smoskin.roles import Source
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.estimators import ZeroFirst
-from smoskin.sensing.posed import PosedEstimator
 from smoskin.service.loop import Loop
 
 BOARD = """
@@ -110,10 +109,11 @@ def main() -> None:
         driver = Driver(arm, Follow(arm.chain, design), on_command=commanded)
         # What was read does not hang on this arm.
         still = Pose(turn=np.eye(3))
-        posed = PosedEstimator(BayesEstimator(design, table), design, lambda: still)
+        estimator = ZeroFirst(BayesEstimator(design, table))
+        estimator.carried_by(lambda: still)
         begun = time.monotonic()
         driver.start()
-        with Loop(source, ZeroFirst(posed), sinks=(driver,)) as loop:
+        with Loop(source, estimator, sinks=(driver,)) as loop:
             for _ in loop:
                 ready[0] = source.arrived  # its estimate is with the driver
                 if time.monotonic() - begun > options.seconds:

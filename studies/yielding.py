@@ -29,7 +29,6 @@ from smoskin.robot.law import Limits
 from smoskin.robot.simulated import SimulatedArm
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.estimators import ZeroFirst
-from smoskin.sensing.posed import PosedEstimator
 from smoskin.sensing.response.table import ResponseTable, load_response_table
 from smoskin.sensing.signals.estimator import ON_AN_ARM
 from smoskin.twin.carried import CarriedSkin
@@ -145,8 +144,8 @@ def carried(
     turns = [posture.of_skin(np.eye(3)).T for posture in postures]
     middles = np.array([posture.on_skin(follow.middle) for posture in postures])
     pulls = np.gradient(np.gradient(middles, 1 / _RATE, axis=0), 1 / _RATE, axis=0)
-    posed = PosedEstimator(BayesEstimator(design, table), design, lambda: carriage.pose)
-    estimator = ZeroFirst(posed)
+    estimator = ZeroFirst(BayesEstimator(design, table))
+    estimator.carried_by(lambda: carriage.pose)
     found = [(False, False, 0.0)] * count
     for k, angles in enumerate(path):
         time = k / _RATE

@@ -17,11 +17,12 @@ from numpy.typing import ArrayLike
 from smoskin.arguments import typed
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError
 from smoskin.magnetics.mlx90393 import HallSample
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.mechanics.sheet.contact import ContactLaw as ContactLaw
 from smoskin.mechanics.sheet.touches import Touches
-from smoskin.records import Contact, Estimate, HeldTouch, Motion, Reading
+from smoskin.records import Contact, Estimate, HeldTouch, Motion, Pose, Reading
 
 Progress: TypeAlias = Callable[[str, float], None]
 """A listener to long work: told what is being done, and the share of the whole that is done."""
@@ -111,6 +112,16 @@ class Estimator(ABC):
         ArgumentError
             If the reading has another number of chips than the estimator was made for.
         """
+
+    def carried_by(self, pose: Callable[[], Pose]) -> None:
+        """Know from here on how an arm holds the skin, and begin anew.
+
+        The function gives the arm's pose at the newest reading. What poses change is learned while
+        nothing touches, and taken off. By default an estimator cannot: `ArgumentError`.
+        """
+        raise ArgumentError(
+            f"estimator must be of a skin's design to take poses into account; got {type(self)}"
+        )
 
     @property
     @abstractmethod

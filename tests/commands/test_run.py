@@ -239,8 +239,7 @@ def pages(monkeypatch):
             self.closed = True
 
     pages = []
-    for place in ("page.view.View", "apart.page.PageApart"):
-        monkeypatch.setattr(f"smoskin.service.{place}", Page)
+    monkeypatch.setattr("smoskin.service.page.view.View", Page)
     return pages
 
 

@@ -51,6 +51,9 @@ def score(
     effect: Annotated[
         str | None, typer.Option(help="A world of this effect alone, such as hysteresis.")
     ] = None,
+    posed: Annotated[
+        bool, typer.Option("--posed", help="The arm tells how it holds the skin.")
+    ] = False,
     overwrite: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -87,6 +90,7 @@ def score(
             pairs=pairs,
             world=world,
             effect=effect,
+            posed=posed,
             out=out,
             progress=progress,
         )

@@ -5,7 +5,7 @@ Decides which estimator reads which file, and hides how kinds of files are told 
 
 import os
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -16,7 +16,7 @@ from smoskin.design.document import shipped_design
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, DesignError, ModelError
 from smoskin.outputs import read_text
-from smoskin.records import Estimate, Reading, Status
+from smoskin.records import Estimate, Pose, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing import files
 from smoskin.sensing.bayes.estimator import BayesEstimator
@@ -118,6 +118,11 @@ class ZeroFirst(Estimator):
         self._untouched: deque[Reading] = deque(maxlen=count)
         self.zeroed = False
         """Whether the zero is taken."""
+
+    def carried_by(self, pose: Callable[[], Pose]) -> None:
+        """As `Estimator.carried_by`; the next good readings are the new zero."""
+        self.estimator.carried_by(pose)
+        self.reset()
 
     @property
     def drift(self) -> Floats:

@@ -24,6 +24,7 @@ from smoskin.mechanics.sheet.contact import CoverPanels
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.files import TensorFile
 from smoskin.sensing.network.model import Layer, NetworkModel
+from smoskin.sensing.response.table import load_response_table
 from smoskin.twin.reduced import ReducedTwin
 from smoskin.twin.world.worlds import HARD, PLAIN, world_of
 from tables_of_response import plain, reduced_table
@@ -467,3 +468,20 @@ def test_a_table_is_scored_in_the_hard_world_by_a_law_of_ones_own(planar):
     )
     again = score(table, planar, **few, world="hard")
     assert json.dumps(again.as_json()) == json.dumps(hard.as_json())
+
+
+@pytest.mark.slow
+def test_an_arm_that_tells_its_pose_costs_less():
+    table = load_response_table("planar")
+    told, untold = (
+        score(table, skins=[31], count=8, posed=posed).case("straight").headline.location.mean
+        for posed in (True, False)
+    )
+    assert told < 0.8 * untold
+    assert told < 1e-3
+
+
+def test_only_an_arm_tells_its_pose(planar):
+    skin = ClosedFormEstimator(planar)
+    with pytest.raises(ArgumentError, match="posed must go with an effect on an arm; got world"):
+        score(skin, world="plain", posed=True)

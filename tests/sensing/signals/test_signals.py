@@ -14,7 +14,8 @@ from smoskin.mechanics.viscoelasticity import ELASTIC, Memory, Prony
 from smoskin.records import ChipFlag, Contact, Motion, Reading, Status
 from smoskin.sensing.closed_form.calibration import Calibration
 from smoskin.sensing.signals.loops import Loops
-from smoskin.sensing.signals.signals import Signals, Thermometer, signal_noise
+from smoskin.sensing.signals.signals import Signals, signal_noise
+from smoskin.sensing.signals.thermometer import Thermometer
 from smoskin.sensing.signals.zero import IdleBand, IdleNoise, ZeroTracking
 from smoskin.twin.manufacture import draw
 from smoskin.twin.readout import Readout

@@ -28,7 +28,6 @@ from smoskin.robot.simulated import SimulatedArm
 from smoskin.roles import Estimator
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.estimators import ZeroFirst
-from smoskin.sensing.posed import PosedEstimator
 from smoskin.sensing.response.table import ResponseTable, load_response_table
 from smoskin.twin.carried import CarriedSkin
 from smoskin.twin.rig import VirtualRig
@@ -329,7 +328,9 @@ def demonstrate(
     skin = CarriedSkin(twin, seed=seed)
 
     def estimator(pose: Callable[[], Pose]) -> Estimator:
-        return ZeroFirst(PosedEstimator(BayesEstimator(design, done.table), design, pose))
+        bayes = ZeroFirst(BayesEstimator(design, done.table))
+        bayes.carried_by(pose)
+        return bayes
 
     stage = Stage(lambda clock: arm(design, clock), skin, estimator, rate=rate, limits=limits)
     say("The arm swings untouched, so that what its pose changes is known.")

@@ -28,7 +28,6 @@ from smoskin.robot.xarm import XArm
 from smoskin.roles import Estimator, Source
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst, load_estimator
-from smoskin.sensing.posed import PosedEstimator
 from smoskin.service.loop import Counters, Loop
 from smoskin.service.replay import ReplaySource
 from smoskin.service.source import TwinSource, open_source
@@ -106,10 +105,10 @@ def follow_source(
         follow = Follow(arm.chain, skin, limits)
         held = switch or (lambda: True)
         driver = stack.enter_context(Driver(arm, follow, on_command=_changes(say), held=held))
-        inner: Estimator = (
+        estimator = ZeroFirst(
             ClosedFormEstimator(skin) if calibration is None else load_estimator(calibration, skin)
         )
-        estimator = ZeroFirst(PosedEstimator(inner, skin, _poses(source, driver)))
+        estimator.carried_by(_poses(source, driver))
         loop = stack.enter_context(Loop(source, estimator, sinks=(driver,)))
         driver.look()
         if port is not None:

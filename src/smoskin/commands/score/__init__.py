@@ -68,6 +68,7 @@ def score(
     world: str | World = "hard",
     effect: str | None = None,
     contact: ContactLaw | None = None,
+    posed: bool = False,
     out: Path | None = None,
     progress: Progress = unheard,
 ) -> ScoreSheet:
@@ -91,6 +92,9 @@ def score(
         A world of this effect alone.
     contact : ContactLaw, optional
         Contact law of all the skins; by default the world's.
+    posed : bool
+        Whether the arm that turns the skins tells how it holds them, as a robot's program can; it
+        turns once untouched before the first touch.
     out : Path, optional
         Folder for score.json and the figures, which replace those of an earlier score there.
     progress : Progress, optional
@@ -116,6 +120,9 @@ def score(
         If JAX, safetensors or, with a folder, Matplotlib is not installed.
     """
     skin = load_design(design) if isinstance(design, str) else design
+    judged_in = world if isinstance(world, World) else world_of(world, effect)
+    if posed:
+        judged_in = replace(judged_in, name=f"{judged_in.name}, posed", posed=True)
     exam = Exam(
         skins=tuple(skins),
         touches=touches,
@@ -124,7 +131,7 @@ def score(
         drag=drag,
         pairs=pairs,
         chips=None if chips is None else tuple(chips),
-        world=world if isinstance(world, World) else world_of(world, effect),
+        world=judged_in,
         contact=contact,
     )
     subject = candidate(file_or_model, skin, exam)

@@ -19,7 +19,7 @@ from smoskin.errors import ArgumentError
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.origami.geometry import geometry, places_to_the_rim
-from smoskin.records import Contact, Estimate, Motion, Reading, Status
+from smoskin.records import Contact, Estimate, Motion, Pose, Reading, Status
 from smoskin.roles import ContactLaw, Estimator
 from smoskin.sensing.response.calibrate import LabelledTouches, Target
 from smoskin.sensing.response.labels import Labeller, labelled_touches
@@ -45,6 +45,8 @@ _MOMENTS: Final = (0.0, _RAMP, _HOLD, _HOLD + _RAMP)
 """Times at which a touch is read in the plain world, where nothing happens between touches, s."""
 _STREAM: Final = (0.0, _RAMP, 0.1, 0.2, _HOLD, _HOLD + _RAMP, *(k / 10 for k in range(4, 10)))
 """Likewise in others: a stream in which what surrounds the skin can be followed."""
+_SWING: Final = 20.0
+"""Time for which an arm that tells its pose turns untouched before, once to and fro, s."""
 _ZEROS: Final = 20
 """Readings of the untouched skin before the first touch."""
 _TEMPERATURES: Final = (15.0, 35.0)
@@ -209,6 +211,8 @@ class Heard(NamedTuple):
     """(T,): whether it is the one just before its touch."""
     judged: Bools
     """(T,): whether it is the one at which its touch counts."""
+    turns: Floats
+    """(T, 3, 3): rotation from the skin's frame to the room's at each."""
 
 
 def readings(
@@ -226,10 +230,11 @@ def readings(
     world = session.world
     moments = np.array(_MOMENTS if world.plain else _STREAM)
     count = len(session.touches)
-    starts = _PERIOD * np.arange(1, count + 1)
+    begin = _PERIOD + _SWING * world.posed
+    starts = begin + _PERIOD * np.arange(count)
     before = np.linspace(-1.0, 0.0, _ZEROS)
     if not world.plain:
-        before = np.append(before, np.arange(0.1, _PERIOD, 0.1))
+        before = np.append(before, np.arange(0.1, begin, 0.1))
     times = np.concatenate([before, np.add.outer(starts, moments).ravel()])
     steps = np.diff(times, prepend=times[0])
     held = (moments > 0.0) & (moments <= _HOLD)
@@ -251,6 +256,7 @@ def readings(
         row=np.append(untouched, np.repeat(np.arange(count), len(moments))),
         idle=np.append(untouched, np.tile(moments == 0.0, count)) > 0,
         judged=np.append(untouched, np.tile(moments == _HOLD, count)) > 0,
+        turns=np.tile(np.eye(3), (len(times), 1, 1)) if run is None else run.poses(times),
     )
 
 
@@ -259,7 +265,9 @@ def judge(estimator: Estimator, twin: Twin, session: Session, rng: np.random.Gen
 
     Where the reading that counts does not arrive, the last answer before it does.
     """
-    stream = readings(twin, session, rng)
+    stream, k = readings(twin, session, rng), 0
+    if session.world.posed:
+        estimator.carried_by(lambda: Pose(turn=stream.turns[k]))
     estimator.reset()
     zeros = [reading for reading in stream.readings[:_ZEROS] if reading is not None]
     estimator.zero(zeros, force=True)

@@ -7,7 +7,7 @@ Hides the path from readings to signals.
 
 import math
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -19,7 +19,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.mechanics.viscoelasticity import Prony, elastomer_prony
 from smoskin.origami.geometry import geometry
-from smoskin.records import Contact, Estimate, Reading, Status
+from smoskin.records import Contact, Estimate, Pose, Reading, Status
 from smoskin.roles import Estimator
 from smoskin.sensing.signals.loops import Loops
 from smoskin.sensing.signals.signals import LET_GO, Signals, signal_noise
@@ -107,6 +107,11 @@ class SignalEstimator(Estimator):
             left=left,
             loops=loops,
         )
+
+    def carried_by(self, pose: Callable[[], Pose]) -> None:
+        """As `Estimator.carried_by`; "What a pose changes" in `docs/derivations_robot.md`."""
+        self._signals.carried_by(pose)
+        self._forget()
 
     def _forget(self) -> None:
         """Forget the last touch: nothing touches any more. By default nothing is remembered."""

@@ -5,8 +5,8 @@ offset, found while the skin is untouched; the creep of the rubber, undone so th
 one at which a touch that stays would settle; and the drift of the idle skin.
 """
 
-import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -21,15 +21,15 @@ from smoskin.magnetics.straightening import Straightening
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, temperature_factor
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.origami.geometry import geometry
-from smoskin.records import Reading, Status
-from smoskin.sensing.signals.guards import PLAUSIBLE, ChipGuard, Clock, check_chips
+from smoskin.records import Pose, Reading, Status
+from smoskin.sensing.signals.guards import ChipGuard, Clock, check_chips
 from smoskin.sensing.signals.loops import Loops, Unlooping, no_loops
+from smoskin.sensing.signals.poses import Poses, Stand
 from smoskin.sensing.signals.settling import Settling
-from smoskin.sensing.signals.turning import turning
+from smoskin.sensing.signals.thermometer import Thermometer
+from smoskin.sensing.signals.turning import Turning, turning
 from smoskin.sensing.signals.zero import IdleTest, Zero, ZeroTracking
 
-_THERMAL_SMOOTHING: Final = 0.05
-"""Share of a new temperature in the rubber's: chips round to a fiftieth of a degree."""
 _LOUDER: Final = 3.0
 """Noise of a real chip over the one assumed, at most, where readings are said to be at rest."""
 _UNLIKELY: Final = 1e-9
@@ -41,37 +41,8 @@ _BENT_AMISS: Final = 0.05
 """Share of what motions add to each other's signals that straightening leaves of a made skin."""
 LET_GO: Final = "readings must be of a skin that nothing touches: let go first"
 """Beginning of what is said to a zero under a touch."""
-
-
-class Thermometer:
-    """Temperatures of S magnets and the rubber, by the chips' reports that can be true."""
-
-    def __init__(self, chips: int) -> None:
-        self._last = [math.nan] * chips
-        self._rubber = math.nan
-
-    @property
-    def magnets(self) -> list[float]:
-        """Last plausible report of each chip, degC; the reference temperature before it."""
-        return [REFERENCE_TEMPERATURE if math.isnan(last) else last for last in self._last]
-
-    @property
-    def rubber(self) -> float:
-        """Smoothed mean of the chips that reported, degC; the reference temperature until then."""
-        return REFERENCE_TEMPERATURE if math.isnan(self._rubber) else self._rubber
-
-    def step(self, reported: Floats) -> None:
-        """Take in what each chip reports, (S,), degC."""
-        least, most = PLAUSIBLE
-        self._last = [
-            now if least < now < most else before
-            for now, before in zip(reported.tolist(), self._last, strict=True)
-        ]
-        plausible = [last for last in self._last if not math.isnan(last)]
-        if plausible:
-            mean = sum(plausible) / len(plausible)
-            before = mean if math.isnan(self._rubber) else self._rubber
-            self._rubber = before + _THERMAL_SMOOTHING * (mean - before)
+_AGAIN: Final = 3
+"""Times that the skin that lies is found from one that does not: fields bend otherwise there."""
 
 
 class Signal(NamedTuple):
@@ -96,6 +67,8 @@ class _Zeroed(NamedTuple):
     taken: bool
     left: Floats
     """What touches had left in the signals then, (C,), T."""
+    stand: Stand | None
+    """The arm's pose then, where it is known."""
 
 
 class Signals:
@@ -161,15 +134,22 @@ class Signals:
         self.noise = signal_noise(design, self._chips) / prompt**2
         """Covariance N of these chips' signals untouched, (C, C), T^2: undoing creep raises what
         changes from reading to reading by what is missing of a prompt answer."""
-        self._turning = turning(design, self._chips, weight=self._tracking.arm)
+        self._turning: Turning | None = turning(design, self._chips, weight=self._tracking.arm)
+        self._poses: Poses | None = None
         self._left = np.zeros_like(self.noise) if left is None else left
         self._looped = loops is not None
         self._unlooping = Unlooping(loops or no_loops(len(self.noise)))
         self.reset()
 
+    def carried_by(self, pose: Callable[[], Pose]) -> None:
+        """Know from here on how an arm holds the skin at the newest reading; begin anew."""
+        self._tracking, self._turning = replace(self._tracking, arm=True), None
+        self._poses = Poses(self._design, self._chips, self.noise, pose)
+        self.reset()
+
     @property
     def drift(self) -> Floats:
-        """How far the zero has followed since it was set, shape (S, 3), T."""
+        """How far the zero has followed since it was set, known poses apart, shape (S, 3), T."""
         return self._of_all(self._zero.drift)
 
     @property
@@ -198,11 +178,17 @@ class Signals:
         if not self._tracking.arm:
             return np.zeros_like(self.noise)
         felt = self.straightening.straightened(self._of_all(signals))[self._chips].ravel()
-        return np.diag(bent_amiss(self._curvature, self._zero.drift, felt) ** 2)
+        moved = self._zero.drift
+        if self._poses is not None:
+            moved = moved + self._poses.stand.sunk + self._poses.moved
+        return np.diag(bent_amiss(self._curvature, moved, felt) ** 2)
 
     def reset(self) -> None:
         """Return to the zero of the start and forget earlier readings."""
         self.clock = Clock()
+        self._time: float | None = None
+        if self._poses is not None:
+            self._poses.forget()
         self._guard.forget()
         self._thermometer = Thermometer(len(self.rest_field))
         self.zeroed = self._given
@@ -234,9 +220,14 @@ class Signals:
                     "readings must be near the design's rest field, each chip over its own magnet; "
                     f"got chips off by {np.abs(mean).max(axis=1) * 1e3} mT"
                 )
-        left = self._unlooping.offset
         self._before = _Zeroed(
-            self._untouched, self.straightening, self._zero, self.zeroed, self.taken, left
+            self._untouched,
+            self.straightening,
+            self._zero,
+            self.zeroed,
+            self.taken,
+            self._unlooping.offset,
+            None if self._poses is None else self._poses.stand,
         )
         self._unlooping.zero()
         self._begin(mean)
@@ -246,11 +237,11 @@ class Signals:
         """Return to the zero before the last; `ArgumentError` if there is none."""
         if self._before is None:
             raise ArgumentError("zero must have been set, once for each time it is taken back")
-        self._untouched, self.straightening, self._zero, self.zeroed, self.taken, left = (
-            self._before
-        )
-        self._unlooping.offset = left
-        self._before = None
+        before, self._before = self._before, None
+        self._untouched, self.straightening, self._zero = before[:3]
+        self.zeroed, self.taken, self._unlooping.offset = before[3:6]
+        if self._poses is not None:
+            self._poses.begin(before.stand)
         self._rest()
 
     def change(self, readings: Sequence[Reading]) -> Floats:
@@ -259,9 +250,7 @@ class Signals:
         Creep is not undone.
         """
         mean = np.mean(self._offsets(readings), axis=0)
-        return self._less_zero(
-            self.straightening.straightened(mean + self._ideal - self._untouched)
-        )
+        return self._less_zero(self._straight(mean + self._ideal))
 
     def step(self, reading: Reading) -> Signal:
         """Signals of the next reading; the zero follows those of an idle skin."""
@@ -274,26 +263,44 @@ class Signals:
         if fault is not None:
             self._zero.interrupt(reading.time)
             return self._refused(fault)
-        raised = self._settled(reading.time, self._own_field(reading) - self._untouched)
+        field, elapsed = self._own_field(reading), self._elapsed(reading.time)
+        if self._poses is not None:
+            self._poses.step(elapsed)
+        raised = self._settled(elapsed, self._straight(field))
         status: Status | None = Status.NOT_CALIBRATED
         if self.zeroed:
             if self._looped:
                 self._zero.left = self._left + self._unlooping.covariance
-            idle = self._zero.step(reading.time, raised[self._chips].ravel())
+            idle = self._idles(reading.time, raised[self._chips].ravel())
             if idle and self._zero.settled:
                 self._unlooping.rest()
             if self._zero.believed:
                 status = Status.NO_CONTACT if idle else None
         return Signal(self._less_zero(raised), self._thermometer.rubber, status)
 
+    def _idles(self, time: float, linear: Floats) -> bool:
+        """Whether linear signals (C,), T, are an idle skin's; zero and poses follow them."""
+        if (poses := self._poses) is None:
+            return self._zero.step(time, linear)
+        self._zero.carried(poses.covariance, poses.jolted)
+        idle = self._zero.step(time, linear - poses.moved)
+        if idle:
+            poses.learn(linear)
+        return idle
+
     def _begin(self, offset: Floats) -> None:
         """Start from an offset, (S, 3), T, of the chips turned as designed; the skin has rested."""
         # At reference temperature: nearly all of it is what a made skin's magnets differ from the
         # designed ones, which weakens as they do.
         self._untouched = self._ideal + offset
-        own = self.rest_field + self._untouched - self._designed
-        self.straightening = Straightening(self._design, own)
+        self.straightening = self._of_lying()
         """Signals that are linear in motion, of this skin as its zero has it, and back."""
+        if self._poses is not None:
+            self._poses.begin()
+            sunk = self._of_all(self._poses.stand.sunk)
+            for _ in range(_AGAIN if sunk.any() else 0):
+                self._untouched = self._ideal + offset - self.straightening.bent(sunk)
+                self.straightening = self._of_lying()
         self._zero = Zero(
             self._tracking,
             self._idle,
@@ -304,11 +311,15 @@ class Signals:
         )
         self._rest()
 
+    def _of_lying(self) -> Straightening:
+        """Signals linear in motion of the skin that lies, as it is taken to read then."""
+        return Straightening(self._design, self.rest_field + self._untouched - self._designed)
+
     def _rest(self) -> None:
         """Begin with no past, as after a long rest; the zero stays."""
         self._zero.rest()
         self._guard.forget()
-        self._settled_time = math.inf
+        self._time = None
         if self._settling is not None:
             self._settling.reset()
 
@@ -333,12 +344,25 @@ class Signals:
         if freedom and moved > chdtri(freedom, _UNLIKELY):
             raise ArgumentError(f"{LET_GO}; got readings that move by {_rms(flat):.3g} uT")
 
-    def _settled(self, time: float, raised: Floats) -> Floats:
-        """Signals of motions as if fields were linear in them, creep and hysteresis undone."""
-        straight = self.straightening.straightened(raised)
+    def _elapsed(self, time: float) -> float:
+        """Seconds since the last reading that was good."""
+        before, self._time = self._time, time
+        return 0.0 if before is None else max(time - before, 0.0)
+
+    def _straight(self, field: Floats) -> Floats:
+        """Signals (S, 3), T, of fields as if these were linear in motions, from those of the zero.
+
+        What the Earth's field changes moves nothing.
+        """
+        raised = field - self._untouched
+        if (poses := self._poses) is None:
+            return self.straightening.straightened(raised)
+        straight = self.straightening.straightened(raised - self._of_all(poses.even))
+        return straight - self._of_all(poses.stand.sunk)
+
+    def _settled(self, elapsed: float, straight: Floats) -> Floats:
+        """Linear signals so many seconds after the last, with creep and hysteresis undone."""
         if self._settling is not None:
-            elapsed = max(time - self._settled_time, 0.0)
-            self._settled_time = time
             straight = self._settling.step(elapsed, straight)
         if not self._looped:
             return straight
@@ -349,7 +373,10 @@ class Signals:
 
     def _less_zero(self, straight: Floats) -> Floats:
         """Signals (S, 3), T, of straight ones less the zero: motions add up, fields do not."""
-        return self.straightening.bent(straight - self._of_all(self._zero.offset))
+        offset = self._zero.offset
+        if self._poses is not None:
+            offset = offset + self._poses.moved
+        return self.straightening.bent(straight - self._of_all(offset))
 
     def _of_all(self, used: Floats) -> Floats:
         """Numbers (C,) of the chips that are used, 0 of others, (S, 3)."""

@@ -216,6 +216,7 @@ class Zero:
         self._bound = np.linalg.inv(bound)
         self._start = offset
         self._louder = np.zeros_like(noise)
+        self._posed = self._jolted = np.zeros_like(noise)
         self._heard = 0
         self._touched = False
         self._unseen = 0.0
@@ -279,8 +280,15 @@ class Zero:
 
     def _unsure(self, course: Course) -> Floats:
         """Covariance of a reading untouched besides the chips' noise, if the zero goes this way."""
-        unsure = course.zero + self._louder
+        unsure = course.zero + self._louder + self._posed
         return unsure + self.left if self._touched else unsure
+
+    def carried(self, posed: Floats, jolted: Floats) -> None:
+        """Take what is not known of an arm's pose into account, and what jolts may add, untouched.
+
+        Both are covariances (C, C), T^2, of the next reading.
+        """
+        self._posed, self._jolted = posed, jolted
 
     def step(self, time: float, read: Floats) -> bool:
         """Whether a reading (C,), T, is idle; the zero follows it once idleness has held."""
@@ -356,7 +364,7 @@ class Zero:
 
     def _explained(self, time: float, elapsed: float, change: Floats) -> bool:
         """Whether a change is idle; a turn that explains it makes the zero less sure."""
-        still, share = self._course, self._idle(change, self.covariance)
+        still, share = self._course, self._idle(change, self.covariance + self._jolted)
         if time - self._turn_seen > _GOES_ON:
             self._turn = None
         if self._turn is not None:
@@ -407,8 +415,10 @@ class Zero:
         fading = math.exp(min(elapsed / self.tracking.time_constant, _LONG))
         course = self._course.unsure(self.left) if self._touched else self._course
         if self.tracking.arm:
-            self._listen(change, course.zero)
-        self._course = course = course.corrected(change, self._noise + self._louder, fading)
+            self._listen(change, course.zero + self._posed + self._jolted)
+        # What poses may explain is for whoever learns them.
+        noise = self._noise + self._louder + self._posed + self._jolted
+        self._course = course = course.corrected(change, noise, fading)
         self._touched, self._unseen = False, 0.0
         if self._turn is not None:
             speed, spread = course.mean[1], course.spread[1, 1]

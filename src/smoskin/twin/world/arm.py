@@ -66,6 +66,10 @@ class Gravity(Effect):
         """As `Effect.history`."""
         return _Weight(twin, self.arm, level_axis(rng))
 
+    def poses(self, rng: np.random.Generator, times: Floats) -> Floats:
+        """As `Effect.poses`."""
+        return self.arm.turns(level_axis(rng), times)
+
 
 class _Weight:
     """Motions by weight, added to those by touches: u = A (g(t) - g(0)), small loads."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
+from smoskin.errors import ArgumentError
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.records import Motion, Reading
 from smoskin.roles import ContactLaw
@@ -65,6 +66,10 @@ class Effect:
         """What surrounds the chips at (T,) times, s."""
         return None
 
+    def poses(self, rng: np.random.Generator, times: Floats) -> Floats | None:
+        """Rotations from the skin's frame to the room's by an arm at (T,) times, s, (T, 3, 3)."""
+        return None
+
     def arrived(
         self, readings: Sequence[Reading | None], rng: np.random.Generator
     ) -> Sequence[Reading | None]:
@@ -93,6 +98,12 @@ class Run:
         none = Ambience.none(len(times), len(self._twin.design.halls))
         return sum(parts, start=none) if parts else None
 
+    def poses(self, times: Floats) -> Floats:
+        """Rotations from the skin's frame to the room's at (T,) times, (T, 3, 3)."""
+        given = (effect.poses(self._rng(effect), times) for effect in self._effects)
+        still = np.broadcast_to(np.eye(3), (len(times), 3, 3))
+        return next((turned for turned in given if turned is not None), still)
+
     def arrived(self, readings: Sequence[Reading]) -> Sequence[Reading | None]:
         """Readings as they arrive; None for one that does not."""
         there: Sequence[Reading | None] = readings
@@ -110,6 +121,12 @@ class World:
 
     name: str
     effects: tuple[Effect, ...] = ()
+    posed: bool = False
+    """Whether the arm that turns its skins tells estimators how it holds them."""
+
+    def __post_init__(self) -> None:
+        if self.posed and not self.on_arm:
+            raise ArgumentError(f"posed must go with an effect on an arm; got world {self.name!r}")
 
     @property
     def on_arm(self) -> bool:

@@ -1,1 +1,0 @@
-"""What runs beside the loop in a process of its own."""
