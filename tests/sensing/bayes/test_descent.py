@@ -18,7 +18,7 @@ def solver(table, skin):
 
 def begun(solver, away, harder=1.0):
     """The problem of one touch, its signals, and unknowns so far from it."""
-    problem = solver._problems.single
+    problem = solver._problem(1)
     signals = solver.table.signals([WHERE], [SLANTED])[0]
     start = np.array([[*(WHERE + away), 0.1, 0.0, -0.4 * harder]])
     return problem, signals, problem.unknowns(start)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from smoskin.sensing.bayes import solver as solving
 from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.signals.signals import signal_noise
 
@@ -10,13 +11,13 @@ from smoskin.sensing.signals.signals import signal_noise
 @pytest.fixture
 def made(skin, table, monkeypatch):
     """A solver, and the noises whose problems it has made."""
-    noises, make = [], TouchSolver._problem
+    noises, kept = [], solving._Problems
 
-    def made(self, touches, noise):
+    def made(noise):
         noises.append(noise)
-        return make(self, touches, noise)
+        return kept(noise)
 
-    monkeypatch.setattr(TouchSolver, "_problem", made)
+    monkeypatch.setattr(solving, "_Problems", made)
     return TouchSolver(table, signal_noise(skin)), noises
 
 

@@ -145,7 +145,7 @@ def test_a_guess_is_followed_where_it_fits_and_else_the_likeliest_starts(
     table = reduced_table(skin)
     solver, problem = TouchSolver(table, signal_noise(skin)), StatedProblem(*costs)
     exact = table.signals(WHERE[:1], FORCE[:1])[0]
-    monkeypatch.setattr(solver._problems, "single", problem)
+    monkeypatch.setitem(solver._problems.of, 1, problem)
     guess = np.array([[0.1, 0.02, 0.0, 0.0, -0.2]])
     assert solver.one(exact, guess) == best
     assert len(problem.begun) == taken
@@ -158,26 +158,21 @@ def test_a_guess_is_followed_where_it_fits_and_else_the_likeliest_starts(
 def test_a_guess_is_followed_as_well_where_its_misfit_is_enough(skin, monkeypatch, cost, taken):
     table = reduced_table(skin)
     solver, problem = TouchSolver(table, signal_noise(skin)), StatedProblem(cost, 60.0, 60.0, 60.0)
-    monkeypatch.setattr(solver._problems, "single", problem)
+    monkeypatch.setitem(solver._problems.of, 1, problem)
     exact = table.signals(WHERE[:1], FORCE[:1])[0]
     solver.one(exact, np.array([[0.1, 0.02, 0.0, 0.0, -0.2]]), enough=100.0)
     assert len(problem.begun) == taken
 
 
-def test_pairs_are_compared_after_some_steps_and_three_or_all_are_followed(
-    table, skin, monkeypatch
-):
+def test_of_a_pair_three_starts_or_six_are_followed(table, skin, monkeypatch):
     solver = TouchSolver(table, signal_noise(skin), STRAIGHT)
     exact = table.together(WHERE[None], FORCE[None])[0]
     solver.two(exact)
-    brief = [9.0, 3.0, 5.0, 4.0, *[9.0] * 4]
-    for ends, taken in (((9.0, 1.7, 4.0), 3), ((1.9, 2.0, 1.9, 1.7, 3.0, 4.0, 5.0, 1.6), 8)):
-        problem = StatedProblem(*brief, *ends)
-        monkeypatch.setattr(solver._problems, "pair", problem)
+    for ends, taken in (((9.0, 1.7, 4.0), 3), ((1.9, 2.0, 1.9, 1.7, 3.0, 1.6), 6)):
+        problem = StatedProblem(*ends)
+        monkeypatch.setitem(solver._problems.of, 2, problem)
         assert solver.two(exact) == min(ends)
-        steps = [row[2] for row in problem.begun]
-        assert steps == [3] * 8 + [15] * taken
-        assert [row[0][0] for row in problem.begun[8:]] == sorted(brief)[:taken]
+        assert [row[2] for row in problem.begun] == [15] * taken
 
 
 def test_a_touch_that_cannot_have_stood_there_is_let_go(table, skin, monkeypatch):
@@ -187,7 +182,7 @@ def test_a_touch_that_cannot_have_stood_there_is_let_go(table, skin, monkeypatch
     standing = Standing(WHERE[0], 1e-6 * np.eye(2))
     for cost, let_go in ((17.9, False), (18.1, True)):
         problem = StatedProblem(*[cost] * 60)
-        monkeypatch.setattr(solver._problems, "pair", problem)
+        monkeypatch.setitem(solver._problems.of, 2, problem)
         solver.two(exact, None, standing)
         assert (problem.begun[-1][1] is None) == let_go
         np.testing.assert_array_equal(problem.begun[0][0][0, :2], WHERE[0])

@@ -38,7 +38,7 @@ def test_a_single_starts_with_the_likeliest_forces_there(skin, table, drag_sprea
     solver = TouchSolver(table, signal_noise(skin), TouchPriors(drag_spread=drag_spread))
     signals = table.signals([[0.05, 0.07]], [[0.2, -0.1, -0.4]])[0]
     start = solver._single_starts.best(signals, 1, None)[0][0]
-    white = solver._problems.single.whitener(0.5**2)
+    white = solver._problem(1).whitener(0.5**2)
     slopes = white @ table.slopes([start[:2]], [[0.0, 0.0, -0.5]])[0][:, 2:]
     force = np.zeros(3)
     if drag_spread:

@@ -57,7 +57,7 @@ def test_touches_of_the_whole_sheet_drag_each_other_so(skin, grip):
         sheet.press(Touches(position=WHERE[:, [k]], force=straight(light[:, [k]]))).reaction[:, 0]
         for k in (0, 1)
     ]
-    shares = patch_shares(skin, pairs).reshape(2, 2, 1, -1)
+    shares = patch_shares(skin, pairs).reshape(2, 2, -1)
     expected = both - np.stack(alone, axis=1)
     said, _ = mutual_drags(grip, shares, light)
     assert said == pytest.approx(expected, rel=5e-3, abs=2e-3 * np.abs(expected).max())
@@ -121,7 +121,7 @@ def test_no_patch_moves_that_is_held(small):
     table, place, rng = small
     press = rng.uniform(0.1, 1.0, (6, 2))
     shares = table.basis.vertex_shares(place)
-    drags, _ = mutual_drags(table.grip, shares[:, :, None], press)
+    drags, _ = mutual_drags(table.grip, shares, press)
     for a, p, extra in zip(shares, press, drags, strict=True):
         moved = np.einsum("ih,hdge,jg->idje", a, table.grip, a)
         alone = [np.linalg.solve(moved[k, :, k, :2], -moved[k, :, k, 2] * p[k]) for k in (0, 1)]
@@ -134,7 +134,7 @@ def test_no_patch_moves_that_is_held(small):
 def test_pairs_read_their_sum_their_drags_and_the_curvature(small):
     table, place, rng = small
     force = straight(rng.uniform(0.1, 1.0, (6, 2)))
-    shares = table.basis.vertex_shares(place)[:, :, None]
+    shares = table.basis.vertex_shares(place)
     drags, _ = mutual_drags(table.grip, shares, -force[..., 2])
     force[..., :2] += drags
     one, other = (table.signals(place[:, k], force[:, k]) for k in (0, 1))

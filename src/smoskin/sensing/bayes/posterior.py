@@ -5,13 +5,12 @@ misfit is weighed by their forces. One and two touches differ by their table's a
 """
 
 import math
-import operator
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from smoskin.arrays import Bools, Floats, Ints
+from smoskin.arrays import Floats
 from smoskin.errors import ArgumentError
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
 from smoskin.sensing.response.point import PointTable
@@ -26,17 +25,25 @@ _POOR: Final = 10.0
 _REWEIGHED: Final = 6
 """First steps, before which the misfit is weighed by the forces found so far."""
 _DAMPING: Final = 1e-3
+_STUCK: Final = 1e6
+"""Damping past which no shorter step is tried."""
 _STRIDE: Final = (0.03, 1.0)
 """Longest step of a place, m, and of the logarithm of a force."""
 _NONE: Final = np.zeros(0)
 """What descents have not yet."""
 _BLUR: Final = 1e-9
 """Information on the logarithm of a force that keeps even a blind skin's covariance finite."""
+_SAME: Final = 1e-12
+"""Difference of unknowns up to which signals are the same."""
 APART: Final = 0.02
 """Distance, m, nearer than which two touches are one."""
 
 Answer: TypeAlias = Callable[[Floats], tuple[Floats, Floats]]
 """Signals f(u) (B, C), T, of unknowns u (B, U), and their slopes J (B, U, C)."""
+
+
+_Known: TypeAlias = tuple[Floats, Floats] | None
+"""Place of a touch that stands, (2,), m, and its precision, (2, 2), m^-2."""
 
 
 class Descent(NamedTuple):
@@ -111,6 +118,7 @@ class TouchProblem:
             """The values of (x, y, Fx, Fy, log press) of every touch's unknowns."""
             return np.tile(np.array(values)[self.rows], touches)
 
+        self._presses = slice(len(self.rows) - 1, None, len(self.rows))
         self._low = each(0.0, 0.0, -math.inf, -math.inf, math.log(least / 5))
         self._high = each(*extent, math.inf, math.inf, math.log(most * 3))
         self._stride = each(_STRIDE[0], _STRIDE[0], math.inf, math.inf, _STRIDE[1])
@@ -141,79 +149,90 @@ class TouchProblem:
         self, signals: Floats, starts: Floats, standing: Standing | None = None, steps: int = _STEPS
     ) -> list[Descent]:
         """The same from starts (B, U) at once; none of them minds the others."""
-        at = np.minimum(np.maximum(starts, self._low), self._high)
-        value, slopes = self._answer(at)
-        rows, damping = np.arange(len(at)), np.full(len(at), _DAMPING)
-        state = _Descents(rows, damping, at, signals - value, slopes)
+        known = None if standing is None else (standing.place, standing.precision)
+        ways = [self._way(signals, start, known, steps) for start in starts]
+        asked = {row: next(way) for row, way in enumerate(ways)}
         ends: dict[int, Descent] = {}
+        while asked:
+            answers = zip(list(asked), *self._answer(np.array(list(asked.values()))), strict=True)
+            for row, value, slopes in answers:
+                try:
+                    asked[row] = ways[row].send((value, slopes))
+                except StopIteration as end:
+                    ends[row] = end.value
+                    del asked[row]
+        return [ends[row] for row in range(len(ways))]
+
+    def _way(
+        self, signals: Floats, start: Floats, known: _Known, steps: int
+    ) -> Generator[Floats, tuple[Floats, Floats], Descent]:
+        """One descent: asks for signals and slopes of unknowns until it ends."""
+        at, damping = np.minimum(np.maximum(start, self._low), self._high), _DAMPING
+        rows = self._rows(signals, *(yield at))
         for step in range(steps):
             if step < _REWEIGHED:
-                state = self._weighed(state, standing)
-            move, pull = self._step(state, standing)
-            goes = 0.5 * (move * pull).sum(axis=1) >= _SETTLED
-            if not goes.all():
-                ends |= state.taken(~goes).ends()
-                state, move = state.taken(goes), move[goes]
-                if not len(move):
+                # The misfit is weighed by the forces found so far.
+                squared = self._squared(at)
+                scale = 1 / np.sqrt(1 + squared * self._power)
+                inner = rows * scale
+                misfit, cost = self._cost(inner[0], at, known)
+            move, pull = self._step(inner, at, damping, known)
+            if 0.5 * float(move @ pull) < _SETTLED:
+                break
+            move = np.minimum(np.maximum(move, -self._stride), self._stride)
+            ahead = np.minimum(np.maximum(at + move, self._low), self._high)
+            rows_ahead = self._rows(signals, *(yield ahead))
+            inner_ahead = rows_ahead * scale
+            misfit_ahead, cost_ahead = self._cost(inner_ahead[0], ahead, known)
+            fell = cost - cost_ahead
+            if fell < 0:
+                if damping > _STUCK:
                     break
-            new = state.at + np.minimum(np.maximum(move, -self._stride), self._stride)
-            new = np.minimum(np.maximum(new, self._low), self._high)
-            value, slopes = self._answer(new)
-            ahead = state._replace(at=new, gap=signals - value, slopes=slopes)
-            ahead = self._compared(ahead, standing)
-            fell = state.cost - ahead.cost
-            better = fell >= 0
-            ahead = ahead._replace(damping=np.maximum(state.damping / 10, 1e-9))
-            if not better.all():
-                behind = state._replace(damping=np.maximum(state.damping * 10, 1e-3))
-                ahead = behind.where(better, ahead)
-            state = ahead
-            over = np.where(
-                better,
-                fell < _SETTLED * np.maximum(1.0, state.cost / self._poor),
-                state.damping > 1e6,
-            )
-            if over.any():
-                ends |= state.taken(over).ends()
-                state = state.taken(~over)
-                if over.all():
-                    break
-        ends |= state.ends()
-        return [ends[row] for row in rows.tolist()]
+                damping = max(damping * 10, 1e-3)
+                continue
+            settled = fell < _SETTLED * max(1.0, cost / self._poor)
+            at, rows, inner, misfit, cost = ahead, rows_ahead, inner_ahead, misfit_ahead, cost_ahead
+            damping = max(damping / 10, 1e-9)
+            if settled:
+                break
+        return Descent(at, squared, inner[1:], misfit, cost)
 
-    def _step(self, state: "_Descents", standing: Standing | None) -> tuple[Floats, Floats]:
-        """Steps of these descents, (B, U), and what pulls them."""
-        curve = state.inner @ state.inner.swapaxes(1, 2)
-        pull = (state.inner @ state.residual[..., None])[..., 0] - self._drag_precision * state.at
-        # A level place bends the covariance, not the steps.
-        diagonal = curve.reshape(len(curve), -1)[:, :: curve.shape[1] + 1]
-        diagonal += self._curvature
-        if standing is not None:
-            curve[:, :2, :2] += standing.precision
-            pull[:, :2] -= (state.at[:, :2] - standing.place) @ standing.precision
-        diagonal *= 1 + state.damping[:, None]
-        return np.asarray(np.linalg.solve(curve, pull[..., None])[..., 0], dtype=float), pull
+    def _rows(self, signals: Floats, value: Floats, slopes: Floats) -> Floats:
+        """What a touch leaves of signals, and its slopes, along the axes of noise, (1 + U, C)."""
+        rows = np.empty((1 + len(slopes), len(signals)))
+        np.subtract(signals, value, out=rows[0])
+        rows[1:] = slopes
+        return np.asarray(rows @ self._axes.T)
 
-    def _weighed(self, state: "_Descents", standing: Standing | None) -> "_Descents":
-        """Descents whose misfit is weighed by the forces found so far."""
-        squared = self._squared(state.at)
-        state = state._replace(
-            squared=squared, scale=1 / np.sqrt(1 + squared[:, None] * self._power)
-        )
-        return self._compared(state, standing)
-
-    def _compared(self, state: "_Descents", standing: Standing | None) -> "_Descents":
-        """Descents with their whitened slopes and residuals, and what these cost."""
-        inner = (state.slopes @ self._axes.T) * state.scale[:, None]
-        residual = (state.gap @ self._axes.T) * state.scale
-        misfit = (residual * residual).sum(axis=1)
+    def _step(
+        self, inner: Floats, at: Floats, damping: float, known: _Known
+    ) -> tuple[Floats, Floats]:
+        """Step (U,) by whitened residual and slopes, (1 + U, C), and what pulls."""
+        products = inner @ inner.T
+        curve, pull = products[1:, 1:], products[1:, 0]
         if self._drags:
-            misfit += (self._drag_precision * state.at * state.at).sum(axis=1)
+            pull -= self._drag_precision * at
+        # A level place bends the covariance, not the steps.
+        diagonal = products.ravel()[len(at) + 2 :: len(at) + 2]
+        diagonal += self._curvature
+        if known is not None:
+            place, precision = known
+            curve[:2, :2] += precision
+            pull[:2] -= precision @ (at[:2] - place)
+        diagonal *= 1 + damping
+        return np.asarray(np.linalg.solve(curve, pull), dtype=float), pull
+
+    def _cost(self, residual: Floats, at: Floats, known: _Known) -> tuple[float, float]:
+        """Misfit of a whitened residual, and what it costs."""
+        misfit = float(residual @ residual)
+        if self._drags:
+            misfit += float((self._drag_precision * at) @ at)
         cost = 0.5 * misfit
-        if standing is not None:
-            away = state.at[:, :2] - standing.place
-            cost += 0.5 * ((away @ standing.precision) * away).sum(axis=1)
-        return state._replace(inner=inner, residual=residual, misfit=misfit, cost=cost)
+        if known is not None:
+            place, precision = known
+            away = at[:2] - place
+            cost += 0.5 * float(away @ precision @ away)
+        return misfit, cost
 
     def posterior(self, found: Descent, standing: Standing | None = None) -> TouchPosterior:
         """What a descent has come to; how many touches there are is judged by the reading alone."""
@@ -226,12 +245,12 @@ class TouchProblem:
         values, covariance = np.zeros((count, 5)), np.zeros((count, 5, 5))
         values[:, rows] = found.unknowns.reshape(count, -1)
         values[:, 4] = -np.exp(values[:, 4])
-        inverse = np.linalg.inv(information)
-        for k, value in enumerate(values):
-            scale = np.ones(len(rows))
-            scale[-1] = value[4]
-            part = slice(k * len(rows), (k + 1) * len(rows))
-            covariance[k][np.ix_(rows, rows)] = inverse[part, part] * scale[:, None] * scale
+        scale = np.ones((count, len(rows)))
+        scale[:, -1] = values[:, 4]
+        inverse = np.linalg.inv(information) * np.outer(scale, scale)
+        blocks = inverse.reshape(count, len(rows), count, len(rows))
+        for k in range(count):
+            covariance[k, rows[:, None], rows] = blocks[k, :, k]
         evidence = self._constant - 0.5 * (
             found.misfit + float(np.log1p(found.squared * self._power).sum()) + log_det
         )
@@ -245,43 +264,30 @@ class TouchProblem:
         at[:, 4] = np.log(np.maximum(-at[:, 4], 1e-3))
         return at[:, self.rows].ravel()
 
-    def _squared(self, at: Floats) -> Floats:
-        """Squared forces F^2 of all touches, (B,), N^2."""
-        squared = np.exp(2 * at[:, len(self.rows) - 1 :: len(self.rows)]).sum(axis=1)
-        drags = (at[:, 2:4] ** 2).sum(axis=1) if self._drags else 0.0
-        return np.asarray(squared + drags)
+    def _squared(self, at: Floats) -> float:
+        """Squared force F^2 of all touches, N^2."""
+        drags = float(at[2:4] @ at[2:4]) if self._drags else 0.0
+        return drags + sum(math.exp(2 * press) for press in at[self._presses].tolist())
 
 
-class _Descents(NamedTuple):
-    """Descents on their way, B in each array."""
+class Recalled:
+    """Signals of unknowns as another answer has them, which knows what it was asked last.
 
-    row: Ints
-    damping: Floats
-    at: Floats
-    gap: Floats
-    slopes: Floats
-    squared: Floats = _NONE
-    scale: Floats = _NONE
-    inner: Floats = _NONE
-    residual: Floats = _NONE
-    misfit: Floats = _NONE
-    cost: Floats = _NONE
+    Where one descent ended, the next reading's begins.
+    """
 
-    def where(self, chosen: Bools, other: "_Descents") -> "_Descents":
-        """Those of the others that are chosen, else its own."""
-        masks = [chosen.reshape(-1, *[1] * (part.ndim - 1)) for part in self]
-        return _Descents(*map(np.where, masks, other, self))
+    def __init__(self, answer: Answer) -> None:
+        self._answer = answer
+        self._at, self._last = _NONE, (_NONE, _NONE)
 
-    def taken(self, chosen: Bools) -> "_Descents":
-        """Those that are chosen."""
-        return _Descents(*map(operator.itemgetter(chosen), self))
-
-    def ends(self) -> dict[int, Descent]:
-        """What each has come to."""
-        parts = zip(self.at, self.squared.tolist(), self.inner, strict=True)
-        costs = zip(self.misfit.tolist(), self.cost.tolist(), strict=True)
-        both = zip(self.row.tolist(), parts, costs, strict=True)
-        return {row: Descent(*part, *cost) for row, part, cost in both}
+    def __call__(self, at: Floats) -> tuple[Floats, Floats]:
+        """Signals (B, C), T, and their slopes (B, U, C)."""
+        if len(at) > 1:
+            return self._answer(at)
+        if len(self._at) != 1 or np.abs(at - self._at).max() > _SAME:
+            self._last = self._answer(at)
+            self._at = at
+        return self._last
 
 
 def single_answer(point: PointTable, *, straight: bool) -> Answer:
@@ -296,7 +302,7 @@ def single_answer(point: PointTable, *, straight: bool) -> Answer:
         slopes[:, 4] *= press[:, None]
         return values, slopes[:, [0, 1, 4]] if straight else slopes
 
-    return answer
+    return Recalled(answer)
 
 
 def pair_answer(point: PointTable) -> Answer:
@@ -306,7 +312,7 @@ def pair_answer(point: PointTable) -> Answer:
         each = at.reshape(-1, 2, 3)
         press = np.exp(each[:, :, 2])
         values, slopes = point.pairs(each[:, :, :2], press)
-        slopes[:, [2, 5]] *= press[..., None]
+        slopes[:, 2::3] *= press[..., None]
         return values, slopes
 
-    return answer
+    return Recalled(answer)

@@ -1,7 +1,7 @@
 """The touch, or the two touches, that best explain what chips read, and how sure that is.
 
 Decides from where to search and when a search is over: from the touches of a moment ago, if they
-still fit; else from coarse places, of which many take a few steps before the best are followed.
+still fit; else from coarse places, the likeliest first and others where these lead nowhere.
 """
 
 from typing import Final
@@ -22,24 +22,22 @@ _ALIKE: Final = 0.1
 """Change of noise, as a share of its variance, up to which it counts as the same."""
 _NOISES: Final = 3
 """Noises whose problems are kept: a still skin's, a turning one's, and the one before."""
-_BRIEF: Final = 3
-"""Steps after which many starts are compared."""
-_STARTS: Final = {1: 3, 2: 8}
+_STARTS: Final = {1: 3, 2: 6}
 """Coarse starts of a search for K touches."""
 _FOLLOWED: Final = 3
-"""Starts that are followed to the end at least."""
+"""Starts that are followed at least."""
 _GOOD: Final = 0.4
 """Squared residual a signal at which the others are not."""
 
 
 class _Problems:
-    """What is solved under one noise: a single touch, and a pair once it was asked for."""
+    """What is solved under one noise, for as many touches as was asked for."""
 
-    def __init__(self, noise: Floats, single: TouchProblem) -> None:
-        self.noise, self.single = noise, single
-        self.pair: TouchProblem | None = None
-        spread = np.sqrt(noise.diagonal())
-        self._apart = _ALIKE * np.outer(spread, spread)
+    def __init__(self, noise: Floats) -> None:
+        self.noise = noise
+        self.of: dict[int, TouchProblem] = {}
+        variance = noise.diagonal()
+        self._apart = _ALIKE * np.sqrt(np.outer(variance, variance))
 
     def alike(self, noise: Floats) -> bool:
         """Whether another noise counts as the same."""
@@ -66,10 +64,16 @@ class TouchSolver:
 
     def warm_to(self, temperature: float) -> None:
         """Take the rubber to be this warm, degC."""
-        self._point = self.table.point_table(temperature)
-        self._problems = _Problems(self._rest_noise, self._problem(1, self._rest_noise))
+        self._point = point = self.table.point_table(temperature)
+        self._answers = (
+            single_answer(point, straight=self.priors.drag_spread == 0),
+            pair_answer(point),
+        )
+        self._problems = _Problems(self._rest_noise)
         self._recent = [self._problems]
-        self._single_starts = self._starts(self._problems.single)
+        self._single_starts = single_starts(
+            self.table, point, self._problem(1), self.priors.drag_spread
+        )
 
     def add_noise(self, more: Floats) -> None:
         """Take signals to be less sure by this covariance (C, C), T^2, from now on."""
@@ -78,7 +82,7 @@ class TouchSolver:
             if known.alike(noise):
                 self._problems = known
                 return
-        self._problems = _Problems(noise, self._problem(1, noise))
+        self._problems = _Problems(noise)
         self._recent = [self._problems, *self._recent][:_NOISES]
 
     def one(
@@ -88,7 +92,7 @@ class TouchSolver:
 
         What follows from the guess is believed where it fits, or its misfit is at most `enough`.
         """
-        problem = self._problems.single
+        problem = self._problem(1)
         return self._solve(1, problem, self._single_starts, signals, guess, None, enough)
 
     def two(
@@ -108,28 +112,24 @@ class TouchSolver:
 
     def ready_for_two(self) -> tuple[TouchProblem, Starts]:
         """What a search for two needs; the starts take longer than a search, the first time."""
-        problem = self._problems.pair or self._problem(2, self._problems.noise)
-        self._problems.pair = problem
+        problem = self._problem(2)
         if self._pair_starts is None:
             self._pair_starts = pair_starts(self.table, problem)
         return problem, self._pair_starts
 
     def whitener(self, found: TouchPosterior) -> Floats:
         """W (C, C), 1/T, which turns signals into standard deviations for a single touch."""
-        return self._problems.single.whitener(float((found.values[:, 2:] ** 2).sum()))
+        return self._problem(1).whitener(float((found.values[:, 2:] ** 2).sum()))
 
-    def _starts(self, problem: TouchProblem) -> Starts:
-        """Starts of the search for a single touch."""
-        return single_starts(self.table, self._point, problem, self.priors.drag_spread)
-
-    def _problem(self, touches: int, noise: Floats) -> TouchProblem:
-        """What is solved for so many touches."""
-        table, priors = self.table, self.priors
-        if touches == 1:
-            answer = single_answer(self._point, straight=priors.drag_spread == 0)
-            return TouchProblem(answer, 1, table, noise, self.misfit, priors)
-        misfit = self.misfit + table.pair_misfit
-        return TouchProblem(pair_answer(self._point), 2, table, noise, misfit, priors)
+    def _problem(self, touches: int) -> TouchProblem:
+        """What is solved for so many touches under the noise of now."""
+        problem = self._problems.of.get(touches)
+        if problem is None:
+            misfit = self.misfit if touches == 1 else self.misfit + self.table.pair_misfit
+            answer, noise = self._answers[touches - 1], self._problems.noise
+            problem = TouchProblem(answer, touches, self.table, noise, misfit, self.priors)
+            self._problems.of[touches] = problem
+        return problem
 
     def _solve(
         self,
@@ -148,9 +148,6 @@ class TouchSolver:
             if 2 * found.cost < max(fits, enough):
                 return problem.posterior(found, standing)
         begun = [problem.unknowns(one) for one in starts.best(signals, _STARTS[touches], standing)]
-        if len(begun) > _FOLLOWED:
-            brief = problem.descend_all(signals, np.array(begun), standing, _BRIEF)
-            begun = [one.unknowns for one in sorted(brief, key=lambda one: one.cost)]
         tried: list[Descent] = []
         for some in filter(None, (begun[:_FOLLOWED], begun[_FOLLOWED:])):
             if tried and 2 * tried[0].cost < _GOOD * len(signals):

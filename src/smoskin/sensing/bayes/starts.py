@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from smoskin.arrays import Floats
+from smoskin.arrays import Floats, Ints
 from smoskin.magnetics.nonlinearity import Bend, straightened
 from smoskin.origami.geometry import middles_of_fields, places_to_the_rim
 from smoskin.sensing.bayes.posterior import APART, TouchProblem
@@ -33,8 +33,10 @@ class Starts:
 
     Parameters
     ----------
-    places, answers : Floats, shapes (G, K, 2) and (G, L, C)
-        m, and slopes of signals by loads, T/N: presses of K touches, or drags and press of one.
+    sites, which : Floats, shape (S, 2), and Ints, shape (G, K)
+        Places where touches may stand, m, and at which of them K do.
+    answers : Floats, shape (G, L, C)
+        Slopes of signals by loads, T/N: presses of K touches, or drags and press of one.
     ridge : Floats, shape (L,)
         Precision root of each load beforehand, 1/N.
     whiten : Floats, shape (C, C)
@@ -47,14 +49,16 @@ class Starts:
 
     def __init__(
         self,
-        places: Floats,
+        sites: Floats,
+        which: Ints,
         answers: Floats,
         ridge: Floats,
         whiten: Floats,
         least: float,
         curvature: Floats | None = None,
     ) -> None:
-        self._places, self._whiten = places, whiten
+        self._sites, self._which, self._whiten = sites, which.T, whiten
+        self._places = places = sites[which]
         self._bend = None if curvature is None else Bend(curvature)
         self._least, count = least, answers.shape[2]
         loads = answers.shape[1]
@@ -62,20 +66,20 @@ class Starts:
         ridges = np.broadcast_to(np.diag(ridge), (len(places), loads, loads))
         columns = np.concatenate([white, ridges], axis=1)
         bases, coordinates = np.linalg.qr(columns)
-        self._bases = np.swapaxes(bases[:, :count], 1, 2).reshape(-1, count)
-        self._loads = np.linalg.inv(coordinates)
+        self._bases = np.moveaxis(bases[:, :count], 2, 0).reshape(-1, count)
+        self._loads = np.ascontiguousarray(np.moveaxis(np.linalg.inv(coordinates), 0, -1))
 
     def best(self, signals: Floats, count: int, standing: Standing | None) -> list[Floats]:
         """Touches (K, 5) to start from, the likeliest first."""
         places = self._places
         if self._bend is not None:
             signals = self._bend.straightened(signals)
-        inside = (self._bases @ (self._whiten @ signals)).reshape(len(places), -1)
-        explained = (inside * inside).sum(axis=1)
-        loads = np.einsum("gij,gj->gi", self._loads, inside)
+        inside = (self._bases @ (self._whiten @ signals)).reshape(-1, len(places))
+        explained = (inside * inside).sum(axis=0)
+        loads = (self._loads * inside).sum(axis=1)
         single = places.shape[1] == 1
-        presses = loads[:, -1:] if single else loads
-        explained[~(presses > self._least).all(axis=1)] = -np.inf
+        presses = loads[-1:] if single else loads
+        explained[presses.min(axis=0) <= self._least] = -np.inf
         first = np.zeros(len(places), dtype=np.int64)
         if standing is not None:
             away = np.hypot(*np.moveaxis(places - standing.place, -1, 0))
@@ -84,14 +88,18 @@ class Starts:
         out: list[Floats] = []
         while len(out) < count and np.isfinite(explained[g := int(explained.argmax())]):
             touches = np.zeros((places.shape[1], 5))
-            touches[:, :2], touches[:, 4] = places[g], -presses[g]
-            if single and loads.shape[1] == 3:
-                touches[0, 2:4] = loads[g, :2]
+            touches[:, :2], touches[:, 4] = places[g], -presses[:, g]
+            if single and len(loads) == 3:
+                touches[0, 2:4] = loads[:2, g]
             if standing is not None:
                 touches = touches[[first[g], 1 - first[g]]]
                 touches[0, :2] = standing.place
             out.append(touches)
-            explained[np.abs(places - places[g]).max(axis=(1, 2)) < APART] = -np.inf
+            near = np.ones(len(places), dtype=np.bool_)
+            for sites in self._which:
+                away = np.abs(self._sites - self._sites[sites[g]]).max(axis=1)
+                near &= (away < APART)[sites]
+            explained[near] = -np.inf
         return out
 
 
@@ -104,7 +112,8 @@ def single_starts(
     slopes = point.scan(places[:, 0], places[:, 1], typical)[1][:, problem.rows[2:]]
     slopes[:, -1] *= -1
     ridge = np.array([1 / drag_spread, 1 / drag_spread, 0.0] if drag_spread else [0.0])
-    return Starts(places[:, None], slopes, ridge, problem.whitener(TYPICAL**2), 0.0)
+    which = np.arange(len(places))[:, None]
+    return Starts(places, which, slopes, ridge, problem.whitener(TYPICAL**2), 0.0)
 
 
 def pair_starts(table: ResponseTable, problem: TouchProblem) -> Starts:
@@ -118,8 +127,8 @@ def pair_starts(table: ResponseTable, problem: TouchProblem) -> Starts:
     by_drag = (flat[:, 1::2] - flat[:, 2::2]) / (2 * _TUG)
     pairs = np.array(list(combinations(range(len(grid)), 2)))
     pairs = pairs[np.hypot(*(grid[pairs[:, 0]] - grid[pairs[:, 1]]).T) > APART]
-    shares = table.basis.vertex_shares(grid)[pairs][:, :, None]
+    shares = table.basis.vertex_shares(grid)[pairs]
     _, drags = mutual_drags(table.grip, shares, np.ones((len(pairs), 2)))
-    answer = by_press[pairs] + np.einsum("glkd,gkdc->glc", drags[:, :, 0], by_drag[pairs])
+    answer = by_press[pairs] + np.einsum("glkd,gkdc->glc", drags, by_drag[pairs])
     whiten, least = problem.whitener(2 * TYPICAL**2), table.forces[0] / 2
-    return Starts(grid[pairs], answer, np.zeros(2), whiten, least, table.curvature)
+    return Starts(grid, pairs, answer, np.zeros(2), whiten, least, table.curvature)

@@ -188,9 +188,8 @@ def mean_ramps(u: Floats) -> Floats:
     # A disc's coordinate has the density (2 / pi) sqrt(1 - t^2).
     inside = np.minimum(np.maximum(u, -1.0), 1.0)
     square = 1 - inside * inside
-    root, angle = np.sqrt(square), np.arcsin(inside)
+    root = np.sqrt(square)
     out = np.empty((2, *u.shape))
-    out[0] = inside / 2 + (inside * angle + root - root * square / 3) / np.pi
-    out[0] += np.maximum(u - 1, 0.0)
-    out[1] = 0.5 + (inside * root + angle) / np.pi
+    out[1] = 0.5 + (inside * root + np.arcsin(inside)) / np.pi
+    out[0] = u * out[1] + 2 / (3 * np.pi) * root * square
     return out

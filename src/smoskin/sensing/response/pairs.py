@@ -6,62 +6,91 @@ what drags do. A column that one touch loads holds less against the other, which
 both (`ResponseTable.coupling`).
 """
 
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
-from smoskin.arrays import Floats, Ints
+from smoskin.arrays import Floats
 
-_PAD: Final = 1e-12
+_PADS: Final = 1e-12 * np.eye(4)
 """m/N: how much a touch gives way by itself, so that two on one place share what they hold."""
+_ALONE: Final = np.eye(2)[:, :, None, None, None]
+"""Patches that do not move each other."""
+_ONE, _OTHER = np.array([0, 1, 2, 0, 0]), np.array([0, 0, 0, 1, 2])
+"""Of a product of two touches' shares and its slopes: which slope of either is taken."""
 
 
-class Held(NamedTuple):
-    """Sideways forces of B pairs of straight touches that stick, on the sheet, N."""
-
-    together: Floats
-    """(B, 2, 2): t of each along x and y while the other presses too."""
-    together_slopes: Floats
-    """(B, 2, R, 2, 2): derivatives by x, y, where given, and press of each, of t of each."""
-    alone: Floats
-    """(B, 2, 2): t of each alone."""
-    alone_slopes: Floats
-    """(B, 2, R, 2, 2): derivatives likewise."""
-
-
-def held(grip: Floats, shares: Floats, press: Floats) -> Held:
+def held(grip: Floats, shares: Floats, press: Floats) -> tuple[Floats, Floats]:
     """What two straight touches that stick hold the sheet with, together and each alone.
 
-    `grip`, (H, 2, H, 3), m/N, is G of `ResponseTable`; `shares`, (B, 2, R, H), is the share a of
-    each vertex in each touch, with R = 3 its slopes along x and y, 1/m, as well; `press`, (B, 2),
-    N, are normal forces p.
+    Sideways forces t of each, N, with their slopes by press of one and the other, (B, 2, 3, 2).
+    `grip`, (H, 2, H, 3), m/N, is G of `ResponseTable`; `shares`, (B, 2, H), is the share a of each
+    vertex in each touch; `press`, (B, 2), N, are normal forces p.
 
     Notes
     -----
     ``t = -C^-1 S p`` with ``C = a G a`` in the plane, ``S = a G a`` down; alone of its own alone.
     """
-    batch, _, rates, vertices = shares.shape
-    rows = shares.reshape(batch, 2 * rates, vertices)
-    half = (rows.reshape(-1, vertices) @ grip.reshape(vertices, -1)).reshape(
-        batch, 2 * rates, 2, vertices, 3
+    batch, count, vertices = shares.shape
+    half = (shares.reshape(-1, vertices) @ grip.reshape(vertices, -1)).reshape(
+        batch, count, 2, vertices, 3
     )
-    moved = half.swapaxes(-1, -2) @ rows.swapaxes(1, 2)[:, None, None]
-    moved = moved.reshape(batch, 2, rates, 2, 3, 2, rates)
-    # Beside both together, each alone: patches that do not move each other.
-    alone = moved * np.eye(2)[:, None, None, None, :, None]
-    forces, slopes = _holding_forces(np.concatenate([moved, alone]), np.tile(press, (2, 1)))
-    return Held(forces[:batch], slopes[:batch], forces[batch:], slopes[batch:])
+    moved = half.swapaxes(-1, -2) @ shares.swapaxes(1, 2)[:, None, None]
+    return _held(np.moveaxis(moved, -1, 2)[:, :, :, None], press)
 
 
 def mutual_drags(grip: Floats, shares: Floats, press: Floats) -> tuple[Floats, Floats]:
-    """What two straight touches that stick pull at each other, (B, 2, 2), N, with its slopes.
+    """What two straight touches that stick pull at each other, (B, 2, 2), N, and slopes by press.
 
-    Arguments are those of `held`. The drags, sideways forces on the sheet beyond those of each
-    touch alone, have derivatives (B, 2, R, 2, 2) by x and y, where these are given, and press of
-    each.
+    Arguments are those of `held`. The drags are sideways forces on the sheet beyond those of each
+    touch alone; derivatives by the press of each have shape (B, 2, 2, 2), that press first.
     """
-    by = held(grip, shares, press)
-    return by.together - by.alone, by.together_slopes - by.alone_slopes
+    together, alone = held(grip, shares, press)
+    drags = together - alone
+    return drags[:, :, 0], drags[:, :, 1:].swapaxes(1, 2)
+
+
+class NearPairs:
+    """Shares of the V vertices near both touches of B pairs, from which both answers follow.
+
+    `shares`, (B, 2, 3, V), are those of these vertices with their slopes along x and y.
+    """
+
+    def __init__(self, shares: Floats) -> None:
+        self._shape = (*shares.shape[:2], shares.shape[1], len(_ONE), shares.shape[-1] ** 2)
+        one = shares.take(_ONE, axis=2)[:, :, None, :, :, None]
+        self._products = one * shares.take(_OTHER, axis=2)[:, None, :, :, None]
+
+    def held(self, grip: Floats, press: Floats) -> tuple[Floats, Floats]:
+        """The same as of all vertices, with slopes by x, y and press of each, (B, 2, 7, 2).
+
+        `grip`, (B, 2, 2, V, V, 6), is G between those near either touch.
+        """
+        products = self._products.reshape(self._shape)
+        moved = products @ grip.reshape(*self._shape[:3], -1, 6)
+        return _held(moved.reshape(*self._shape[:4], 2, 3), press)
+
+    def coupled(self, coupling: Floats, forces: Floats) -> Floats:
+        """What they add to the sum of what each reads, with slopes by all unknowns, (B, 7, C).
+
+        `coupling`, (B, V, V, 9 C), is Q between those near one and those near the other; `forces`,
+        (B, 2, 7, 3), are those on the sheet with their slopes.
+        """
+        products = self._products[:, 0, 1].reshape(-1, *self._shape[3:])
+        batch, rates, _ = products.shape
+        whole = (products @ coupling.reshape(batch, self._shape[4], -1)).reshape(
+            batch, rates, 9, -1
+        )
+        here = forces[:, :, 0]
+        both = forces[:, 0, :, :, None] * here[:, 1, None, None]
+        both += here[:, 0, None, :, None] * forces[:, 1, :, None]
+        both[:, 0] *= 0.5
+        both = both.reshape(batch, -1, 9)
+        out = both @ whole[:, 0]
+        by_place = (both[:, None, :1] @ whole[:, 1:])[:, :, 0]
+        out[:, 1:3] += by_place[:, :2]
+        out[:, 4:6] += by_place[:, 2:]
+        return np.asarray(out)
 
 
 def coupled(coupling: Floats, shares: Floats, forces: Floats) -> Floats:
@@ -81,49 +110,38 @@ def coupled(coupling: Floats, shares: Floats, forces: Floats) -> Floats:
     return np.asarray((loads[:, 1, None] @ half)[:, 0])
 
 
-def coupled_with_slopes(
-    coupling: Floats, vertices: Ints, rates: Floats, forces: Floats, slopes: Floats
-) -> tuple[Floats, Floats]:
-    """The same of B pairs, (B, C), and its slopes by x, y and press of each touch, (B, 6, C).
+def _held(moved: Floats, press: Floats) -> tuple[Floats, Floats]:
+    """Forces t = -C^-1 S p of touches that stick, together and each alone.
 
-    `coupling` is (H, H, 3 3 C) here; `rates`, (B, 2, 3, V), are shares of the V `vertices` (B, 2,
-    V) near each touch with their slopes along x and y, `slopes`, (B, 6, 2, 3), those of the forces
-    (B, 2, 3).
+    Rows (B, K, 1 + K R, 2) are t of each and its slopes; `moved`, (B, K, K, 2 R - 1, 2, 3), is the
+    motion of one patch by a force on another, m/N, with slopes by the places of one and the other.
     """
-    batch, _, _, near = rates.shape
-    part = coupling[vertices[:, 0, :, None], vertices[:, 1, None, :]]
-    inner = (rates[:, 0] @ part.reshape(batch, near, -1)).reshape(batch, 3, near, -1)
-    whole = (rates[:, 1, None] @ inner).reshape(batch, 3, 3, 3, 3, -1)  # by rates, then forces
-    by_other = (forces[:, None, None, None, 1] @ whole[:, :, 0])[..., 0, :]  # (B, 3, 3, C)
-    by_one = (forces[:, None, None, 0] @ whole[:, 0].reshape(batch, 3, 3, -1)).reshape(
-        batch, 3, 3, -1
-    )
-    force = forces[:, :, None]
-    value = (force[:, 0] @ by_other[:, 0])[:, 0]
-    out = slopes[:, :, 0] @ by_other[:, 0] + slopes[:, :, 1] @ by_one[:, 0]
-    out[:, :2] += (force[:, None, 0] @ by_other[:, 1:])[:, :, 0]
-    out[:, 3:5] += (force[:, None, 1] @ by_one[:, 1:])[:, :, 0]
-    return value, out
-
-
-def _holding_forces(moved: Floats, press: Floats) -> tuple[Floats, Floats]:
-    """Forces t = -C^-1 S p (B, K, 2) of touches that stick, and slopes (B, K, R, K, 2).
-
-    `moved` (B, K, R, 2, 3, K, R) is the motion of one patch by a force on another, m/N.
-    """
-    batch, count = press.shape
-    middle = moved[:, :, 0, ..., 0]
-    c = middle[:, :, :, :2].swapaxes(3, 4).reshape(batch, 2 * count, 2 * count)
-    s = middle[:, :, :, 2]
-    inverse = np.linalg.inv(c + _PAD * np.eye(2 * count))
-    pushed = s.reshape(batch, 2 * count, count) @ press[..., None]
-    drags = -(inverse @ pushed).reshape(batch, count, 2)
-    load = np.concatenate([drags, press[..., None]], axis=-1)
-    # What moves where a touch is elsewhere: all patches by its force, its own by all forces.
-    gaps = np.einsum("bkdejr,bje->bjrkd", moved[:, :, 0, ..., 1:], load)
-    own = np.einsum("bkrdej,bje->bkrd", moved[:, :, 1:, ..., 0], load)
-    for k in range(count):
-        gaps[:, k, :, k] += own[:, k]
-    gaps = np.concatenate([gaps, np.moveaxis(s, -1, 1)[:, :, None]], axis=2)
-    slopes = gaps.reshape(batch, -1, 2 * count) @ inverse.swapaxes(1, 2)
-    return drags, -slopes.reshape(gaps.shape)
+    batch, count, _, rates = moved.shape[:4]
+    places = rates // 2
+    # Beside both together, each alone.
+    moved = np.concatenate([moved, moved * _ALONE])
+    press = np.concatenate([press, press])
+    whole = moved[:, :, :, 0].swapaxes(2, 3).reshape(2 * batch, 2 * count, count, 3)
+    inverse = np.linalg.inv(whole[..., :2].reshape(2 * batch, 2 * count, 2 * count) + _PADS)
+    by_press = inverse @ whole[..., 2]
+    forces = by_press @ press[..., None]
+    rows = np.empty((2 * batch, count, 1 + count * (1 + places), 2))
+    rows[:, :, 0] = forces.reshape(2 * batch, count, 2)
+    slopes = rows[:, :, 1:].reshape(2 * batch, count, count, 1 + places, 2)
+    slopes[:, :, :, -1] = by_press.reshape(2 * batch, count, 2, count).swapaxes(2, 3)
+    if places:
+        load = np.empty((2 * batch, 1, count, 1, 3, 1))
+        load[:, 0, :, 0, :2, 0] = -rows[:, :, 0]
+        load[:, 0, :, 0, 2, 0] = press
+        # What moves where a touch is elsewhere: all patches by its force, its own by all forces.
+        gaps = (moved[:, :, :, 1:] @ load)[..., 0]
+        by_place = gaps[:, :, :, places:].copy()
+        own = gaps[:, :, :, :places].sum(axis=2)
+        for k in range(count):
+            by_place[:, k, k] += own[:, k]
+        turned = by_place.transpose(0, 2, 3, 1, 4).reshape(2 * batch, -1, 2 * count)
+        turned = turned @ inverse.swapaxes(1, 2)
+        turned = turned.reshape(2 * batch, count, places, count, 2)
+        slopes[:, :, :, :-1] = turned.transpose(0, 3, 1, 2, 4)
+    np.negative(rows, out=rows)
+    return rows[:batch], rows[batch:]

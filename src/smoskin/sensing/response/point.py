@@ -5,15 +5,17 @@ the derivatives that descents need, of a few descents at once. Decides nothing; 
 coefficients lie so that the few which a touch needs stand together.
 """
 
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 
 from smoskin.arrays import Floats, Ints
-from smoskin.magnetics.nonlinearity import cross_matrices
 from smoskin.sensing.response.basis import TouchBasis, mean_ramps
-from smoskin.sensing.response.pairs import coupled_with_slopes, held
+from smoskin.sensing.response.pairs import NearPairs
 
+_BY_X, _BY_Y = np.array([0, 1, 0]), np.array([0, 0, 1])
+"""Of a product and its slopes: whether that along x and that along y is a slope."""
 _FAR: Final = 1e3
 """Place of vertices past a line's end, m."""
 
@@ -34,7 +36,7 @@ class PointTable:
         coupling: Floats | None = None,
     ) -> None:
         self.basis = basis
-        self._coefficients, self._grip, self._curvature = coefficients, grip, curvature
+        self._coefficients = coefficients
         self._windows = PointWindows(basis)
         # Vertices and products of neighbours in turn: what a touch needs stands together.
         p, q, d, signals = coefficients.shape
@@ -43,38 +45,52 @@ class PointTable:
         orders = [_in_turn(len(line)) for line in (basis.lines_x, basis.lines_y)]
         block[:p, :q] = coefficients[np.ix_(*orders)].reshape(p, q, -1)
         parts = np.lib.stride_tricks.sliding_window_view(block, (functions, functions), (0, 1))
-        self._parts = np.moveaxis(parts[::2, ::2], 2, -1)
-        self._coupling = None
-        if coupling is not None:
-            vertices = len(coupling)
-            by_vertices = coupling.swapaxes(1, 2).reshape(vertices, vertices, -1)
-            self._coupling = np.ascontiguousarray(by_vertices)
+        parts = np.ascontiguousarray(np.moveaxis(parts[::2, ::2], 2, -1))
+        self._cells = parts.shape[1]
+        self._parts = parts.reshape(-1, functions * functions, d * signals)
+        self._grip, self._curvature, self._coupling = grip, curvature, coupling
         # Which powers make each product and its slopes by each force, and their factors.
         e = basis.exponents
         lower = np.maximum(e - np.eye(3, dtype=np.int64)[:, None], 0)
-        self._orders = np.arange(e.max() + 1.0)
-        powers = np.concatenate([e[None], lower]) + len(self._orders) * np.arange(3)
+        powers = np.concatenate([e[None], lower]) + int(e.max() + 1) * np.arange(3)
+        self._highest = int(e.max())
         self._powers = np.ascontiguousarray(np.moveaxis(powers, -1, 0))
         self._factors = np.concatenate([np.ones((1, len(e))), e.T])
 
+    @cached_property
+    def _laid_out(self) -> tuple[Floats, Floats | None, Floats]:
+        """Grip and coupling of two vertices in each row, and bends (2, C, C^2) of all chips."""
+        grip, coupling, signals = self._grip, self._coupling, 3 * len(self._curvature)
+        by_grip = np.ascontiguousarray(grip.swapaxes(1, 2)).reshape(len(grip) ** 2, 6)
+        by_coupling = None
+        if coupling is not None:
+            by_coupling = np.ascontiguousarray(coupling.swapaxes(1, 2))
+            by_coupling = by_coupling.reshape(len(coupling) ** 2, 9 * signals)
+        # What either of two readings adds to the other.
+        bends = np.zeros((2, signals, signals, signals))
+        for k, curvature in enumerate((self._curvature, self._curvature.swapaxes(1, 2))):
+            for chip, products in enumerate(curvature):
+                own = slice(3 * chip, 3 * chip + 3)
+                bends[k, own, own, own] = products.swapaxes(0, 1)
+        return by_grip, by_coupling, bends.reshape(2, signals, signals**2)
+
     def at(self, place: Floats, force: Floats) -> tuple[Floats, Floats]:
         """Signals (B, C) at places (B, 2) under forces (B, 3), and slopes by these, (B, 5, C)."""
-        return self._at(*self._windows.near(place), force)
+        first, rates = self._windows.near(place)
+        rows = self._at(first, self._windows.products(rates), force)
+        return rows[:, 0, 0], np.concatenate([rows[:, 1:, 0], rows[:, 0, 1:]], axis=1)
 
-    def _at(self, first: Ints, rates: Floats, force: Floats) -> tuple[Floats, Floats]:
-        """The same of touches in these windows."""
-        batch, functions, d = len(force), rates.shape[-1], len(self.basis.exponents)
-        part = self._parts[first[:, 0], first[:, 1]].reshape(batch, functions, -1)
-        here = (rates[:, 0] @ part).reshape(batch, 2, functions, -1)
-        mixed = (rates[:, 1, None] @ here).reshape(batch, 2, 2, d, -1)
-        powers = (force[..., None] ** self._orders).reshape(batch, -1)
-        g = self._factors * powers[:, self._powers].prod(axis=1)
-        both = g @ mixed[:, 0, 0]
-        value, slopes = both[:, 0], np.empty((batch, 5, both.shape[-1]))
-        slopes[:, 0] = (g[:, :1] @ mixed[:, 1, 0])[:, 0]
-        slopes[:, 1] = (g[:, :1] @ mixed[:, 0, 1])[:, 0]
-        slopes[:, 2:] = both[:, 1:]
-        return value, slopes
+    def _at(self, first: Ints, functions: Floats, force: Floats) -> Floats:
+        """Signals of touches by functions of place and of force, each with slopes, (B, 3, 4, C)."""
+        part = self._parts.take(first[:, 0] * self._cells + first[:, 1], axis=0)
+        batch, rates, number = functions.shape[0], 3, functions[0, 0].size
+        powers = np.ones((batch, 3, self._highest + 1))
+        powers[..., 1:] = force[..., None]
+        np.multiply.accumulate(powers, axis=-1, out=powers)
+        each = powers.reshape(batch, -1).take(self._powers, axis=1)
+        g = self._factors * each[:, 0] * each[:, 1] * each[:, 2]
+        mixed = functions.reshape(batch, rates, number) @ part
+        return np.asarray(g[:, None] @ mixed.reshape(batch, rates, g.shape[2], -1))
 
     def scan(self, x: Floats, y: Floats, force: Floats) -> tuple[Floats, Floats]:
         """Signals (B, C) and slopes (B, 5, C) at many places under one force."""
@@ -87,42 +103,38 @@ class PointTable:
 
         With their slopes by x, y and the press of each, (B, 6, C), T/m and T/N.
         """
-        batch = len(place)
+        batch, (grip, coupling, bends) = len(place), self._laid_out
         first, rates = self._windows.near(place.reshape(-1, 2))
-        shares, vertices, everywhere = self._windows.shares(first, rates)
-        by = held(self._grip, everywhere.reshape(batch, 2, 3, -1), press)
-        # Forces f of each touch on the sheet, with their slopes: drags, and presses down.
-        down = np.concatenate([by.together, press[..., None]], axis=-1)
-        drags = by.together - by.alone
-        by_drags = (by.together_slopes - by.alone_slopes).reshape(batch, 6, 2, 2)
-        push = np.concatenate([drags, -press[..., None]], axis=-1).reshape(-1, 3)
-        signals, steep = self._at(first, rates, push)
-        # One touch after the other, each with what its drags change as either moves.
-        value = signals.reshape(batch, 2, -1).swapaxes(0, 1)
-        own = steep.reshape(batch, 2, 5, -1).swapaxes(0, 1)
-        slopes = by_drags.transpose(2, 0, 1, 3) @ own[:, :, 2:4]
-        for k in (0, 1):
-            slopes[k, :, 3 * k : 3 * k + 2] += own[k, :, :2]
-            slopes[k, :, 3 * k + 2] -= own[k, :, 4]
-        by_one = cross_matrices(self._curvature, value[1])
-        by_other = cross_matrices(self._curvature.swapaxes(1, 2), value[0])
-        rows = np.concatenate([value[0][:, None], slopes[0]], axis=1)
-        added = _by_chip(rows, by_one)
-        total = value[0] + value[1] + added[:, 0]
-        slope = slopes[0] + added[:, 1:] + slopes[1] + _by_chip(slopes[1], by_other)
-        if self._coupling is None:
-            return total, slope
-        by_forces = np.zeros((batch, 6, 2, 3))
-        by_forces[..., :2] = by.together_slopes.reshape(batch, 6, 2, 2)
-        by_forces[:, [2, 5], [0, 1], 2] = 1.0
-        more, steeper = coupled_with_slopes(
-            self._coupling,
-            vertices.reshape(batch, 2, -1),
-            shares.reshape(batch, 2, 3, -1),
-            down,
-            by_forces,
-        )
-        return total + more, slope + steeper
+        functions = self._windows.products(rates)
+        shares = functions[:, :, ::2, ::2].reshape(batch, 2, 3, -1)
+        vertices = self._windows.vertices(first).reshape(batch, 2, -1)
+        count = self._windows.count
+        near = vertices[:, :, None, :, None] * count + vertices[:, None, :, None]
+        pairs = NearPairs(shares)
+        together, alone = pairs.held(grip.take(near, axis=0), press)
+        # Forces of each touch and their slopes by all unknowns, (B, 2, 7, 3): on the sheet, and
+        # those that a table of single touches asks for.
+        down = np.zeros((batch, 2, 7, 3))
+        down[..., :2] = together
+        down[..., 0, 2] = press
+        down[:, [0, 1], [3, 6], 2] = 1.0
+        push = -down
+        push[..., :2] = together - alone
+        both = self._at(first, functions, push[:, :, 0].reshape(-1, 3))
+        both = both.reshape(batch, 2, 3, 4, -1)
+        rows = push @ both[:, :, 0, 1:]
+        rows[:, :, 0] = both[:, :, 0, 0]
+        rows[:, 0, 1:3] += both[:, 0, 1:, 0]
+        rows[:, 1, 4:6] += both[:, 1, 1:, 0]
+        signals = rows.shape[-1]
+        bent = (rows[:, ::-1, :1] @ bends).reshape(batch, 2, signals, signals)
+        total = (rows @ (bent + np.eye(signals))).sum(axis=1)
+        # Either's reading has been bent by the other's.
+        total[:, 0] += rows[:, :, 0].sum(axis=1)
+        total[:, 0] *= 0.5
+        if coupling is not None:
+            total += pairs.coupled(coupling.take(near[:, 0, 1], axis=0), down)
+        return total[:, 0], total[:, 1:]
 
 
 class PointWindows:
@@ -131,32 +143,39 @@ class PointWindows:
     def __init__(self, basis: TouchBasis) -> None:
         lines, self._radius = (basis.lines_x, basis.lines_y), basis.radius
         self._counts = len(lines[0]), len(lines[1])
+        self.count = self._counts[0] * self._counts[1]
+        """Number of vertices of the skin."""
+        self._ends = np.array(self._counts)[:, None] - 1
         reach = [np.searchsorted(line, line + 2 * basis.radius) for line in lines]
         within = max(int((ends - np.arange(len(ends))).max()) for ends in reach)
         self.width = width = min(within + 2, max(2, *self._counts))
         """Number of vertices along an axis."""
-        self._last = np.maximum(np.array(self._counts) - width, 0)
-        self._starts = np.full((2, max(self._counts)), np.inf)
+        last = np.maximum(np.array(self._counts) - width, 0)
+        # Each window but the first starts where a touch has left the first vertex of that before.
+        self._starts = np.full((2, max(int(last.max()), 1)), np.inf)
+        # Of each window, where ramps begin and how steep they are: none begins at a line's last
+        # vertex, none rises past it.
+        self._lines = np.zeros((int(last.sum()) + 2, 2 * width - 1))
+        self._axes, self._steps = np.array([0, last[0] + 1]), np.arange(width)
         for axis, line in enumerate(lines):
-            self._starts[axis, : len(line)] = line + basis.radius
-        # No ramp begins at a line's last vertex, none rises past it.
-        size = max(*self._counts, width)
-        self._begins = np.full((2, size), _FAR)
-        self._pitch = np.full((2, size), np.inf)
-        for axis, line in enumerate(lines):
-            self._begins[axis, : max(len(line) - 1, 1)] = line[: max(len(line) - 1, 1)]
-            self._pitch[axis, : len(line) - 1] = np.diff(line)
-        self._steps, self._axes = np.arange(width), np.arange(2)[:, None]
+            self._starts[axis, : last[axis]] = line[1 : 1 + last[axis]] + basis.radius
+            begins = np.full(len(line) + width, _FAR)
+            begins[: max(len(line) - 1, 1)] = line[: max(len(line) - 1, 1)]
+            steep = np.zeros(len(begins))
+            steep[: len(line) - 1] = 1 / np.diff(line)
+            for start in range(last[axis] + 1):
+                part = slice(start, start + width)
+                row = self._lines[self._axes[axis] + start]
+                row[:width], row[width:] = begins[part], steep[part][:-1]
 
     def near(self, place: Floats) -> tuple[Ints, Floats]:
         """First vertices (T, 2) of the windows of T places, and functions in these.
 
         They are shares and products of neighbours in turn, with their slopes, (T, 2, 2, 2 w - 1).
         """
-        passed = np.add.reduce(self._starts <= place[..., None], axis=-1)
-        first = np.minimum(np.maximum(passed - 1, 0), self._last)
-        at = first[..., None] + self._steps
-        away = place[..., None] - self._begins[self._axes, at]
+        first = np.add.reduce(self._starts <= place[..., None], axis=-1)
+        lines = self._lines.take(first + self._axes, axis=0)
+        away = place[..., None] - lines[..., : self.width]
         # The first of a window is straight already, or carries on as a lever; its last has not
         # begun.
         ramps = np.zeros((len(place), 2, 2, self.width))
@@ -164,8 +183,7 @@ class PointWindows:
         if self.width > 2:
             inner = mean_ramps(away[..., 1:-1] / self._radius)
             ramps[:, :, 0, 1:-1], ramps[:, :, 1, 1:-1] = self._radius * inner[0], inner[1]
-        rise = ramps[..., :-1] - ramps[..., 1:]
-        rise /= self._pitch[self._axes, at[..., :-1]][:, :, None]
+        rise = (ramps[..., :-1] - ramps[..., 1:]) * lines[:, :, None, self.width :]
         out = np.zeros((len(place), 2, 2, 2 * self.width - 1))
         shares = out[..., ::2]
         shares[:, :, 0, 0] = 1.0
@@ -176,31 +194,18 @@ class PointWindows:
         out[:, :, 1, 1::2] = slope[..., :-1] * value[..., 1:] + value[..., :-1] * slope[..., 1:]
         return first, out
 
-    def shares(self, first: Ints, rates: Floats) -> tuple[Floats, Ints, Floats]:
-        """Shares with slopes along x and y, of vertices in the windows (T, 3, w w) and all.
+    def products(self, rates: Floats) -> Floats:
+        """Products of functions along x and y, and their slopes, (T, 3, 2 w - 1, 2 w - 1)."""
+        x, y = rates[:, 0].take(_BY_X, axis=1), rates[:, 1].take(_BY_Y, axis=1)
+        return np.asarray(x[..., None] * y[..., None, :])
 
-        Between them: which vertices these are, (T, w w); then (T, 3, H).
-        """
-        n, m = self._counts
-        touches, on = len(first), rates[..., ::2]
-        at = first[..., None] + self._steps
-        lines = np.zeros((touches, 2, self._pitch.shape[1], 2))
-        lines[np.arange(touches)[:, None, None], self._axes, at] = on.swapaxes(-1, -2)
-        x, y = (part.swapaxes(1, 2) for part in (lines[:, 0, :n], lines[:, 1, :m]))
-        near, everywhere = (
-            (one[:, [0, 1, 0], :, None] * other[:, [0, 0, 1], None]).reshape(touches, 3, -1)
-            for one, other in ((on[:, 0], on[:, 1]), (x, y))
-        )
+    def vertices(self, first: Ints) -> Ints:
+        """Which vertices these windows hold, (T, w w), of all; `products` has their shares."""
         # Vertices past a line's end have no share; they count as its last.
-        i, j = np.minimum(at[:, 0], n - 1), np.minimum(at[:, 1], m - 1)
-        return near, (i[:, :, None] * m + j[:, None]).reshape(touches, -1), everywhere
-
-
-def _by_chip(rows: Floats, matrices: Floats) -> Floats:
-    """Rows (B, R, C) times a matrix of each chip, (B, S, 3, 3)."""
-    batch, count, signals = rows.shape
-    split = rows.reshape(batch, count, -1, 3).swapaxes(1, 2)
-    return np.asarray((split @ matrices).swapaxes(1, 2).reshape(batch, count, signals))
+        at = np.minimum((first[..., None] + self._steps), self._ends)
+        return np.asarray(at[:, 0, :, None] * self._counts[1] + at[:, 1, None]).reshape(
+            len(first), -1
+        )
 
 
 def _in_turn(vertices: int) -> Ints:

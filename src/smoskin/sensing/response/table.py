@@ -242,14 +242,14 @@ class ResponseTable:
             return np.zeros((len(place), self.count))
         loads = self._loads(place.reshape(-1, 2))[0].reshape(place.shape)
         shares, press = self.basis.vertex_shares(loads), -push[..., 2:]
-        sideways = held(self.grip, shares[:, :, None], press[..., 0]).together + push[..., :2]
+        sideways = held(self.grip, shares, press[..., 0])[0][:, :, 0] + push[..., :2]
         return coupled(self.coupling, shares, np.concatenate([sideways, press], axis=-1))
 
     def dragged(self, position: ArrayLike, force: ArrayLike) -> Floats:
         """What each touch of B pairs reads with the drags of the other, shape (2, B, C)."""
         place, push = floats("position", position, (2, 2)), floats("force", force, (2, 3))
         loads = self._loads(place.reshape(-1, 2))[0].reshape(place.shape)
-        shares = self.basis.vertex_shares(loads)[:, :, None]
+        shares = self.basis.vertex_shares(loads)
         drags, _ = mutual_drags(self.grip, shares, -push[..., 2])
         push = np.concatenate([push[..., :2] + drags, push[..., 2:]], axis=-1)
         return np.stack([self.signals(place[:, k], push[:, k]) for k in (0, 1)])
