@@ -4,6 +4,7 @@ Decides that an arm is told by what its joints are at zero; hides the products o
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -11,9 +12,10 @@ from numpy.typing import ArrayLike
 
 from smoskin.arrays import Floats, Ints, assign, freeze, wholes
 from smoskin.errors import ArgumentError
-from smoskin.magnetics.arrangement import rotation_matrix
 from smoskin.records import Pose
 
+_ACROSS: Final = np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2).reshape(3, 9)
+"""Directions to the matrices, row by row, of their cross products."""
 _LONGEST: Final = 0.1
 """Longest time between two moments, s, over which an acceleration is told."""
 
@@ -77,16 +79,20 @@ class Chain:
         -----
         Joint i turns what lies behind it about its axis through its anchor :math:`c_i`; parts that
         k joints move are at :math:`R_k x + t_k` with :math:`R_{i+1} = R_i Q_i` and
-        :math:`t_{i+1} = t_i + R_i (c_i - Q_i c_i)`.
+        :math:`t_{i+1} = t_i + R_i (c_i - Q_i c_i)`; :math:`Q = I + \sin q\, K + (1 - \cos q) K^2`
+        with the matrix K of the cross product by the axis (Rodrigues).
         """
-        given = np.asarray(angles, dtype=np.float64)
-        turned = rotation_matrix(given[:, None] * self.axes)
-        rotations, shifts = [np.eye(3)], [np.zeros(3)]
-        for turn, anchor in zip(turned, self.anchors, strict=True):
-            before = rotations[-1]
-            shifts.append(shifts[-1] + before @ (anchor - turn @ anchor))
-            rotations.append(before @ turn)
-        return Posture(self, np.array(rotations), np.array(shifts))
+        given = np.asarray(angles, dtype=np.float64)[:, None, None]
+        across = (self.axes @ _ACROSS).reshape(-1, 3, 3)
+        links = np.zeros((self.joints, 4, 4))
+        turned = np.eye(3) + np.sin(given) * across + (1.0 - np.cos(given)) * (across @ across)
+        links[:, :3, :3], links[:, 3, 3] = turned, 1.0
+        links[:, :3, 3] = self.anchors - (turned @ self.anchors[:, :, None])[:, :, 0]
+        frames = [np.eye(4)]
+        for link in links:
+            frames.append(frames[-1] @ link)
+        moved = np.array(frames)
+        return Posture(self, moved[:, :3, :3], moved[:, :3, 3])
 
 
 class Posture:
@@ -96,13 +102,25 @@ class Posture:
         self._chain, self._rotations, self._shifts = chain, rotations, shifts
         self.frames = tuple(zip(rotations, shifts, strict=True))
         """Turn and shift, (3, 3) and (3,), m, of the parts that no, one ... all joints move."""
-        self._axes = np.einsum("jab,jb->ja", rotations[:-1], chain.axes)
-        self._anchors = np.einsum("jab,jb->ja", rotations[:-1], chain.anchors) + shifts[:-1]
-        self.corners = self._moved(chain.corners, chain.moved_by)
+        axes = (rotations[:-1] @ chain.axes[:, :, None])[:, :, 0]
+        anchors = (rotations[:-1] @ chain.anchors[:, :, None])[:, :, 0] + shifts[:-1]
+        across = (axes @ _ACROSS).reshape(-1, 3, 3)
+        # A place p moves as a x (p - c) when a joint turns: by what is linear in p, and the rest.
+        self._linear = across.swapaxes(0, 1).reshape(-1, 3).T
+        self._rest = (across @ anchors[:, :, None])[:, :, 0].T
+
+    @cached_property
+    def corners(self) -> Floats:
         """(P, 3), m: corners of the links' boxes."""
-        moved = np.arange(chain.joints) < chain.moved_by[:, None]
-        self.corner_motions = self._motions(self.corners) * moved[:, None, :]
+        points, count = self._chain.corners, self._chain.moved_by
+        turned = (self._rotations[count] @ points[:, :, None])[:, :, 0]
+        return np.asarray(turned + self._shifts[count])
+
+    @cached_property
+    def corner_motions(self) -> Floats:
         """(P, 3, J), m: how each corner moves when a joint turns by a radian."""
+        moved = np.arange(self._chain.joints) < self._chain.moved_by[:, None]
+        return self._motions(self.corners) * moved[:, None, :]
 
     def on_skin(self, places: ArrayLike) -> Floats:
         """Places of the skin's frame, (..., 3), m, in the base's."""
@@ -122,13 +140,10 @@ class Posture:
         motions[:, self._chain.carriers :] = 0.0
         return motions
 
-    def _moved(self, points: Floats, count: Ints) -> Floats:
-        turned = np.einsum("pab,pb->pa", self._rotations[count], points)
-        return np.asarray(turned + self._shifts[count])
-
     def _motions(self, points: Floats) -> Floats:
-        arms = points[:, None] - self._anchors
-        return np.asarray(np.cross(self._axes, arms).swapaxes(-1, -2))
+        """Velocities of points (P, 3) when each joint turns by a radian, (P, 3, J), m."""
+        moving = (points @ self._linear).reshape(-1, 3, self._chain.joints)
+        return np.asarray(moving - self._rest)
 
 
 class Carriage:

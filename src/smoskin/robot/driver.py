@@ -4,6 +4,7 @@ Decides that whatever the arm raises is a fault, and that an arm is stopped befo
 """
 
 import logging
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -122,10 +123,12 @@ class Driver(Sink):
         self._thread.start()
 
     def _run(self, period: float) -> None:
-        while not self._ended.wait(_APART):
+        looked = -math.inf
+        while not self._ended.wait(max(0.0, looked + _APART - time.monotonic())):
             self._news.clear()
+            looked = time.monotonic()
             self.look()
-            self._news.wait(period - _APART)
+            self._news.wait(max(0.0, looked + period - time.monotonic()))
 
     def _stop(self) -> None:
         """Stop the arm, whatever it answers."""
