@@ -18,6 +18,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import smoskin as smo
+from smoskin.commands.realtime import undisturbed
 from smoskin.records import Pose, Reading
 from smoskin.robot.driver import Driver
 from smoskin.robot.follow import Command, Follow
@@ -90,6 +91,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rate", type=float, default=200.0)
     parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--realtime", action="store_true")
     options = parser.parse_args()
     design = smo.load_design("curved")
     table = smo.calibrate(
@@ -113,7 +115,8 @@ def main() -> None:
         estimator.carried_by(lambda: still)
         begun = time.monotonic()
         driver.start()
-        with Loop(source, estimator, sinks=(driver,)) as loop:
+        loop = Loop(source, estimator, sinks=(driver,))
+        with loop, undisturbed(realtime=options.realtime):
             for _ in loop:
                 ready[0] = source.arrived  # its estimate is with the driver
                 if time.monotonic() - begun > options.seconds:

@@ -5,6 +5,7 @@ reads them by tables that fifteen touches of a rig have calibrated, records each
 page and tells a client of the feed; with ``--browser`` a headless Chromium has every page open.
 
 ``python benchmarks/bench_service.py --rate 200 --seconds 600 --browser``, ``--skins 4 --rate 100``;
+with ``--realtime`` the service runs before other programs;
 ``--soak 180000`` reads recordings as fast as it can and tells the memory along the way.
 """
 
@@ -20,6 +21,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import smoskin as smo
+from smoskin.commands.realtime import undisturbed
 from smoskin.commands.serve.skins import Service, wanted_skins
 from smoskin.service.bridges.feed import Feed
 
@@ -101,6 +103,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--skins", type=int, default=1)
     parser.add_argument("--browser", action="store_true")
+    parser.add_argument("--realtime", action="store_true")
     parser.add_argument("--soak", type=int, default=0)
     options = parser.parse_args()
     with TemporaryDirectory() as name, ExitStack() as stack:
@@ -122,6 +125,7 @@ def main() -> None:
         stack.callback(feed.close)
         if options.browser:
             look(stack, [str(skin.watch.url) for skin in service.skins.values()])
+        stack.enter_context(undisturbed(realtime=options.realtime))
         begun, used, before = time.monotonic(), time.process_time(), None
         for counters in service.run(options.seconds, every=SETTLED):
             before = before or counters

@@ -56,6 +56,9 @@ Paged = Annotated[
 Changes = Annotated[
     bool, Option("--changes", help="Print where the status or number of touches changes.")
 ]
+Realtime = Annotated[
+    bool, Option("--realtime", help="Run before other programs, where the system lets this user.")
+]
 
 
 @app.command(
@@ -144,6 +147,7 @@ def run(
     changes: Changes = False,
     quiet: Annotated[bool, Option("--quiet", help="Print no estimates.")] = False,
     strict: Annotated[bool, Option("--strict", help="Fail if a recording is not whole.")] = False,
+    realtime: Realtime = False,
     as_json: JsonLines = False,
 ) -> None:
     """Estimate touches from a source of readings and print them as they come.
@@ -151,6 +155,7 @@ def run(
     At the end a summary is told on standard error. The exit code is 1 if readings could not be
     recorded or, with --strict, are missing from a recording.
     """
+    from smoskin.commands.realtime import undisturbed
     from smoskin.commands.run import Watch
     from smoskin.commands.run.lines import estimate_line, thinned
 
@@ -170,9 +175,10 @@ def run(
         say=say,
     ) as watch:
         try:
-            for estimate, worth in thinned(iter(watch), every=every, changes=changes):
-                if worth and not quiet:
-                    typer.echo(estimate_line(estimate, as_json=as_json))
+            with undisturbed(realtime=realtime):
+                for estimate, worth in thinned(iter(watch), every=every, changes=changes):
+                    if worth and not quiet:
+                        typer.echo(estimate_line(estimate, as_json=as_json))
         finally:
             watch.close()
             summary = watch.summary
@@ -208,6 +214,7 @@ def serve(
     force: Force = False,
     every: Annotated[float, Option(min=0.1, help="Tell counters each so many seconds.")] = 10.0,
     log: Annotated[File, Option(help="Append the log here, as lines of JSON.")] = None,
+    realtime: Realtime = False,
     as_json: Json = False,
 ) -> None:
     """Read any number of skins and hand their touches to other programs, until Ctrl-C.
@@ -215,6 +222,7 @@ def serve(
     Programs get them as JSON over a WebSocket (docs/feed.md), Foxglove by its own protocol. A skin
     that fails leaves the others alone; the exit code is 1 if one did.
     """
+    from smoskin.commands.realtime import undisturbed
     from smoskin.commands.serve.log import logged_to
     from smoskin.commands.serve.skins import Service, counters_line, wanted_skins
     from smoskin.service.bridges.feed import Feed
@@ -233,6 +241,7 @@ def serve(
         options = {"arm": arm, "zero": zero, "view": view, "force": force}
         service = stack.enter_context(Service(wanted, bridges, **options, say=say))
         places = " and ".join(bridge.url for bridge in bridges)
+        stack.enter_context(undisturbed(realtime=realtime))
         say(f"Touches of {', '.join(service.skins)} at {places}")
         for counters in service.run(seconds, every):
             typer.echo(json.dumps(counters) if as_json else counters_line(counters))

@@ -10,6 +10,7 @@ import typer
 from typer import Argument, Option
 
 from smoskin.cli.frame import Carried, File, Force, Json, Number, Text, app, examples, tell
+from smoskin.cli.live import Realtime
 from smoskin.feasibility import load_design
 
 
@@ -44,6 +45,7 @@ def follow(
     view: Annotated[bool, Option("--view", help="Serve the operator's page.")] = False,
     port: Annotated[int, Option(min=0, max=65535, help="Its port; 0 takes a free one.")] = 0,
     seconds: Annotated[Number, Option(min=0.0, help="Stop after so many seconds.")] = None,
+    realtime: Realtime = False,
 ) -> None:
     """Let an arm, simulated unless --robot is given, yield to touches of the skin on its forearm.
 
@@ -73,6 +75,7 @@ def follow(
         robot=robot,
         port=port if view else None,
         seconds=seconds,
+        realtime=realtime,
         words=words,
         say=say,
     )

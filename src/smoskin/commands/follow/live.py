@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from smoskin.commands.follow.page import ArmPage
+from smoskin.commands.realtime import undisturbed
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.records import Pose
@@ -51,6 +52,7 @@ def follow_source(
     limits: Limits | None = None,
     port: int | None = None,
     seconds: float | None = None,
+    realtime: bool = False,
     words: "queue.Queue[str] | None" = None,
     say: Callable[[str], object] = lambda sentence: None,
 ) -> Counters:
@@ -75,6 +77,8 @@ def follow_source(
         TCP port of the operator's page, 0 for a free one; no page by default.
     seconds : float, optional
         Time of readings to end after, s.
+    realtime : bool
+        Whether to run before other programs, as `smoskin.commands.realtime.undisturbed`.
     words : queue of str, optional
         What people say, of `WORDS`; nobody arms the arm without.
     say : callable
@@ -83,7 +87,7 @@ def follow_source(
     Raises
     ------
     ArgumentError
-        If no design is known, or the robot is none.
+        If no design is known, the robot is none, or the system forbids `realtime`.
     SourceError
         If the source cannot be opened or falls silent, or the robot refuses.
     ModelError
@@ -116,6 +120,7 @@ def follow_source(
                 ArmPage(skin, simulated, driver, follow, words, switch, WARNING, port)
             )
             say(f"The arm is live at {page.url}")
+        stack.enter_context(undisturbed(realtime=realtime))
         driver.start()
         first: float | None = None
         for estimate in loop:
