@@ -239,7 +239,8 @@ def pages(monkeypatch):
             self.closed = True
 
     pages = []
-    monkeypatch.setattr("smoskin.service.page.view.View", Page)
+    for place in ("page.view.View", "apart.page.PageApart"):
+        monkeypatch.setattr(f"smoskin.service.{place}", Page)
     return pages
 
 

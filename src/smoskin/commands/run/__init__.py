@@ -10,6 +10,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -287,11 +288,13 @@ class _Page(Sink):
         player: ReplaySource | None,
         recordings: Recordings | None,
     ) -> None:
+        from smoskin.service.apart.page import PageApart
         from smoskin.service.page.view import View
 
         self._player, self._recordings, self._mapped = player, recordings, False
         self._twin = source if isinstance(source, TwinSource) else None
-        self._view = View(
+        # What is played is paused and sought in by the page itself, which keeps that in here.
+        self._view = (PageApart if player is None else partial(View, player=player))(
             design,
             port=port,
             on_press=None if self._twin is None else self._press,
@@ -299,7 +302,6 @@ class _Page(Sink):
             on_record=None if recordings is None else self._switch,
             estimators=watch.estimators,
             on_choose=watch.choose,
-            player=player,
         )
         self.url = self._view.url
 

@@ -100,6 +100,7 @@ class View(Sink):
         self._dropped = 0
         self._announced: tuple[str, str] | None = None
         self._arrivals: deque[float] = deque()
+        self._told_rate: float | None = None
         self._fingers: dict[str, Floats] = {}
         self._pressed: tuple[Contact, ...] = ()
         self._paused = False
@@ -174,9 +175,11 @@ class View(Sink):
         truth: Sequence[Contact] = (),
         vertices: Floats | None = None,
         latency: float = math.nan,
+        rate: float | None = None,
     ) -> None:
         """Make this the moment that the page shows next, as `Moment` has it; never waits.
 
+        Where not every reading is written, `rate` tells how many there are, Hz.
         Raises what a callback raised since the last call, and `ArgumentError` if the number of
         chips or vertices differs from the design's.
         """
@@ -192,6 +195,7 @@ class View(Sink):
         with self._lock:
             self._dropped += self._waiting
             self._newest, self._waiting = moment, True
+            self._told_rate = rate
             self._arrivals.append(now)
             while now - self._arrivals[0] > _RATE_WINDOW:
                 self._arrivals.popleft()
@@ -343,6 +347,8 @@ class View(Sink):
         recent = [arrival for arrival in self._arrivals if now - arrival <= _RATE_WINDOW]
         if len(recent) < 2:
             return 0.0
+        if self._told_rate is not None:
+            return self._told_rate
         return (len(recent) - 1) / (recent[-1] - recent[0]) if recent[-1] > recent[0] else math.inf
 
 

@@ -1,0 +1,1 @@
+"""What runs beside the loop in a process of its own."""
