@@ -18,7 +18,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import smoskin as smo
-from smoskin.commands.realtime import undisturbed
 from smoskin.records import Pose, Reading
 from smoskin.robot.driver import Driver
 from smoskin.robot.follow import Command, Follow
@@ -26,6 +25,7 @@ from smoskin.robot.simulated import SimulatedArm
 from smoskin.roles import Source
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.estimators import ZeroFirst
+from smoskin.service.apart.realtime import undisturbed
 from smoskin.service.loop import Loop
 
 BOARD = """

@@ -21,8 +21,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import smoskin as smo
-from smoskin.commands.realtime import undisturbed
 from smoskin.commands.serve.skins import Service, wanted_skins
+from smoskin.service.apart.realtime import undisturbed
 from smoskin.service.bridges.feed import Feed
 
 SETTLED = 3.0

@@ -26,6 +26,7 @@ from smoskin.cli.frame import (
 from smoskin.feasibility import load_design
 from smoskin.hardware.wire.packet import Format
 from smoskin.sensing.response.table import load_response_table
+from smoskin.service.apart.realtime import undisturbed
 
 Seconds = Annotated[Number, Option(min=0.0, help="Stop after so many seconds.")]
 Record = Annotated[File, Option(help="Write everything to this new MCAP file.", dir_okay=False)]
@@ -155,12 +156,10 @@ def run(
     At the end a summary is told on standard error. The exit code is 1 if readings could not be
     recorded or, with --strict, are missing from a recording.
     """
-    from smoskin.commands.realtime import undisturbed
-    from smoskin.commands.run import Watch
-    from smoskin.commands.run.lines import estimate_line, thinned
+    from smoskin.commands.run import Watch, lines
 
     say = partial(typer.echo, err=True)
-    with Watch(
+    watch = Watch(
         source,
         None if design is None else load_design(design),
         calibration=calibration,
@@ -173,17 +172,16 @@ def run(
         view=view,
         port=port,
         say=say,
-    ) as watch:
+    )
+    with watch, undisturbed(realtime=realtime):
         try:
-            with undisturbed(realtime=realtime):
-                for estimate, worth in thinned(iter(watch), every=every, changes=changes):
-                    if worth and not quiet:
-                        typer.echo(estimate_line(estimate, as_json=as_json))
+            for estimate, worth in lines.thinned(iter(watch), every=every, changes=changes):
+                if worth and not quiet:
+                    typer.echo(lines.estimate_line(estimate, as_json=as_json))
         finally:
             watch.close()
-            summary = watch.summary
-            say(json.dumps({"summary": summary.as_json()}) if as_json else summary)
-    if summary.failure or (strict and summary.damage):
+            say(json.dumps({"summary": watch.summary.as_json()}) if as_json else watch.summary)
+    if watch.summary.failure or (strict and watch.summary.damage):
         raise typer.Exit(1)
 
 
@@ -202,9 +200,7 @@ def serve(
     arm: Carried = False,
     zero: Zeroed = True,
     seconds: Seconds = None,
-    host: Annotated[str, Option(help="Address to listen at; the token is needed beyond this.")] = (
-        "127.0.0.1"
-    ),
+    host: Annotated[str, Option(help="Address to listen at; others need the token.")] = "127.0.0.1",
     feed: Annotated[int, Option(min=0, max=65535, help="TCP port of the JSON feed.")] = 8770,
     foxglove: Annotated[
         Whole, Option(min=0, max=65535, help="TCP port for Foxglove on this machine, often 8765.")
@@ -222,7 +218,6 @@ def serve(
     Programs get them as JSON over a WebSocket (docs/feed.md), Foxglove by its own protocol. A skin
     that fails leaves the others alone; the exit code is 1 if one did.
     """
-    from smoskin.commands.realtime import undisturbed
     from smoskin.commands.serve.log import logged_to
     from smoskin.commands.serve.skins import Service, counters_line, wanted_skins
     from smoskin.service.bridges.feed import Feed

@@ -39,9 +39,7 @@ def follow(
     force: Force = False,
     model: Annotated[File, Option(help="MuJoCo model of another arm.")] = None,
     site: Annotated[str, Option(help="Its site at the skin's middle, z outward.")] = "skin",
-    robot: Annotated[
-        Text, Option(help="A real arm that the model is of: ur:HOST or xarm:HOST.")
-    ] = None,
+    robot: Annotated[Text, Option(help="A real arm, as the model: ur:HOST or xarm:HOST.")] = None,
     view: Annotated[bool, Option("--view", help="Serve the operator's page.")] = False,
     port: Annotated[int, Option(min=0, max=65535, help="Its port; 0 takes a free one.")] = 0,
     seconds: Annotated[Number, Option(min=0.0, help="Stop after so many seconds.")] = None,

@@ -13,7 +13,6 @@ from typing import Final
 import numpy as np
 
 from smoskin.commands.follow.page import ArmPage
-from smoskin.commands.realtime import undisturbed
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.records import Pose
@@ -29,6 +28,7 @@ from smoskin.robot.xarm import XArm
 from smoskin.roles import Estimator, Source
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst, load_estimator
+from smoskin.service.apart.realtime import undisturbed
 from smoskin.service.loop import Counters, Loop
 from smoskin.service.replay import ReplaySource
 from smoskin.service.source import TwinSource, open_source
@@ -78,7 +78,7 @@ def follow_source(
     seconds : float, optional
         Time of readings to end after, s.
     realtime : bool
-        Whether to run before other programs, as `smoskin.commands.realtime.undisturbed`.
+        Whether to run before other programs, as `smoskin.service.apart.realtime.undisturbed`.
     words : queue of str, optional
         What people say, of `WORDS`; nobody arms the arm without.
     say : callable
@@ -109,9 +109,7 @@ def follow_source(
         follow = Follow(arm.chain, skin, limits)
         held = switch or (lambda: True)
         driver = stack.enter_context(Driver(arm, follow, on_command=_changes(say), held=held))
-        estimator = ZeroFirst(
-            ClosedFormEstimator(skin) if calibration is None else load_estimator(calibration, skin)
-        )
+        estimator = _estimator(skin, calibration)
         estimator.carried_by(_poses(source, driver))
         loop = stack.enter_context(Loop(source, estimator, sinks=(driver,)))
         driver.look()
@@ -132,6 +130,13 @@ def follow_source(
             if seconds is not None and estimate.time - first >= seconds:
                 break
         return loop.counters
+
+
+def _estimator(skin: SkinDesign, calibration: str | os.PathLike[str] | None) -> Estimator:
+    """What reads a skin, of which the first readings are the zero."""
+    if calibration is None:
+        return ZeroFirst(ClosedFormEstimator(skin))
+    return ZeroFirst(load_estimator(calibration, skin))
 
 
 def _poses(source: Source, driver: Driver) -> Callable[[], Pose]:

@@ -1,1 +1,1 @@
-"""What runs beside the loop in a process of its own."""
+"""Who gets the processors: what runs in a process of its own, and what runs first."""

@@ -6,8 +6,8 @@ import threading
 
 import pytest
 
-from smoskin.commands.realtime import undisturbed
 from smoskin.errors import ArgumentError
+from smoskin.service.apart.realtime import undisturbed
 
 
 def test_all_threads_run_first_and_old_objects_are_not_searched(monkeypatch):
