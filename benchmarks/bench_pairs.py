@@ -118,7 +118,7 @@ def bounds(table: ResponseTable, noise: Floats, pairs: Touches, *, known: bool) 
     prior = np.diag(np.tile([*12 / table.basis.extent**2, 1e-6], 2))
     out = np.empty((len(pairs), 2))
     for row, (place, force) in enumerate(zip(pairs.position, pairs.force, strict=True)):
-        spread = noise if known else noise + float((force[:, 2] ** 2).sum()) * misfit
+        spread = noise if known else noise + float(force[:, 2].sum() ** 2) * misfit
         slopes = point.pairs(place[None], -force[None, :, 2])[1][0]
         told = slopes @ np.linalg.solve(spread, slopes.T) + prior
         out[row] = np.sqrt(np.diag(np.linalg.inv(told)).reshape(2, 3)[:, :2].sum(axis=1))

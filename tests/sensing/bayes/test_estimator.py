@@ -241,7 +241,7 @@ def test_the_last_touch_is_the_first_guess_until_the_skin_is_let_go(skin, monkey
     for k, signals in enumerate((STRONG, STRONG, np.zeros(9), STRONG)):
         bayes.step(raised(skin, float(k), signals))
     assert [guess is not None for guess in solver.guesses] == [False, True, False]
-    np.testing.assert_array_equal(solver.guesses[1], [[*WHERE[0], *FORCE[0]]])
+    np.testing.assert_array_equal(solver.guesses[1], [[[*WHERE[0], *FORCE[0]]]])
 
 
 @pytest.mark.parametrize(("change", "enough"), [(0.099, 125.0), (0.101, 0.0)])
@@ -334,3 +334,25 @@ def test_wrong_use_is_refused(skin, long_planar):
         BayesEstimator(long_planar, reduced_table(skin))
     with pytest.raises(ArgumentError, match="false_alarms must lie in"):
         estimator(skin, false_alarms=0.0)
+
+
+def test_a_covariance_is_that_of_all_touches_that_are_as_likely(skin, table):
+    """About the touches that are answered, by samples."""
+    bayes, rng = BayesEstimator(skin, table), np.random.default_rng(3)
+    values = np.concatenate([WHERE, FORCE], axis=1)
+    root = 1e-2 * rng.normal(size=(2, 2, 5, 5))
+    spread = root @ root.swapaxes(-1, -2)
+    there = values + 0.02 * rng.normal(size=(2, 5))
+    found = TouchPosterior(values, spread[0], 1.0, 0.0, 0.7)
+    found = found._replace(others=(TouchPosterior(there, spread[1], 1.0, 0.0, 0.3),))
+    said, covariance = bayes._touches(found)
+    np.testing.assert_array_equal(said, values)
+    for k in (0, 1):
+        parts = [
+            rng.multivariate_normal(at[k], of[k], count) - values[k]
+            for at, of, count in ((values, spread[0], 70_000), (there, spread[1], 30_000))
+        ]
+        samples = np.concatenate(parts)
+        np.testing.assert_allclose(
+            covariance[k], samples.T @ samples / len(samples), atol=0.02 * covariance[k].max()
+        )

@@ -37,9 +37,9 @@ def solver_of(table, noise, drag=0.3):
 
 
 def spread_of(table, noise, force):
-    """N + F^2 M of touches with these forces (K, 3)."""
+    """N + F^2 M of touches with these forces (K, 3), whose sum is F."""
     misfit = table.misfit + (table.pair_misfit if len(force) == 2 else 0)
-    return noise + float((force**2).sum()) * misfit
+    return noise + np.linalg.norm(force, axis=1).sum() ** 2 * misfit
 
 
 def signals_of(table, values):
@@ -219,3 +219,32 @@ def test_two_touches_nearer_than_two_centimetres_are_no_pair(table, noise):
 def test_noise_must_be_a_covariance(table, noise):
     with pytest.raises(ArgumentError, match="noise must be a covariance"):
         TouchSolver(table, noise)
+
+
+def test_touches_found_twice_in_any_order_are_one_answer(table, noise):
+    """Another answer counts by its height and breadth, if it is no more than 5 nats less likely."""
+    problem, _ = solver_of(table, noise).ready_for_two()
+    values = np.concatenate([WHERE, FORCE], axis=1)
+    exact = table.together(WHERE[None], FORCE[None])[0]
+    begun = np.stack([problem.unknowns(values), problem.unknowns(values[::-1])])
+    first, again = problem.descend_all(exact, begun)
+    assert not problem.posteriors([first, again]).others
+    moved = first.unknowns + np.array([0.02, 0.0, 0.0, 0.0, 0.0, 0.0])
+    broad = first._replace(
+        unknowns=moved[[3, 4, 5, 0, 1, 2]],
+        slopes=0.5 * first.slopes[[3, 4, 5, 0, 1, 2]],
+        cost=first.cost + 2.0,
+    )
+    found = problem.posteriors([first, broad])
+    (other,) = found.others
+    np.testing.assert_allclose(other.values[:, :2] - found.values[:, :2], [[0.02, 0], [0, 0]])
+    breadth = 0.5 * np.subtract(
+        *(
+            np.linalg.slogdet(end.slopes @ end.slopes.T + np.diag(problem._curvature))[1]
+            for end in (first, broad)
+        )
+    )
+    assert other.share / found.share == pytest.approx(math.exp(breadth - 2.0))
+    assert other.share + found.share == pytest.approx(1.0)
+    unlikely = broad._replace(slopes=first.slopes, cost=first.cost + 5.1)
+    assert not problem.posteriors([first, unlikely]).others

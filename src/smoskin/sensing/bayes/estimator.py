@@ -145,7 +145,17 @@ class BayesEstimator(SignalEstimator):
         )
 
     def _touches(self, found: TouchPosterior) -> tuple[Floats, Floats]:
-        """Touch vectors (K, 5), and their covariance (K, 5, 5), of what loads the sheet."""
+        """Touch vectors (K, 5), and their covariance (K, 5, 5), others being as likely."""
+        values, covariance = self._unwarped(found)
+        covariance *= found.share
+        for other in found.others:
+            there, spread = self._unwarped(other)
+            away = there - values
+            covariance += other.share * (spread + away[:, :, None] * away[:, None])
+        return values, covariance
+
+    def _unwarped(self, found: TouchPosterior) -> tuple[Floats, Floats]:
+        """Touch vectors and their covariance of what loads the sheet."""
         values, covariance = np.array(found.values), np.array(found.covariance)
         for axis, unwarp in enumerate(self._unwarps):
             if unwarp.is_none:
@@ -227,8 +237,8 @@ class BayesEstimator(SignalEstimator):
             guess = None  # It explained badly what was read, which has changed.
         found = solve(signals, guess, *standing, enough=enough)
         if lead is None or found.misfit > enough:
-            lead = Lead(time, found.values, signals, found.misfit)
-        self._leads[way] = lead._replace(values=found.values)
+            lead = Lead(time, found.guesses, signals, found.misfit)
+        self._leads[way] = lead._replace(values=found.guesses)
         return found
 
 
@@ -276,7 +286,7 @@ class Lead(NamedTuple):
     time: float
     """Time of that search, s."""
     values: Floats
-    """Touch vectors (K, 5)."""
+    """Touch vectors (N, K, 5), those of others that were as likely after its own."""
     signals: Floats
     """Signals that were searched, (C,), T."""
     misfit: float

@@ -17,7 +17,7 @@ from smoskin.sensing.response.point import PointTable
 from smoskin.sensing.response.table import ResponseTable
 
 _STEPS: Final = 15
-"""Steps at most; what is not settled then is followed at the next reading."""
+"""Steps at most, where no others are asked for."""
 _SETTLED: Final = 1e-3
 """Fall of half the squared residual at which steps end."""
 _POOR: Final = 10.0
@@ -27,6 +27,8 @@ _REWEIGHED: Final = 6
 _DAMPING: Final = 1e-3
 _STUCK: Final = 1e6
 """Damping past which no shorter step is tried."""
+_UNLIKELY, _OTHERS = 5.0, 2
+"""Nats by which touches may be less likely than others to be thought of, and how many are."""
 _STRIDE: Final = (0.03, 1.0)
 """Longest step of a place, m, and of the logarithm of a force."""
 _NONE: Final = np.zeros(0)
@@ -78,7 +80,8 @@ class TouchProblem:
     Notes
     -----
     The unknowns u are x, y and log(-Fz) of each touch, with Fx and Fy before the last where a
-    single touch may drag. With W^T W = (N + F^2 M)^-1, F^2 the sum of all squared forces,
+    single touch may drag. With W^T W = (N + F^2 M)^-1, F the sum of all forces, since what a table
+    misses of a skin is alike under both touches,
 
         log p(s, u | K) = -1/2 |W (s - f(u))|^2 + log det(W / sqrt(2 pi)) + log p(u),
 
@@ -236,10 +239,36 @@ class TouchProblem:
 
     def posterior(self, found: Descent, standing: Standing | None = None) -> TouchPosterior:
         """What a descent has come to; how many touches there are is judged by the reading alone."""
+        return self._laplace(found, standing)[0]
+
+    def posteriors(self, ends: list[Descent], standing: Standing | None = None) -> TouchPosterior:
+        """The same of the first of several descents, beside which stand others as likely."""
+        first, height = self._laplace(ends[0], standing)
+        kept, heights = [first], [height]
+        for end in ends[1:]:
+            if end.cost > ends[0].cost + _UNLIKELY:
+                continue
+            other, height = self._laplace(end, standing)
+            if standing is None:
+                other = other.in_order_of(first)
+            if height > max(heights) - _UNLIKELY and not any(map(other.is_at, kept)):
+                kept.append(other)
+                heights.append(height)
+        if len(kept) == 1:
+            return first
+        shares = np.exp(np.array(heights) - max(heights))
+        shares /= shares.sum()
+        first, *others = (
+            one._replace(share=share) for one, share in zip(kept, shares.tolist(), strict=True)
+        )
+        return first._replace(others=tuple(others[:_OTHERS]))
+
+    def _laplace(self, found: Descent, standing: Standing | None) -> tuple[TouchPosterior, float]:
+        """What a descent has come to, and the logarithm of how likely that is beside others."""
         count, rows = self._count, self.rows
         information = found.slopes @ found.slopes.T
         information.ravel()[:: len(information) + 1] += self._curvature
-        log_det = float(np.linalg.slogdet(information)[1])
+        log_det = _log_det(information)
         if standing is not None:
             information[:2, :2] += standing.precision
         values, covariance = np.zeros((count, 5)), np.zeros((count, 5, 5))
@@ -251,12 +280,12 @@ class TouchProblem:
         blocks = inverse.reshape(count, len(rows), count, len(rows))
         for k in range(count):
             covariance[k, rows[:, None], rows] = blocks[k, :, k]
-        evidence = self._constant - 0.5 * (
-            found.misfit + float(np.log1p(found.squared * self._power).sum()) + log_det
-        )
+        fit = -0.5 * float(np.log1p(found.squared * self._power).sum())
+        evidence = self._constant + fit - 0.5 * (found.misfit + log_det)
+        height = fit - found.cost - 0.5 * (log_det if standing is None else _log_det(information))
         if count == 2 and math.dist(values[0, :2], values[1, :2]) < APART:
-            evidence = -math.inf
-        return TouchPosterior(values, covariance, found.misfit, evidence)
+            evidence = height = -math.inf
+        return TouchPosterior(values, covariance, found.misfit, evidence), height
 
     def unknowns(self, values: Floats) -> Floats:
         """Unknowns (U,) of touches (K, 5)."""
@@ -265,9 +294,14 @@ class TouchProblem:
         return at[:, self.rows].ravel()
 
     def _squared(self, at: Floats) -> float:
-        """Squared force F^2 of all touches, N^2."""
+        """Squared sum F^2 of the forces of all touches, N^2."""
         drags = float(at[2:4] @ at[2:4]) if self._drags else 0.0
-        return drags + sum(math.exp(2 * press) for press in at[self._presses].tolist())
+        return drags + sum(map(math.exp, at[self._presses].tolist())) ** 2
+
+
+def _log_det(matrix: Floats) -> float:
+    """Logarithm of a covariance's determinant."""
+    return float(np.linalg.slogdet(matrix)[1])
 
 
 class Recalled:

@@ -2,12 +2,15 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.errors import ArgumentError
+
+_ALIKE: Final = 2.0
+"""Standard deviations within which two descents have come to one place."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,6 +52,28 @@ class TouchPosterior(NamedTuple):
     """Squared length of the whitened residual, and of drags in their prior's spread."""
     evidence: float
     """Logarithm of p(s | K) p(K)."""
+    share: float = 1.0
+    """Probability of these rather than of others that explain the reading about as well."""
+    others: tuple["TouchPosterior", ...] = ()
+    """Those others, their touches in the same order."""
+
+    @property
+    def guesses(self) -> Floats:
+        """Touches from where those of the next reading are sought, (1 + others, K, 5)."""
+        return np.stack([self.values, *(other.values for other in self.others)])
+
+    def in_order_of(self, first: "TouchPosterior") -> "TouchPosterior":
+        """The same two touches, each named after the nearer of others."""
+        away = np.hypot(*(self.values[:, None, :2] - first.values[:, :2]).transpose(2, 0, 1))
+        if away.trace() <= away[::-1].trace():
+            return self
+        return self._replace(values=self.values[::-1], covariance=self.covariance[::-1])
+
+    def is_at(self, first: "TouchPosterior") -> bool:
+        """Whether its places are those of other touches, as far as these are known."""
+        away = (self.values - first.values)[:, :2]
+        sure = np.linalg.solve(first.covariance[:, :2, :2], away[..., None])[..., 0]
+        return bool(((away * sure).sum(axis=1) < _ALIKE**2).all())
 
 
 class Standing(NamedTuple):

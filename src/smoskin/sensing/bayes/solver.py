@@ -24,6 +24,8 @@ _NOISES: Final = 3
 """Noises whose problems are kept: a still skin's, a turning one's, and the one before."""
 _STARTS: Final = {1: 3, 2: 6}
 """Coarse starts of a search for K touches."""
+_STEPS: Final = {1: 15, 2: 10}
+"""Steps of each descent at most; what is not settled then is followed at the next reading."""
 _FOLLOWED: Final = 3
 """Starts that are followed at least."""
 _GOOD: Final = 0.4
@@ -103,7 +105,7 @@ class TouchSolver:
         *,
         enough: float = 0.0,
     ) -> TouchPosterior:
-        """The two straight touches that explain signals (C,) best; from a guess (2, 5), if given.
+        """The two straight touches that explain signals (C,) best; from guesses, (..., 2, 5).
 
         What is known of one from when it was alone stands for the first of them.
         """
@@ -142,20 +144,26 @@ class TouchSolver:
         enough: float,
     ) -> TouchPosterior:
         """The likeliest of several descents."""
-        fits = _FITS * len(signals)
+        fits, steps = _FITS * len(signals), _STEPS[touches]
         if guess is not None:
-            found = problem.descend(signals, problem.unknowns(guess), standing)
-            if 2 * found.cost < max(fits, enough):
-                return problem.posterior(found, standing)
+            guesses = np.array([*map(problem.unknowns, guess.reshape(-1, touches, 5))])
+            led = problem.descend_all(signals, guesses, standing, steps)
+            if 2 * led[0].cost < max(fits, enough):
+                return problem.posteriors(led, standing)
         begun = [problem.unknowns(one) for one in starts.best(signals, _STARTS[touches], standing)]
         tried: list[Descent] = []
+        good = 0.5 * _GOOD * len(signals)
         for some in filter(None, (begun[:_FOLLOWED], begun[_FOLLOWED:])):
-            if tried and 2 * tried[0].cost < _GOOD * len(signals):
+            if tried and tried[0].cost < good:
                 break
-            tried += problem.descend_all(signals, np.array(some), standing)
+            tried += problem.descend_all(signals, np.array(some), standing, steps)
+            tried.sort(key=lambda found: found.cost)
+        if touches == 2 and tried and tried[0].cost >= good:
+            best = np.array([found.unknowns for found in tried[:_FOLLOWED]])
+            tried = problem.descend_all(signals, best, standing)
             tried.sort(key=lambda found: found.cost)
         if tried and (standing is None or 2 * tried[0].cost < fits):
-            return problem.posterior(tried[0], standing)
+            return problem.posteriors(tried[: len(tried) if touches == 2 else 1], standing)
         if standing is not None:
             return self._solve(touches, problem, starts, signals, None, None, 0.0)
         # Nothing that presses explains them; an answer is given all the same.
@@ -163,7 +171,7 @@ class TouchSolver:
         middle = np.zeros((touches, 5))
         middle[:, :2] = spread[:, None] * self.table.basis.extent
         middle[:, 4] = -0.1
-        return problem.posterior(problem.descend(signals, problem.unknowns(middle)))
+        return problem.posterior(problem.descend(signals, problem.unknowns(middle), None, steps))
 
 
 def _mode_energy(table: ResponseTable) -> Floats:

@@ -130,5 +130,5 @@ def pair_starts(table: ResponseTable, problem: TouchProblem) -> Starts:
     shares = table.basis.vertex_shares(grid)[pairs]
     _, drags = mutual_drags(table.grip, shares, np.ones((len(pairs), 2)))
     answer = by_press[pairs] + np.einsum("glkd,gkdc->glc", drags, by_drag[pairs])
-    whiten, least = problem.whitener(2 * TYPICAL**2), table.forces[0] / 2
+    whiten, least = problem.whitener((2 * TYPICAL) ** 2), table.forces[0] / 2
     return Starts(grid, pairs, answer, np.zeros(2), whiten, least, table.curvature)
