@@ -60,10 +60,17 @@ def assert_gone(before: set[threading.Thread]) -> None:
         assert not thread.is_alive(), f"{thread.name} is still running"
 
 
-def pixels(points: Floats, canvas: tuple[float, float, float, float]) -> Floats:
-    """Where points, m, appear in the page, by a pinhole camera; shape (..., 2)."""
+def pixels(
+    points: Floats,
+    canvas: tuple[float, float, float, float],
+    view: tuple[Floats, Floats, float] | None = None,
+) -> Floats:
+    """Where points, m, appear in the page, by a pinhole camera; shape (..., 2).
+
+    The camera's place, what it looks at, m, and its field of view, rad; by default a skin's.
+    """
     left, top, width, height = canvas
-    eye, target, field_of_view = camera(PLANAR)
+    eye, target, field_of_view = view or camera(PLANAR)
     ahead = (target - eye) / np.linalg.norm(target - eye)
     right = np.cross(ahead, (0.0, 0.0, 1.0))
     right /= np.linalg.norm(right)

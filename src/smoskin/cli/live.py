@@ -42,6 +42,10 @@ Others = Annotated[
     list[Path] | None,
     Option(help="File of another estimator to choose on the page, such as a network."),
 ]
+OthersNamed = Annotated[
+    list[str] | None,
+    Option("--estimator", metavar="[NAME=]FILE", help="To choose on the page too."),
+]
 Zeroed = Annotated[
     bool,
     Option("--zero/--no-zero", help="Take the first 20 readings as those of the untouched skin."),
@@ -197,6 +201,7 @@ def serve(
     calibration: Annotated[
         list[str] | None, Option(metavar="[NAME=]FILE", help="Of a skin, as of smoskin run.")
     ] = None,
+    estimator: OthersNamed = None,
     arm: Carried = False,
     zero: Zeroed = True,
     seconds: Seconds = None,
@@ -224,7 +229,7 @@ def serve(
     from smoskin.service.bridges.foxglove import Foxglove
 
     say = partial(typer.echo, err=True)
-    wanted = wanted_skins(sources, calibration or (), record)
+    wanted = wanted_skins(sources, calibration or (), record, estimator or ())
     if record is not None:
         record.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:

@@ -2,9 +2,11 @@
 
 import logging
 import queue
+import threading
 import time
 from collections import deque
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from http.client import HTTPConnection
 from urllib.parse import urlsplit
@@ -16,8 +18,8 @@ pytest.importorskip("mujoco")
 pytest.importorskip("viser")
 
 from chromium import open_page
-from pages import feeding, reading
-from smoskin.commands.follow.live import WARNING
+from pages import feeding, pixels, reading
+from smoskin.commands.follow.live import WARNING, follow_source
 from smoskin.commands.follow.page import ArmPage
 from smoskin.design.document import read_design
 from smoskin.errors import ArgumentError
@@ -42,14 +44,14 @@ CAMERA = {
 
 
 @contextmanager
-def operated():
+def operated(touch=None):
     """An arm that a page's button lets move, and the page."""
     arm, holding, words = SimulatedArm(CURVED, time.monotonic), Holding(), queue.Queue()
     follow = Follow(arm.chain, CURVED, PATIENT)
     with Driver(arm, follow, held=holding) as driver:
         driver.look()
         driver.start()
-        page = ArmPage(CURVED, arm, driver, follow, words, holding, WARNING, 0)
+        page = ArmPage(CURVED, arm, driver, follow, words, holding, WARNING, 0, touch)
         with page:
             yield page, driver, follow, words
 
@@ -229,3 +231,59 @@ def test_an_operator_arms_holds_stops_and_resets():
             assert follow.state is State.STANDING
         assert not opened.outside
         assert not opened.errors
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+def test_a_mouse_presses_a_virtual_skin_and_the_arm_yields():
+    """Up to its threshold the arm stands; nothing is left of a press once the button is up."""
+    said, words = queue.Queue(), queue.Queue()
+    states = []
+
+    def say(sentence):
+        said.put(sentence)
+        states.append(sentence.partition(":")[0])
+
+    url = "twin://curved?rate=100"
+    # Uncalibrated, the closed form reads less than half of the force round a limb.
+    limits = replace(PATIENT, begin=0.3, end=0.2)
+    run = partial(follow_source, url, limits=limits, port=0, words=words, say=say)
+    follower = threading.Thread(target=run, daemon=True)
+    follower.start()
+    try:
+        while not (sentence := said.get(timeout=60.0)).startswith("The arm is live at "):
+            pass
+        with open_page(sentence.removeprefix("The arm is live at ")) as opened:
+            opened.page.wait_for_timeout(2000)
+            opened.click(opened.page.get_by_role("button", name="Arm", exact=True))
+            opened.wait_until(lambda: opened.text("status") == "Standing")
+            where = middle_of_skin(opened.canvas())
+            push = opened.page.locator("input.mantine-NumberInput-input").last
+            for newton, state in (("0.3", "Standing"), ("0.8", "Moving")):
+                push.fill(newton)
+                push.press("Enter")
+                opened.page.mouse.move(*where)
+                opened.page.mouse.down()
+                opened.wait_until(lambda: opened.text("touch").startswith("F 0."))
+                opened.wait_until(lambda state=state: opened.text("status") == state)
+                assert ("moving" in states) == (state == "Moving")
+                opened.page.mouse.up()
+                opened.wait_until(lambda: opened.text("touch") == "–")
+            opened.wait_until(lambda: opened.text("status") == "Standing")
+            assert not opened.errors
+    finally:
+        words.put("quit")
+        follower.join(30.0)
+    assert not follower.is_alive()
+
+
+def middle_of_skin(canvas):
+    """Where a page first shows the middle of an arm's skin, pixels."""
+    with SimulatedArm(CURVED, lambda: 0.0) as arm:
+        posture = arm.chain.posture(arm.state().angles)
+        low, high = arm.chain.corners.min(axis=0), arm.chain.corners.max(axis=0)
+    aim = (low + high) / 2 * (0.5, 1.0, 1.0)
+    eye = aim + np.array((0.35, -1.0, 0.35)) * 1.15 * (high - low).max()
+    skin = geometry(CURVED)
+    middle = posture.on_skin(skin.sheet.vertices.mean(axis=0))
+    return pixels(middle, canvas, (eye, aim, np.radians(75.0)))

@@ -25,11 +25,14 @@ def test_skins_have_the_names_and_files_that_are_given():
         ["left=twin://planar?seed=1&hand=yes", "right=serial:///dev/ttyACM0", "i2c:///dev/i2c-1"],
         ["left=a=b.table", "all.table"],
         Path("touches"),
+        ["all.net", "right=c=d.net"],
     )
     assert (left.name, left.url) == ("left", "twin://planar?seed=1&hand=yes")
     assert (left.calibration, left.record) == (Path("a=b.table"), Path("touches/left.mcap"))
     assert (right.url, right.calibration) == ("serial:///dev/ttyACM0", Path("all.table"))
     assert (third.name, third.url) == ("skin3", "i2c:///dev/i2c-1")
+    assert left.estimators == (Path("all.net"),)
+    assert right.estimators == (Path("all.net"), Path("c=d.net"))
     (alone,) = wanted_skins(["twin://planar?seed=2"])
     assert (alone.name, alone.calibration, alone.record) == ("skin", None, None)
 
@@ -47,6 +50,11 @@ def test_skins_have_the_names_and_files_that_are_given():
 def test_wrong_names_are_refused(sources, files, sentence):
     with pytest.raises(ArgumentError, match=sentence):
         wanted_skins(sources, files)
+
+
+def test_an_estimator_is_of_one_of_the_skins():
+    with pytest.raises(ArgumentError, match="estimator must be of one of left; got 'x'"):
+        wanted_skins(["left=twin://planar"], estimators=["x=a.net"])
 
 
 class Given:

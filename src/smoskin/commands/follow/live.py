@@ -15,7 +15,7 @@ import numpy as np
 from smoskin.commands.follow.page import ArmPage
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.records import Pose
+from smoskin.records import Contact, Pose
 from smoskin.robot.arm import Arm
 from smoskin.robot.chain import Chain
 from smoskin.robot.driver import Driver
@@ -114,9 +114,8 @@ def follow_source(
         loop = stack.enter_context(Loop(source, estimator, sinks=(driver,)))
         driver.look()
         if port is not None:
-            page = stack.enter_context(
-                ArmPage(skin, simulated, driver, follow, words, switch, WARNING, port)
-            )
+            shown = skin, simulated, driver, follow, words, switch, WARNING, port
+            page = stack.enter_context(ArmPage(*shown, _touching(source, robot)))
             say(f"The arm is live at {page.url}")
         stack.enter_context(undisturbed(realtime=realtime))
         driver.start()
@@ -137,6 +136,11 @@ def _estimator(skin: SkinDesign, calibration: str | os.PathLike[str] | None) -> 
     if calibration is None:
         return ZeroFirst(ClosedFormEstimator(skin))
     return ZeroFirst(load_estimator(calibration, skin))
+
+
+def _touching(source: Source, robot: str | None) -> Callable[[tuple[Contact, ...]], None] | None:
+    """What touches a virtual skin; a mouse may move no real arm."""
+    return source.touch if robot is None and isinstance(source, TwinSource) else None
 
 
 def _poses(source: Source, driver: Driver) -> Callable[[], Pose]:

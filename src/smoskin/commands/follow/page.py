@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from html import escape
-from typing import Final, final
+from typing import TYPE_CHECKING, Final, final
 
 import numpy as np
 
@@ -18,15 +18,19 @@ from smoskin.arrays import Floats, Ints
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.origami.geometry import geometry
+from smoskin.records import Contact
 from smoskin.robot.driver import Driver
 from smoskin.robot.follow import THRESHOLDS, Command, Follow, State
 from smoskin.robot.holding import Holding
 from smoskin.robot.simulated import Shape, SimulatedArm
 from smoskin.roles import Resource
 from smoskin.service.page.markers import UNITS, arrow
-from smoskin.service.page.parts import first_paint, html
-from smoskin.service.page.scene import ESTIMATED, triangles
+from smoskin.service.page.parts import first_paint, html, within
+from smoskin.service.page.scene import ESTIMATED, pick, triangles
 from smoskin.service.page.server import serve
+
+if TYPE_CHECKING:
+    import viser
 
 _PERIOD: Final = 1.0 / 25.0
 _WORDS_EVERY: Final = 4
@@ -41,7 +45,8 @@ class ArmPage(Resource):
     """The page of an arm, served to browsers on this machine; closing it leaves the arm alone.
 
     The model tells the shapes of whichever arm moves; `words` take the word ``zero``; without
-    `switch` nothing need be held; the warning stands there for good; port 0 is a free one.
+    `switch` nothing need be held; the warning stands there for good; port 0 is a free one. With
+    `touch`, which touches a virtual skin, the mouse presses it.
     """
 
     def __init__(
@@ -54,7 +59,9 @@ class ArmPage(Resource):
         switch: Holding | None,
         warning: str,
         port: int,
+        touch: Callable[[tuple[Contact, ...]], None] | None = None,
     ) -> None:
+        self._design = design
         self._driver, self._follow, self._switch = driver, follow, switch
         self._chain, self._warning, self._answer = model.chain, warning, ""
         low, high = model.chain.corners.min(axis=0), model.chain.corners.max(axis=0)
@@ -69,6 +76,8 @@ class ArmPage(Resource):
         start.position, start.look_at = eye * UNITS, aim * UNITS
         self._stage(design, model.shapes())
         self._add_controls(title, words)
+        if touch is not None:
+            self._add_finger(touch)
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="smoskin-arm", daemon=True)
         self._thread.start()
@@ -97,7 +106,9 @@ class ArmPage(Resource):
         sheet, skin = geometry(design).sheet, f"/part{chain.carriers}"
         places = (sheet.vertices @ chain.turn.T + chain.origin) * UNITS
         faces, paper = triangles(sheet.facets), (247, 226, 186)
-        scene.add_mesh_simple(f"{skin}/sheet", places, faces, color=paper, side="double")
+        self._sheet = scene.add_mesh_simple(
+            f"{skin}/sheet", places, faces, color=paper, side="double"
+        )
         mesh = arrow(np.array((0.0, 0.0, -1.0)), _THICK)
         self._force = scene.add_mesh_simple(f"{skin}/force", *mesh, color=ESTIMATED)
 
@@ -131,6 +142,28 @@ class ArmPage(Resource):
             wanted = float(self._threshold.value)
             if wanted != self._follow.limits.begin:
                 self._do("", lambda: driver.set_threshold(wanted))
+
+    def _add_finger(self, touch: Callable[[tuple[Contact, ...]], None]) -> None:
+        """Let the left button press the skin, as hard as a slider says, while it is held."""
+        gui, sheet = self._server.gui, geometry(self._design).sheet.vertices
+        gui.add_html(html("finger"))
+        push = gui.add_slider("Press, N", 0.05, 1.0, 0.05, 0.7)
+
+        @self._sheet.on_drag("left")
+        async def _(event: "viser.SceneNodeDragEvent[viser.MeshHandle]") -> None:
+            place, newest = None, self._driver.newest
+            if event.phase != "end" and newest is not None:
+                drawn = self._chain.posture(newest[0].angles).on_skin(sheet)
+                eye = event.client.camera.position
+                ray = np.asarray(event.end_position) - eye
+                place = pick(self._design, drawn, eye / UNITS, ray)
+            force = (0.0, 0.0, -within(push))
+            touches = () if place is None else (Contact(position=place, force=force),)
+            self._do("", lambda: touch(touches))
+
+        @self._server.on_client_disconnect
+        async def _(client: object) -> None:  # with its button held, perhaps
+            touch(())
 
     def _do(self, done: str, action: Callable[[], None]) -> None:
         """Do what was asked, or say why not."""

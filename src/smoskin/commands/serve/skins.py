@@ -8,7 +8,7 @@ import logging
 import re
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -37,16 +37,21 @@ class SkinWanted:
     url: str
     calibration: Path | None = None
     record: Path | None = None
+    estimators: tuple[Path, ...] = ()
 
 
 def wanted_skins(
-    sources: Sequence[str], calibrations: Sequence[str] = (), folder: Path | None = None
+    sources: Sequence[str],
+    calibrations: Sequence[str] = (),
+    folder: Path | None = None,
+    estimators: Sequence[str] = (),
 ) -> tuple[SkinWanted, ...]:
     """Skins from ``SOURCE`` or ``NAME=SOURCE``, each with its ``FILE`` or ``NAME=FILE``.
 
     A single source without a name is called skin, several are skin1, skin2 and so on. A file
-    without a name is that of every skin that has none of its own. In `folder` each skin is
-    recorded, as ``NAME.mcap``. It raises an `ArgumentError` if a name is there twice or unknown.
+    without a name is the calibration of every skin that has none of its own, or one more of every
+    skin's estimators. In `folder` each skin is recorded, as ``NAME.mcap``. It raises an
+    `ArgumentError` if a name is there twice or unknown.
 
     Examples
     --------
@@ -64,23 +69,31 @@ def wanted_skins(
             raise ArgumentError(f"names of skins must differ; got {name!r} twice")
         urls[name] = url
     files: dict[str, Path] = {}
-    for file in calibrations:
-        match = _NAMED.fullmatch(file)
-        name, path = match.group("name", "value") if match else ("", file)
+    for name, path in _files("calibration", calibrations, urls):
         if name in files:
             raise ArgumentError(f"a skin has one calibration; got two of {name or 'all skins'!r}")
-        if name and name not in urls:
-            raise ArgumentError(f"calibration must be of one of {', '.join(urls)}; got {name!r}")
-        files[name] = Path(path)
+        files[name] = path
+    others = list(_files("estimator", estimators, urls))
     return tuple(
         SkinWanted(
             name=name,
             url=url,
             calibration=files.get(name, files.get("")),
             record=None if folder is None else folder / f"{name}.mcap",
+            estimators=tuple(path for own, path in others if own in ("", name)),
         )
         for name, url in urls.items()
     )
+
+
+def _files(what: str, given: Sequence[str], names: Iterable[str]) -> Iterator[tuple[str, Path]]:
+    """Names of skins, empty for all of them, and files of ``FILE`` or ``NAME=FILE``."""
+    for file in given:
+        match = _NAMED.fullmatch(file)
+        name, path = match.group("name", "value") if match else ("", file)
+        if name and name not in names:
+            raise ArgumentError(f"{what} must be of one of {', '.join(names)}; got {name!r}")
+        yield name, Path(path)
 
 
 class Bridge(Protocol):
@@ -132,6 +145,7 @@ class Served(Resource):
         self.watch = Watch(
             wanted.url,
             calibration=wanted.calibration,
+            estimators=wanted.estimators,
             arm=arm,
             zero=zero,
             record=wanted.record,

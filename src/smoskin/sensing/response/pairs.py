@@ -17,7 +17,7 @@ _PADS: Final = 1e-12 * np.eye(4)
 _ALONE: Final = np.eye(2)[:, :, None, None, None]
 """Patches that do not move each other."""
 _ONE, _OTHER = np.array([0, 1, 2, 0, 0]), np.array([0, 0, 0, 1, 2])
-"""Of a product of two touches' shares and its slopes: which slope of either is taken."""
+"""Which slope of either is taken in a product of two touches' shares and its slopes."""
 
 
 def held(grip: Floats, shares: Floats, press: Floats) -> tuple[Floats, Floats]:

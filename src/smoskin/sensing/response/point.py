@@ -15,7 +15,7 @@ from smoskin.sensing.response.basis import TouchBasis, mean_ramps
 from smoskin.sensing.response.pairs import NearPairs
 
 _BY_X, _BY_Y = np.array([0, 1, 0]), np.array([0, 0, 1])
-"""Of a product and its slopes: whether that along x and that along y is a slope."""
+"""Whether that along x, and that along y, is a slope in a product and its slopes."""
 _FAR: Final = 1e3
 """Place of vertices past a line's end, m."""
 

@@ -12,7 +12,7 @@ from typing import Final
 from smoskin.errors import ArgumentError
 
 _PRIORITY: Final = 10
-"""Of 1 to 99: before all ordinary programs, behind the system's own urgent threads."""
+"""Priority from 1 to 99: before all ordinary programs, behind the system's own urgent threads."""
 
 
 @contextmanager

@@ -20,7 +20,7 @@ from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Contact, Status
 from smoskin.service.page.carpet import Bound
 from smoskin.service.page.history import ForceHistory, lamps
-from smoskin.service.page.parts import css, html
+from smoskin.service.page.parts import css, html, within
 from smoskin.service.page.player import Player
 from smoskin.service.page.scene import (
     COLUMN,
@@ -201,7 +201,7 @@ class Panel:
     @property
     def force(self) -> tuple[float, float, float]:
         """Force that a press exerts on the skin, as the sliders stand, N."""
-        return _within(self._shear_x), _within(self._shear_y), -_within(self._push)
+        return within(self._shear_x), within(self._shear_y), -within(self._push)
 
     @property
     def picture(self) -> tuple[float, float, Floats]:
@@ -321,11 +321,6 @@ class Panel:
             threshold=self._threshold_words(moment),
             end=escape(self.end),
         )
-
-
-def _within(slider: "viser.GuiSliderHandle[float]") -> float:
-    """Value of a slider; a stranger's message may say otherwise, or that it is no number."""
-    return min(slider.max, max(slider.min, float(slider.value)))
 
 
 def _status(

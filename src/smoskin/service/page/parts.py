@@ -5,6 +5,10 @@ from functools import cache
 from html import escape
 from importlib import resources
 from string import Template
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import viser
 
 
 def html(name: str, **values: str) -> str:
@@ -37,3 +41,8 @@ def first_paint(
     script = f"<script>\n{text('page.js')}</script>"
     sentence = escape(sentence)
     return head, html("page", sentence=sentence, script=script, marks=marked, **values)
+
+
+def within(slider: "viser.GuiSliderHandle[float]") -> float:
+    """Value of a slider; a stranger's message may say otherwise, or that it is no number."""
+    return min(slider.max, max(slider.min, float(slider.value)))
