@@ -171,7 +171,7 @@ def test_of_a_pair_three_starts_or_six_are_followed(table, skin, monkeypatch):
     solver = TouchSolver(table, signal_noise(skin), STRAIGHT)
     exact = table.together(WHERE[None], FORCE[None])[0]
     solver.two(exact)
-    for ends, taken in (((9.0, 1.7, 4.0), 3), ((1.9, 2.0, 1.9, 1.7, 3.0, 1.6), 6)):
+    for ends, taken in (((9.0, 4.4, 6.0), 3), ((4.6, 5.0, 4.6, 4.7, 7.0, 4.3), 6)):
         problem = StatedProblem(*ends)
         monkeypatch.setitem(solver._problems.of, 2, problem)
         assert solver.two(exact) == min(ends)

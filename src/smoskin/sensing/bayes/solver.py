@@ -28,7 +28,7 @@ _STEPS: Final = {1: 15, 2: 10}
 """Steps of each descent at most; what is not settled then is followed at the next reading."""
 _FOLLOWED: Final = 3
 """Starts that are followed at least."""
-_GOOD: Final = 0.4
+_GOOD: Final = 1.0
 """Squared residual a signal at which the others are not."""
 
 

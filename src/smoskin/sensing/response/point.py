@@ -117,7 +117,7 @@ class PointTable:
         down = np.zeros((batch, 2, 7, 3))
         down[..., :2] = together
         down[..., 0, 2] = press
-        down[:, [0, 1], [3, 6], 2] = 1.0
+        down[:, 0, 3, 2] = down[:, 1, 6, 2] = 1.0
         push = -down
         push[..., :2] = together - alone
         both = self._at(first, functions, push[:, :, 0].reshape(-1, 3))
@@ -128,10 +128,9 @@ class PointTable:
         rows[:, 1, 4:6] += both[:, 1, 1:, 0]
         signals = rows.shape[-1]
         bent = (rows[:, ::-1, :1] @ bends).reshape(batch, 2, signals, signals)
-        total = (rows @ (bent + np.eye(signals))).sum(axis=1)
-        # Either's reading has been bent by the other's.
-        total[:, 0] += rows[:, :, 0].sum(axis=1)
-        total[:, 0] *= 0.5
+        added = (rows @ bent).sum(axis=1)
+        added[:, 0] *= 0.5  # by one and by the other, which is the same
+        total = rows.sum(axis=1) + added
         if coupling is not None:
             total += pairs.coupled(coupling.take(near[:, 0, 1], axis=0), down)
         return total[:, 0], total[:, 1:]
