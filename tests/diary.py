@@ -9,10 +9,13 @@ class Diary:
     def __init__(self, owner, *, on_word=None, on_close=None, stubborn=False):
         if not owner:
             raise ValueError("owner must have a name; got none")
-        self.process = os.getpid(), os.nice(0), os.sched_getscheduler(0)
         self.entries, self.stubborn = [owner], stubborn
         self.on_word, self.on_close = on_word, on_close
         print("what is printed is no message")
+
+    @property
+    def process(self):
+        return os.getpid(), os.nice(0), os.sched_getscheduler(0)
 
     def write(self, word, *, slowly=0.0):
         self.entries.append(word)

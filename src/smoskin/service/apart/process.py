@@ -215,6 +215,7 @@ def _serve(incoming: BinaryIO, outgoing: BinaryIO) -> None:
     options |= {name: partial(send, "called", name) for name in callables}
     try:
         thing = make(*args, **options)
+        os.nice(_NICE)  # from now on: whoever has asked for the object waits for it
         send("made", {name: getattr(thing, name) for name in attributes})
     except Exception as error:
         send("made", _portable(error))
@@ -247,7 +248,6 @@ def _portable(error: Exception) -> Exception:
 
 if __name__ == "__main__":
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # whatever the other one is
-    os.nice(_NICE)
     stdout = os.dup(1)
     os.dup2(2, 1)  # what libraries print is no message
     with os.fdopen(stdout, "wb") as outgoing:
