@@ -42,6 +42,7 @@ TOLD = {
     "arrival": "readings 5 ms late, 5 % lost",
     "hard without gravity": "all of the hard world but the skin's weight",
     "hard": "the hard world",
+    "hard, posed": "the same on an arm that tells its pose (`--posed`)",
     "hard, bouc-wen": "the same with the loops of the row bouc-wen",
     "hard, network": "the same, read by networks trained on each skin's table (`train --arm`)",
 }
@@ -134,9 +135,17 @@ def measure(name: str, skins: list[int], count: int) -> dict[str, float]:
     if name == "hard, bouc-wen":
         swap = {EFFECTS["hysteresis"]: EFFECTS["bouc-wen"]}
         worlds[name] = World(name=name, effects=tuple(swap.get(one, one) for one in HARD.effects))
+    name, posed, _ = name.partition(", posed")
     world = worlds.get(name) or world_of(effect=name)
     table = smo.load_response_table("planar")
-    judged = smo.score(table, skins=skins, count=count, world=world, touches=int(touches or 60))
+    judged = smo.score(
+        table,
+        skins=skins,
+        count=count,
+        world=world,
+        touches=int(touches or 60),
+        posed=bool(posed),
+    )
     return told(judged, skins, count)
 
 

@@ -43,6 +43,8 @@ def stub(monkeypatch):
 
 def test_what_can_read_a_skin_has_a_name_and_the_calibration_comes_first(planar, table, stub):
     assert list(makers_of(planar)) == [CLOSED, "Bayes, as designed"]
+    # The reduced model moves otherwise than the sheet that the shipped table is of.
+    assert list(makers_of(planar, shipped=False)) == [CLOSED]
     # A design of one's own has no shipped table, whatever it calls itself.
     assert list(makers_of(plain(planar))) == [CLOSED]
     assert list(makers_of(replace(planar, name="mine"))) == [CLOSED]

@@ -61,13 +61,15 @@ def makers_of(
     *,
     arm: bool = False,
     uncalibrated: bool = False,
+    shipped: bool = True,
 ) -> Makers:
     """What can read a skin with what is given, by names for people; the first reads it at first.
 
     That is what the calibration holds, or else the closed form of a skin that is as designed, which
     is there beside any calibration of another kind; a response table reads by Bayes and by closed
-    form. Without a calibration the shipped table of the design is there too. Options are as of
-    `smoskin.load_estimator`; a file that cannot be read raises its errors at once.
+    form. Without a calibration the shipped table of the design is there too, where `shipped` says
+    that the skin moves as the whole sheet does. Other options are as of `smoskin.load_estimator`;
+    a file that cannot be read raises its errors at once.
     """
     makers: Makers = {}
     plain: Callable[..., Estimator] = partial(
@@ -78,7 +80,7 @@ def makers_of(
         # A design of one's own has no shipped table, and safetensors may not be there.
         with suppress(ModelError, MissingExtraError):
             table = load_response_table(design.name)
-            if table.design_hash == design.content_hash:
+            if shipped and table.design_hash == design.content_hash:
                 tracking = ON_AN_ARM if arm else FOLLOWING
                 makers["Bayes, as designed"] = partial(
                     BayesEstimator, design, table, tracking=tracking

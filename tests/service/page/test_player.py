@@ -2,6 +2,7 @@
 
 import asyncio
 import threading
+from importlib import resources
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -164,9 +165,10 @@ def test_a_recording_is_paused_and_sought_in(tmp_path: Path) -> None:
 def test_a_live_skin_is_recorded_and_read_by_another_estimator(tmp_path: Path) -> None:
     touch = Contact(position=(0.045, 0.090), force=(0.1, -0.05, -0.5))
     # Eight readings a second: a browser without a graphics card draws no more beside its panels.
-    with Watch(
-        "twin://planar?mechanics=reduced&creep=no&rate=8", view=True, record=tmp_path
-    ) as watch:
+    url = "twin://planar?mechanics=reduced&creep=no&rate=8"
+    shipped = str(resources.files("smoskin.sensing.response") / "planar.table")
+    options = {"record": tmp_path, "estimators": [shipped], "uncalibrated": True}
+    with Watch(url, view=True, **options) as watch:
         reader = threading.Thread(target=lambda: list(watch))
         reader.start()
         assert watch.url is not None
@@ -186,7 +188,7 @@ def test_a_live_skin_is_recorded_and_read_by_another_estimator(tmp_path: Path) -
             # The closed form tells the middle of a cell, Bayes the place.
             opened.wait_until(lambda: opened.text("touch").startswith("x 50.0 mm  y 93.3 mm"))
             opened.click(opened.page.locator('input[role="combobox"][value^="closed"]'))
-            opened.click(opened.page.get_by_role("option", name="Bayes, as designed"))
+            opened.click(opened.page.get_by_role("option", name="Bayes, planar.table"))
             opened.wait_until(lambda: not opened.text("touch").startswith(("x 50.0 mm", "–")))
             press("Stop recording")
             opened.wait_until(lambda: opened.text("recording").startswith("Recorded planar-"))

@@ -32,6 +32,7 @@ from smoskin.service.bridges.values import number
 from smoskin.service.loop import Counters, Loop
 from smoskin.service.replay import ReplaySource
 from smoskin.service.source import TwinSource, open_source
+from smoskin.twin.reduced import ReducedTwin
 
 _BACKLOG: Final = 100
 """Readings of a board that may wait to be estimated; then the oldest are dropped, and counted."""
@@ -116,13 +117,13 @@ class Watch(Resource):
         self._zero_asked = threading.Event()
         self._begun, self._shown = set[int](), dict[int, Status]()  # readings, by their numbers
         with ExitStack() as stack:
-            self._source = stack.enter_context(_opened(str(url), say))
-            self._played = self._source if isinstance(self._source, ReplaySource) else None
+            source = self._source = stack.enter_context(_opened(str(url), say))
+            self._played = source if isinstance(source, ReplaySource) else None
             needed = calibration is None or view or record is not None
             skin = _design_of(self._source, str(url), design, needed=needed)
             options = {"arm": arm, "uncalibrated": uncalibrated}
             if view and skin is not None:
-                makers = makers_of(skin, calibration, estimators, **options)
+                makers = makers_of(skin, calibration, estimators, shipped=_whole(source), **options)
                 self._estimator: Estimator = Readers(makers, zero=zero)
             else:
                 self._estimator = _estimator_of(skin, calibration, zero, **options)
@@ -257,6 +258,11 @@ class Watch(Resource):
     @property
     def _damage(self) -> str:
         return "" if self._played is None else self._played.recording.damage
+
+
+def _whole(source: Source) -> bool:
+    """Whether a source is no virtual skin of the reduced model, of which no table was made."""
+    return not (isinstance(source, TwinSource) and isinstance(source.twin, ReducedTwin))
 
 
 def _estimator_of(
