@@ -108,3 +108,10 @@ def freeze(record: object, **shapes: tuple[int | None, ...]) -> None:
     """
     for name, shape in shapes.items():
         assign(record, **{name: frozen(name, getattr(record, name), shape)})
+
+
+def cross(first: Floats, second: Floats) -> Floats:
+    """Vector products of (..., 3) and (..., 3); numpy's own takes three times as long."""
+    a, b, c = first[..., 0], first[..., 1], first[..., 2]
+    x, y, z = second[..., 0], second[..., 1], second[..., 2]
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)

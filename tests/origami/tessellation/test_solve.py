@@ -18,6 +18,7 @@ from smoskin.origami.tessellation.solve import (
     Weights,
     conditions,
     place_slopes,
+    placed,
     places,
     settle,
     settle_further,
@@ -52,7 +53,10 @@ def test_derivatives_are_those_of_places_and_conditions(planar):
     rng = np.random.default_rng(0)
     layers = start + 3e-4 * rng.normal(size=start.shape)
     way, step = rng.normal(size=start.shape), 1e-7
-    for of in (lambda x: place_slopes(problem.surface, x), lambda x: conditions(problem, x)):
+    for of in (
+        lambda x: place_slopes(problem.surface, x),
+        lambda x: conditions(problem, placed(problem, x)),
+    ):
         after, before = (np.ravel(of(layers + s * step * way)[0]) for s in (1, -1))
         slopes = of(layers)[1] @ way.ravel()
         np.testing.assert_allclose(slopes, (after - before) / (2 * step), rtol=1e-5, atol=1e-5)

@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from smoskin.arrays import Bools, Floats
+from smoskin.arrays import Bools, Floats, cross
 
 
 class Jet(NamedTuple):
@@ -60,7 +60,7 @@ def forms(surface: Surface, parameters: Floats) -> Forms:
         \mathbf n_{,\alpha} = -\mathbf x_{,\gamma}\, g^{\gamma\beta} B_{\beta\alpha} .
     """
     places, slopes, bends = surface.jet(parameters)
-    normals = np.cross(slopes[..., 0], slopes[..., 1])
+    normals = cross(slopes[..., 0], slopes[..., 1])
     normals = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
     metric = np.swapaxes(slopes, -1, -2) @ slopes
     second = np.einsum("...iab,...i->...ab", bends, normals)

@@ -154,13 +154,15 @@ class Energy:
         tau = self._stiffness.stretch
         total, by_places = 0.0, np.zeros_like(places)
         by_along, by_across = np.zeros_like(phi), np.zeros_like(phi)
+        rows = (places[1:] - places[:-1]) / self._steps[0]
+        columns = (places[:, 1:] - places[:, :-1]) / self._steps[1]
+        lengths, widths = (rows**2).sum(-1), (columns**2).sum(-1)
         # At each corner of a panel by its own two edges: means over the panel would leave a
         # motion, up and down in turn, that costs nothing.
         for i, j in _CORNERS:
             side, end = _part(j), _part(i)
-            first = (places[1:] - places[:-1])[:, side] / self._steps[0]
-            second = (places[:, 1:] - places[:, :-1])[end] / self._steps[1]
-            c11, c22 = (first**2).sum(-1) / along**2, (second**2).sum(-1) / across**2
+            first, second = rows[:, side], columns[end]
+            c11, c22 = lengths[:, side] / along**2, widths[end] / across**2
             c12 = (first * second).sum(-1) / (along * across)
             det = c11 * c22 - c12**2
             density = tau * (c11 + c22 + 1 / det - 3)

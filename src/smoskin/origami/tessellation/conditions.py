@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-from smoskin.arrays import Floats, Ints
+from smoskin.arrays import Floats, Ints, cross
 
 
 class Corners(NamedTuple):
@@ -122,16 +122,9 @@ def _angle(first: Floats, second: Floats) -> Floats:
     return np.asarray(np.arctan2(sine, (first * second).sum(-1)))
 
 
-def cross(first: Floats, second: Floats) -> Floats:
-    """Vector products of (..., 3) and (..., 3); numpy's own takes three times as long."""
-    a, b, c = first[..., 0], first[..., 1], first[..., 2]
-    x, y, z = second[..., 0], second[..., 1], second[..., 2]
-    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)
-
-
 def gather(nodes: Ints, parts: Floats, count: int) -> sparse.csr_array:
     """A row for each group of nodes (R, n) with the derivatives (R, n, 3) by their places."""
-    columns = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), -1)
+    columns = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), 3 * nodes.shape[1])
     order = np.argsort(columns, axis=1)
     columns = np.take_along_axis(columns, order, axis=1)
     values = np.take_along_axis(parts.reshape(columns.shape), order, axis=1)

@@ -10,8 +10,8 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import eigsh, splu
 
-from smoskin.arrays import Floats, Ints
-from smoskin.origami.tessellation.conditions import cross, gather
+from smoskin.arrays import Floats, Ints, cross
+from smoskin.origami.tessellation.conditions import gather
 from smoskin.origami.tessellation.unfold import lengths_of
 
 _STEPS: Final = 12
@@ -181,7 +181,7 @@ def rigid_modes(vertices: Floats, facets: Ints, count: int = 2) -> tuple[Floats,
     rigid = rigid_motions(vertices)
     if vertices.size <= DENSE:
         whole = rows.toarray() @ (np.eye(vertices.size) - rigid @ rigid.T)
-        _, values, motions = np.linalg.svd(whole)
+        _, values, motions = np.linalg.svd(whole, full_matrices=len(whole) < vertices.size)
         values = np.pad(values, (0, vertices.size - len(values)))  # fewer rows than coordinates
         order = np.argsort(values)[6 : 6 + count]
         return values[order], motions[order].reshape(count, -1, 3)

@@ -12,7 +12,7 @@ by Newton's method on a residual that is taken away in steps, c(y) = (1 - t) c(y
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -123,18 +123,36 @@ def place_slopes(surface: Surface, layers: Floats) -> tuple[Floats, sparse.csr_a
     return at.places + layers[:, 2:] * at.normals, slopes.tocsr()
 
 
-def conditions(problem: Problem, layers: Floats) -> tuple[Floats, sparse.csr_array]:
+class Placed(NamedTuple):
+    """A sheet's vertices and sector angles, with their derivatives."""
+
+    vertices: Floats
+    """(V, 3), m."""
+    by_layers: sparse.csr_array
+    """(3 V, 3 V): derivatives of the vertices by the layers."""
+    angles: Floats
+    """(K,), rad: angle of every corner."""
+    by_vertices: sparse.csr_array
+    """(K, 3 V), rad/m: derivatives of the angles by the vertices."""
+
+
+def placed(problem: Problem, layers: Floats) -> Placed:
+    """What conditions and bounds at some layers both need."""
+    vertices, by_layers = place_slopes(problem.surface, layers)
+    net = problem.net
+    return Placed(vertices, by_layers, sector_angles(net, vertices), angle_slopes(net, vertices))
+
+
+def conditions(problem: Problem, at: Placed) -> tuple[Floats, sparse.csr_array]:
     """Residuals of planarity, angle sums and flat folding, and their derivatives by the layers."""
     net = problem.net
-    vertices, by_layers = place_slopes(problem.surface, layers)
-    volume, by_volume = volumes(net, vertices, problem.scale)
-    angles, by_angle = sector_angles(net, vertices), angle_slopes(net, vertices)
-    parts = [volume, net.around @ angles - 2 * np.pi]
-    slopes = [by_volume, net.around @ by_angle]
+    volume, by_volume = volumes(net, at.vertices, problem.scale)
+    parts = [volume, net.around @ at.angles - 2 * np.pi]
+    slopes = [by_volume, net.around @ at.by_vertices]
     if problem.flat_foldable:
-        parts.append(net.opposite @ angles - np.pi)
-        slopes.append(net.opposite @ by_angle)
-    return np.concatenate(parts), (sparse.vstack(slopes) @ by_layers).tocsr()
+        parts.append(net.opposite @ at.angles - np.pi)
+        slopes.append(net.opposite @ at.by_vertices)
+    return np.concatenate(parts), (sparse.vstack(slopes) @ at.by_layers).tocsr()
 
 
 def residuals(problem: Problem, layers: Floats) -> Floats:
@@ -250,13 +268,14 @@ class _Search:
     def step(self, layers: Floats, share: float, *, fair: bool) -> Floats:
         """Newton's step to a share of the first residual, fair or the least; bounded in length."""
         scale = self._problem.scale
-        residual, slopes = conditions(self._problem, layers)
+        at = placed(self._problem, layers)
+        residual, slopes = conditions(self._problem, at)
         residual = residual - share * self._begin
         slopes = (scale * slopes[:, self._free]).tocsr()
         weights, pull = self._inner, np.zeros(len(self._free))
         if fair:
             pull = (self._fairness @ (layers - self._start).ravel() / scale)[self._free]
-            excess, by_excess = self._excess(layers)
+            excess, by_excess = self._excess(layers, at)
             weights = weights + self._problem.weights.angles * (by_excess.T @ by_excess)
             pull = pull + self._problem.weights.angles * (by_excess.T @ excess)
         right = np.concatenate([-pull, -residual])
@@ -277,13 +296,12 @@ class _Search:
         longest = float(np.abs(motion).max())
         return (motion * min(1.0, _DIVE * scale / max(longest, 1e-300))).reshape(layers.shape)
 
-    def _excess(self, layers: Floats) -> tuple[Floats, sparse.csr_array]:
+    def _excess(self, layers: Floats, at: Placed) -> tuple[Floats, sparse.csr_array]:
         """Excess of sector and fold angles and of depth over their bounds, and its derivatives."""
-        net, scale, limit = self._problem.net, self._problem.scale, self._problem.sharpest
+        scale, limit = self._problem.scale, self._problem.sharpest
         least, depth = self._problem.weights.least_angle, self._problem.weights.depth
-        vertices, by_layers = place_slopes(self._problem.surface, layers)
-        angles = sector_angles(net, vertices)
-        folds = fold_angles(vertices, self._problem.frame.creases)
+        angles, creases = at.angles, self._problem.frame.creases
+        folds = fold_angles(at.vertices, creases)
         high = np.flatnonzero(~self._problem.bottom)
         tops = layers[high, 2] / self._problem.depth
         by_tops = sparse.csr_array(
@@ -297,12 +315,13 @@ class _Search:
                 depth * (tops - np.clip(tops, *_DEPTHS)),
             ]
         )
-        slopes = sparse.vstack(
-            [angle_slopes(net, vertices), fold_slopes(vertices, self._problem.frame.creases)]
-        )
-        slopes = sparse.vstack([slopes @ by_layers, depth * by_tops]).tocsr()
+        # Few are beyond their bounds: derivatives of those alone.
         rows = np.flatnonzero(values)
-        beyond = slopes[rows]
+        bent, high_up = len(angles), len(angles) + len(folds)
+        folded = rows[(rows >= bent) & (rows < high_up)] - bent
+        by_places = [at.by_vertices[rows[rows < bent]], fold_slopes(at.vertices, creases[folded])]
+        by_height = depth * by_tops[rows[rows >= high_up] - high_up]
+        beyond = sparse.vstack([sparse.vstack(by_places) @ at.by_layers, by_height]).tocsr()
         return values[rows], (scale * beyond[:, self._free]).tocsr()
 
     def _left(self, layers: Floats, share: float) -> float:
