@@ -146,6 +146,24 @@ def test_a_cylinder_is_the_same_all_along_its_axis(planar):
     np.testing.assert_allclose(step, np.broadcast_to(step[0, 0], step.shape), atol=1e-9)
 
 
+def test_cells_on_a_cone_are_those_of_a_cylinder_as_much_wider_and_higher_as_it_is(planar):
+    cone, middle = Cone(0.07, 0.09, 0.12), 0.08
+    made = tessellate(cone, planar.cell, (6, 6), refold=False)
+    assert made.holds
+    assert made.folds
+    along, arc, _ = np.moveaxis(made.layers[made.sheet.columns], -1, 0)
+    rise = np.sin(np.arctan2(0.02, 0.12))
+    # Arcs are told at the middle: that cells widen with the radius is that these do not.
+    across = np.diff(arc, axis=1).mean(axis=1)
+    assert np.ptp(across) < 0.003 * across.mean()
+    steps = np.diff(along.mean(axis=1))
+    assert np.ptp(steps[1:-1]) < 0.005 * steps.mean()
+    x, _, height = made.layers[made.layers[:, 2] > 1e-3].T
+    relative = height / (1 + rise * x / middle)
+    assert np.ptp(relative) < 0.04 * relative.mean()
+    assert np.ptp(height) > 0.15 * height.mean()
+
+
 def test_the_difference_from_planar_falls_as_the_curvature(planar):
     flat = tessellate(Plane(), planar.cell, (3, 3), refold=False).sheet.vertices
     off = [
