@@ -22,8 +22,6 @@ from smoskin.errors import SmoskinError
 _START_DEADLINE: Final = 60.0
 """s for a process to import what it needs and to make the object."""
 _CLOSE_DEADLINE: Final = 10.0
-_NICE: Final = 5
-"""How far the process stands back for others where processors are short."""
 _LOG: Final = logging.getLogger("smoskin")
 
 
@@ -215,7 +213,6 @@ def _serve(incoming: BinaryIO, outgoing: BinaryIO) -> None:
     options |= {name: partial(send, "called", name) for name in callables}
     try:
         thing = make(*args, **options)
-        os.nice(_NICE)  # from now on: whoever has asked for the object waits for it
         send("made", {name: getattr(thing, name) for name in attributes})
     except Exception as error:
         send("made", _portable(error))
