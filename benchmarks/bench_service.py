@@ -27,11 +27,12 @@ from smoskin.commands.serve.skins import Service, wanted_skins
 from smoskin.service.apart.realtime import undisturbed
 from smoskin.service.bridges.feed import Feed
 from smoskin.service.loop import Histogram
+from smoskin.twin.hand import PERIOD
 
 SETTLED = 3.0
 """s after which losses and latencies count."""
-SESSION = 30.0
-"""s of a hand's touches that a board sends again and again."""
+TOUCHES = 37
+"""Touches of a hand that a board sends again and again; it has let go where they end."""
 UNTOUCHED = 5.0
 """s before them for each skin, which are opened one by one: no touch is taken for a zero."""
 BOARD = """
@@ -73,7 +74,9 @@ def make(folder: Path, seed: int, rate: float, untouched: float) -> None:
     skin.table.save(folder / f"s{seed}.table")
     url = f"twin://planar?manufactured=yes&seed={seed}&speed=max&rate={rate:g}"
     with smo.Recorder(folder / f"s{seed}.mcap", design) as sink:
-        for begin, seconds, hand in ((0.0, untouched, "no"), (untouched, SESSION, "yes")):
+        # The hand begins after so many readings.
+        session = TOUCHES * PERIOD + 25 / rate
+        for begin, seconds, hand in ((0.0, untouched, "no"), (untouched, session, "yes")):
             with smo.open_source(f"{url}&hand={hand}") as source:
                 for index in range(round(seconds * rate)):
                     sink.write(replace(source.read(), time=begin + index / rate))

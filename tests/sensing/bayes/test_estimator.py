@@ -236,6 +236,16 @@ def test_what_nothing_explains_is_out_of_range(skin, monkeypatch):
         assert (solver.guesses[1] is None) == (status is Status.OUT_OF_RANGE)
 
 
+def test_signals_that_nothing_explains_are_not_searched_again_at_once(skin, monkeypatch):
+    bayes, solver = stated(skin, monkeypatch, 400 * 9 + 1, (0.0, -9.0))
+    searched = []
+    for time, force in ((1.0, 1.0), (1.1, 1.02), (1.2, 1.5), (1.3, 1.52), (2.3, 1.5)):
+        assert bayes.step(raised(skin, time, force * STRONG)).status is Status.OUT_OF_RANGE
+        searched.append(len(solver.guesses))
+    once = searched[0]
+    assert searched == [once, once, 2 * once, 2 * once, 3 * once]
+
+
 def test_the_last_touch_is_the_first_guess_until_the_skin_is_let_go(skin, monkeypatch):
     bayes, solver = stated(skin, monkeypatch, 9.0, (0.0, -9.0))
     for k, signals in enumerate((STRONG, STRONG, np.zeros(9), STRONG)):

@@ -46,6 +46,9 @@ _AGE: Final = 0.2
 noise, which widens meanwhile, is taken to be the same."""
 _WORST: Final = 400.0
 """Misfit over its expected value past which nothing on the table fits."""
+_LOST: Final = 1.0
+"""Time, s, for which signals like those that nothing explained are not searched again: each such
+search tries all that it can."""
 
 
 class BayesEstimator(SignalEstimator):
@@ -114,6 +117,7 @@ class BayesEstimator(SignalEstimator):
         self._leads: dict[str, Lead] = {}
         self._rival: Rival | None = None
         self._alone: LoneTouch | None = None
+        self._lost: tuple[float, Floats] | None = None
 
     @property
     def misfit(self) -> Floats:
@@ -126,15 +130,18 @@ class BayesEstimator(SignalEstimator):
         self._solved_at = np.nan
 
     def _forget(self) -> None:
-        self._leads, self._rival, self._alone = {}, None, None
+        self._leads, self._rival, self._alone, self._lost = {}, None, None, None
 
     def _read(self, time: float, signals: Floats, temperature: float) -> Estimate:
         if not abs(temperature - self._solved_at) < _WARMER:
             self._solver.warm_to(temperature)
             self._solved_at = temperature
+        if self._is_lost(time, signals):
+            return Estimate(time=time, status=Status.OUT_OF_RANGE)
         found = self._likeliest(time, signals)
         if found.misfit > _WORST * self.table.count:
             self._forget()
+            self._lost = time, signals
             return Estimate(time=time, status=Status.OUT_OF_RANGE)
         values, covariance = self._touches(found)
         return Estimate(
@@ -143,6 +150,14 @@ class BayesEstimator(SignalEstimator):
             contacts=tuple(Contact(position=row[:2], force=row[2:]) for row in values),
             covariance=covariance,
         )
+
+    def _is_lost(self, time: float, signals: Floats) -> bool:
+        """Whether nothing explained signals like these a moment ago."""
+        if self._lost is None:
+            return False
+        since, before = self._lost
+        near = np.linalg.norm(signals - before) < _NEAR * np.linalg.norm(before)
+        return bool(near and time - since < _LOST)
 
     def _touches(self, found: TouchPosterior) -> tuple[Floats, Floats]:
         """Touch vectors (K, 5), and their covariance (K, 5, 5), others being as likely."""
@@ -193,8 +208,8 @@ class BayesEstimator(SignalEstimator):
         if two and two.evidence > rival.at_best(signals, zero.turned):
             return two
         turned = False
-        if one.misfit > _STIRRED * count:
-            solver.add_noise(still + zero.turned)
+        if one.misfit > _STIRRED * count and (turn := zero.turned).any():
+            solver.add_noise(still + turn)
             other = self._follow("turned", time, signals, before)
             if other.evidence + _TURNS > one.evidence:
                 best, turned = other, True
