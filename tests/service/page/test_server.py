@@ -152,6 +152,39 @@ def test_a_message_that_is_too_large_is_refused(port: int, token: str) -> None:
     assert get(port, f"/?token={token}")[0] == 200
 
 
+def test_a_message_sets_values_of_what_is_offered_and_nothing_else(
+    view: View, port: int, token: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    import msgspec
+    import viser
+
+    still, push = view._panel.still, view._panel._push
+    assert not still.visible
+    caplog.set_level(logging.WARNING)
+    refused = [(push, {"disabled": True}), (push, {"update_cb": []}), (still, {"value": True})]
+    refused.append((push, {"value": 0.7, "max": 9.0}))
+    callbacks = list(push._impl.update_cb)
+    with sockets.connect(
+        f"ws://127.0.0.1:{port}/?token={token}",
+        origin=f"http://127.0.0.1:{port}",
+        subprotocols=[f"viser-v{viser.__version__}"],
+    ) as connection:
+        for control, updates in (*refused, (push, {"value": 0.8})):
+            message = {"type": "GuiUpdateMessage", "uuid": control._impl.uuid, "updates": updates}
+            connection.send(msgspec.msgpack.encode(message))
+        end = time.monotonic() + 10.0
+        while push.value != 0.8 and time.monotonic() < end:
+            time.sleep(0.01)
+    assert (push.value, push.disabled, push.max, still.value) == (0.8, False, 1.0, False)
+    assert push._impl.update_cb == callbacks
+    told = [record.getMessage() for record in caplog.records if "refused" in record.getMessage()]
+    assert told == [
+        "refused to set disabled of a control",
+        "refused to set update_cb of a control",
+        "refused to set value, max of a control",
+    ]
+
+
 def test_ten_visitors_come_and_go_and_leave_nothing(view: View, port: int, token: str) -> None:
     import viser
 

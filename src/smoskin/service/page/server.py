@@ -68,7 +68,29 @@ def serve(port: int, title: str, head: str, body: str) -> tuple["viser.ViserServ
                 "the page must be guarded; this version of viser passes the guard by"
             )
         raise ArgumentError(f"port must be free; got {port}, which is in use")
+    _take_values_alone(server)
     return server, f"http://{HERE}:{door.port}/?token={door.token}"
+
+
+def _take_values_alone(server: "viser.ViserServer") -> None:
+    """Let browsers set the value of what a page offers, as its controls do, and nothing else.
+
+    The viewer would set any property of a control: its callbacks, or that it may be used.
+    """
+    from viser import _messages as messages
+
+    gui = server.gui
+    plain, sockets = gui._handle_gui_updates, gui._websock_interface
+
+    async def update(client: Any, message: messages.GuiUpdateMessage) -> None:
+        control = gui._gui_input_handle_from_uuid.get(message.uuid)
+        if set(message.updates) != {"value"}:
+            _LOG.warning("refused to set %s of a control", ", ".join(map(str, message.updates)))
+        elif control is not None and control.visible and not control.disabled:
+            await plain(client, message)
+
+    sockets.unregister_handler(messages.GuiUpdateMessage, plain)
+    sockets.register_handler(messages.GuiUpdateMessage, update)
 
 
 class StillPage(Resource):
