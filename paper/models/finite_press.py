@@ -21,9 +21,9 @@ from paper.models.fold_energies import (
 from smoskin.arrays import Floats
 from smoskin.design.skin import MiuraCell, SkinDesign
 from smoskin.errors import ArgumentError
+from smoskin.mechanics.plate import crease_stiffness
 from smoskin.mechanics.reduced.attenuation import CellChange, cell_change, profiles
 from smoskin.mechanics.reduced.stiffness import column_stiffness
-from smoskin.mechanics.sheet.lattice import crease_stiffness
 from smoskin.origami.cell import dihedral_angles, fold_angle, size
 
 Kinematics = Literal["first_order", "exact"]

@@ -18,7 +18,7 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import MiuraCell, Panels
-from smoskin.mechanics.sheet.lattice import shear_stiffness, twist_stiffness
+from smoskin.mechanics.plate import shear_stiffness, twist_stiffness
 from smoskin.origami.cell import DihedralAngles, dihedral_angles, size
 
 CreaseCount = Literal["each_once", "printed"]

@@ -18,9 +18,9 @@ from paper.models.fold_energies import (
 )
 from smoskin.arrays import Floats
 from smoskin.design.skin import MiuraCell, SkinDesign
+from smoskin.mechanics.plate import crease_stiffness
 from smoskin.mechanics.reduced.attenuation import profiles
 from smoskin.mechanics.reduced.stiffness import relative_stiffness_map
-from smoskin.mechanics.sheet.lattice import crease_stiffness
 
 PanelEnergy = Literal["neglected", "bending", "bending_and_stretching"]
 """What of the panels' energy is counted."""

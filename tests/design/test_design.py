@@ -63,6 +63,13 @@ def test_hash_follows_what_is_built_and_nothing_else(planar):
     assert replace(planar, provenance={}).content_hash == planar.content_hash
     thicker = replace(planar, columns=replace(planar.columns, radius=1.6e-3))
     assert thicker.content_hash != planar.content_hash
+    # What could not be chosen once leaves the hash of tables made before as it was.
+    assert planar.content_hash.startswith("4cf6126ec89a9732")
+    assert read_design("optimised").content_hash.startswith("7b761238cdba714f")
+    for part, choice in (("columns", {"rim_share": 0.9}), ("creases", {"vertex_hole": 1e-3})):
+        chosen = replace(planar, **{part: replace(getattr(planar, part), **choice)})
+        assert chosen.content_hash != planar.content_hash
+        assert parse_design(format_design(chosen)) == chosen
 
 
 def test_plain_values_are_read_too(planar):
@@ -213,3 +220,10 @@ def test_fold_angle_message_is_the_documented_sentence():
         MiuraCell(panel_a=0.01, panel_b=0.01, sector_angle=0.913, fold_angle=1.2)
     with pytest.raises(DesignError, match="cannot fold"):
         MiuraCell(panel_a=0.01, panel_b=0.01, sector_angle=1.0, fold_angle=math.nan)
+
+
+def test_holes_and_rim_columns_that_leave_nothing_are_refused(planar):
+    with pytest.raises(DesignError, match=r"rim_share must leave the rim's .* got 0.5, free from"):
+        replace(planar, columns=replace(planar.columns, rim_share=0.5))
+    with pytest.raises(DesignError, match=r"vertex_hole must leave of creases of 14.2442 mm some"):
+        replace(planar, creases=replace(planar.creases, vertex_hole=7.2e-3))

@@ -14,6 +14,8 @@ def test_acrylic_never_goes_into_the_hot_press(planar):
     with pytest.raises(DesignError, match=r"320 degC.*got acrylic.*220 degC.*flammable"):
         check_process(planar, shop)
     check_process(replace(planar, panels=replace(planar.panels, material="polyimide")), shop)
+    with pytest.raises(DesignError, match=r"rim_share must be 1: no part .* got 0.8"):
+        check_process(replace(planar, columns=replace(planar.columns, rim_share=0.8)), shop)
     check_process(planar, Workshop())
 
 

@@ -11,9 +11,9 @@ from smoskin.design.materials import FILMS
 from smoskin.design.skin import Creases, Magnet, MiuraCell
 from smoskin.magnetics.centripetal import amplitude
 from smoskin.magnetics.sector import field
+from smoskin.mechanics.plate import crease_stiffness
 from smoskin.mechanics.reduced.attenuation import cell_change
 from smoskin.mechanics.reduced.stiffness import cell_layers, relative_stiffness_map, shear_gain
-from smoskin.mechanics.sheet.lattice import crease_stiffness
 from smoskin.origami.cell import fold_angle, poisson_ratios, size
 from smoskin.origami.geometry import geometry
 

@@ -20,6 +20,8 @@ _LIMITS: Final[Mapping[str, tuple[float, float, str]]] = MappingProxyType(
         "clearance": _SIZE,
         "held_height": _SIZE,
         "play": _SIZE,
+        "vertex_hole": (0.0, 0.1, "m"),
+        "rim_share": (0.1, 1.0, ""),
         "pillars": (1, 10_000, ""),
         "skin_radius": (1e-3, 1e5, "m"),
         "remanence": (1.0, 1e7, "A/m"),

@@ -36,6 +36,7 @@ _FORM: Final = Form(
         "clearance": "mm",
         "held_height": "mm",
         "play": "mm",
+        "vertex_hole": "mm",
         "skin_radius": "mm",
         "remanence": "A_per_m",
         "folding_correction_x": "N",

@@ -21,6 +21,8 @@ from smoskin.errors import DesignError, ModelError
 
 Origin = Literal["printed", "inferred", "assumed"]
 AXES: Final = ("+x", "-x", "+y", "-y", "+z", "-z")
+_LATER: Final = {"vertex_hole": 0.0, "vertex_rubber": 0.0, "rim_share": 1.0, "load_share": 0.0}
+"""Values that designs were built with before they could be chosen; they leave a hash as it was."""
 
 
 @part_of_design
@@ -77,10 +79,15 @@ class Creases:
     """Share of the fold that the film keeps unloaded: 1 as folded, 0 where it would lie flat."""
     strip_shift: float = 0.0
     """Share of the strip's shift out of the plane that counts: 0 for an ideal hinge, 1 in full."""
+    vertex_hole: float = 0.0
+    """m: radius of the holes at vertices that creases and panels lack; 0 for whole ones."""
+    vertex_rubber: float = 0.0
+    """Share that counts of how rubber on vertices resists their fold: 0 for a point, 1 in full."""
 
     def __post_init__(self) -> None:
-        within("creases", thickness=self.thickness, gap=self.gap)
+        within("creases", thickness=self.thickness, gap=self.gap, vertex_hole=self.vertex_hole)
         share("creases", set_fraction=self.set_fraction, strip_shift=self.strip_shift)
+        share("creases", vertex_rubber=self.vertex_rubber)
         choice("creases", "material", self.material, tuple(FILMS))
 
 
@@ -113,9 +120,12 @@ class Columns:
     """m: height from the board's upper face to the bottom vertices."""
     material: str
     """A name in `smoskin.design.materials.ELASTOMERS`."""
+    rim_share: float = 1.0
+    """Share of that height over which columns on the rim are free, where something holds their
+    feet."""
 
     def __post_init__(self) -> None:
-        within("columns", radius=self.radius, height=self.height)
+        within("columns", radius=self.radius, height=self.height, rim_share=self.rim_share)
         choice("columns", "material", self.material, tuple(ELASTOMERS))
 
 
@@ -349,6 +359,19 @@ class SkinDesign:
                 f"frame.held_height must be below columns.height, "
                 f"{self.columns.height * 1e3:g} mm; got {self.frame.held_height * 1e3:g} mm"
             )
+        foot = (1 - self.columns.rim_share) * self.columns.height
+        if not foot < self.frame.held_height:
+            raise DesignError(
+                f"columns.rim_share must leave the rim's columns free below frame.held_height, "
+                f"{self.frame.held_height * 1e3:g} mm; got {self.columns.rim_share:g}, free from "
+                f"{foot * 1e3:g} mm"
+            )
+        holed = 2 * self.creases.vertex_hole
+        if not holed < (shorter := min(self.cell.panel_a, self.cell.panel_b)):
+            raise DesignError(
+                f"creases.vertex_hole must leave of creases of {shorter * 1e3:g} mm something "
+                f"between two holes; got {self.creases.vertex_hole * 1e3:g} mm"
+            )
         _unique("magnets", [magnet.name for magnet in self.magnets])
         _unique("hall sites", [site.name for site in self.halls])
         _unique("hall addresses", [f"{site.address:#x}" for site in self.halls])
@@ -382,7 +405,7 @@ class SkinDesign:
         values = {name: getattr(self, name) for name in built}
         if self.limb is None:  # a part that is not there changes nothing
             del values["limb"]
-        text = json.dumps(values, default=asdict, sort_keys=True, separators=(",", ":"))
+        text = json.dumps(values, default=_built, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 
     def check_own(self, name: str, content_hash: str) -> None:
@@ -399,6 +422,11 @@ class SkinDesign:
         if name not in magnets:
             raise DesignError(f"magnet must be one of {', '.join(magnets)}; got {name!r}")
         return magnets[name]
+
+
+def _built(part: Any) -> dict[str, Any]:
+    """Values of a part that make it another one than it could be before `_LATER`."""
+    return {name: v for name, v in asdict(part).items() if _LATER.get(name) != v}
 
 
 def _unique(what: str, names: list[str]) -> None:

@@ -142,8 +142,13 @@ def check_process(design: SkinDesign, workshop: Workshop) -> None:
     Raises
     ------
     DesignError
-        If panels would decompose in the hot press.
+        If panels would decompose in the hot press, or nothing would hold the rim's columns.
     """
+    if design.columns.rim_share != 1.0:
+        raise DesignError(
+            "columns.rim_share must be 1: no part that is made holds the feet of the rim's "
+            f"columns; got {design.columns.rim_share:g}"
+        )
     if workshop.bond == "hot press" and design.panels.material in _MELTS:
         raise DesignError(
             f"panels.material must stand the hot press at {PRESS_TEMPERATURE:.0f} degC, as "

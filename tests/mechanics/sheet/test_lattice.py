@@ -5,23 +5,27 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from scipy.sparse.linalg import splu
 
 from barhinge_oracle import hinge_gradient
 from skins import with_magnets
 from smoskin.design.materials import FILMS
 from smoskin.errors import DesignError
 from smoskin.mechanics.beam import beam, prop
-from smoskin.mechanics.sheet.lattice import (
-    BOND_STRENGTH,
-    Springs,
+from smoskin.mechanics.plate import (
     bending_stiffness,
-    build_lattice,
-    column_beam,
     shear_stiffness,
     shifting_factor,
+    twist_stiffness,
+)
+from smoskin.mechanics.sheet.lattice import (
+    BOND_STRENGTH,
+    FOLDED_RUBBER,
+    Springs,
+    build_lattice,
+    column_beam,
     springs_of,
     swaying_stiffness,
-    twist_stiffness,
 )
 
 
@@ -197,3 +201,74 @@ def test_springs_that_cannot_be_are_refused(planar, value):
         assert getattr(replace(springs, **{name: 0.0}), name) == 0.0
         with pytest.raises(DesignError, match=rf"springs\.{name} must be finite and >= 0; got"):
             replace(springs, **{name: value})
+
+
+def test_holes_take_their_share_of_creases_and_panels(planar):
+    """A panel inside loses one disc of its area, one at the sheet's corner a quarter of it."""
+    hole = 1e-3
+    holed = replace(planar, creases=replace(planar.creases, vertex_hole=hole))
+    before, after = build_lattice(planar), build_lattice(holed)
+    panels = before.panel_hinges
+    lost = 1 - (after.hinge_stiffness / before.hinge_stiffness)
+    a, b = planar.cell.panel_a, planar.cell.panel_b
+    disc = math.pi * hole**2 / (a * b * math.sin(planar.cell.sector_angle))
+    assert set((lost[:panels] / disc).round(9)) == {1.0, 0.5, 0.25}
+    length = lengths(before, before.hinges[panels:, :2])
+    assert set((lost[panels:] * length / hole).round(9)) == {1.0, 2.0}
+
+
+def test_rubber_on_vertices_resists_two_folds_in_full(planar):
+    """Half of a fold's moment at each crease's end: four ends at a column or a scale's patch."""
+    creases = replace(planar.creases, vertex_rubber=0.5)
+    before, after = build_lattice(planar), build_lattice(replace(planar, creases=creases))
+    more = after.hinge_stiffness - before.hinge_stiffness
+    assert not more[: before.panel_hinges].any()
+    ends = before.hinges[before.panel_hinges :, :2]
+    column, patch = 0.5 * FOLDED_RUBBER * 25e3 * 3.5e-3**3, 0.5 * FOLDED_RUBBER * 25e3 * 2e-3**3
+    kinds = np.zeros(len(before.nodes))
+    kinds[before.feet], kinds[before.loaded.ravel()] = column, patch
+    np.testing.assert_allclose(more[before.panel_hinges :], kinds[ends].sum(axis=1) / 2, rtol=1e-9)
+    four = np.bincount(ends.ravel(), minlength=len(kinds))[before.loaded.ravel()]
+    assert (four == 4).all()
+
+
+def test_finite_elements_of_rubber_across_a_fold():
+    """Bonded on a fold that opens, its foot held, its height free: 0.35 G r^3 a radian."""
+    felupe = pytest.importorskip("felupe")
+    ratio = 3.0
+    mesh = felupe.Circle(n=4, radius=1.0).expand(n=13, z=ratio)
+    mesh.points[:, 2] = ratio * (1 - (1 - mesh.points[:, 2] / ratio) ** 1.5)  # finer at the top
+    field = felupe.FieldContainer([felupe.Field(felupe.RegionHexahedron(mesh), dim=3)])
+    rubber = felupe.SolidBodyNearlyIncompressible(felupe.NeoHooke(mu=1.0), field, bulk=500.0)
+    whole = rubber.assemble.matrix().tocsc()
+    top = np.isclose(mesh.points[:, 2], ratio)
+    held = np.repeat(top | np.isclose(mesh.points[:, 2], 0.0), 3)
+    moved = np.zeros((mesh.npoints, 3, 2))
+    moved[top, 2] = np.stack([np.abs(mesh.points[top, 1]) / 2, np.ones(top.sum())], axis=-1)
+    shape = moved.reshape(-1, 2)
+    shape[~held] = splu(whole[~held][:, ~held]).solve(-whole[~held][:, held] @ shape[held])
+    (fold, both), (_, sink) = shape.T @ (whole @ shape)
+    assert fold - both**2 / sink == pytest.approx(FOLDED_RUBBER, rel=0.02)
+
+
+def test_rim_columns_free_over_a_share_of_their_height_are_beams_of_it(planar):
+    """Below is their own foot; the frame meets them as high as before."""
+    short = replace(planar, columns=replace(planar.columns, rim_share=0.8))
+    lattice, usual = build_lattice(short), build_lattice(planar)
+    made, rim = lattice.supports, np.isin(lattice.feet, lattice.stops.nodes)
+    own = beam(3.5e-3, 0.8 * 13e-3, 25e3)
+    for name, value in (
+        ("lateral", own.lateral),
+        ("axial", own.axial),
+        ("height", 0.8 * 13e-3),
+        ("shear_share", own.shear_share),
+    ):
+        np.testing.assert_allclose(getattr(made, name)[rim], value)
+        np.testing.assert_array_equal(
+            getattr(made, name)[~rim], getattr(usual.supports, name)[~rim]
+        )
+    assert made.lateral.sum() == pytest.approx(swaying_stiffness(short))
+    held = prop(own.lateral, own.shear_share, (6.5 - 0.2 * 13) / (0.8 * 13))
+    np.testing.assert_allclose(lattice.stops.free, planar.frame.clearance / held.lever)
+    np.testing.assert_allclose(lattice.stops.stiffness, held.stiffness)
+    np.testing.assert_array_equal(lattice.stops.places, usual.stops.places)

@@ -21,8 +21,8 @@ from paper.models.fold_energies import (
 from paper.models.stiffness_terms import stiffness_terms
 from smoskin.design.skin import Creases
 from smoskin.errors import DesignError
+from smoskin.mechanics.plate import crease_stiffness
 from smoskin.mechanics.reduced.stiffness import column_stiffness
-from smoskin.mechanics.sheet.lattice import crease_stiffness
 from smoskin.origami.cell import dihedral_angles, fold_angle, size
 from smoskin.origami.sheet import build_sheet, vertex_positions
 

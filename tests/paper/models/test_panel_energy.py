@@ -14,8 +14,8 @@ from paper.models.stiffness_terms import stiffness_terms
 from smoskin.design.materials import FILMS
 from smoskin.design.skin import MiuraCell, Panels
 from smoskin.errors import DesignError
+from smoskin.mechanics.plate import crease_stiffness, shear_stiffness, twist_stiffness
 from smoskin.mechanics.reduced.stiffness import column_stiffness
-from smoskin.mechanics.sheet.lattice import crease_stiffness, shear_stiffness, twist_stiffness
 from smoskin.origami.cell import fold_angle, size
 from smoskin.origami.sheet import build_sheet, vertex_positions
 

@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 from paper.models.reduction import (
     LEAST_ATTENUATION,
     UnitPresses,
+    cells_named,
     fit_columns,
     fit_magnets,
     fit_stiffness,
@@ -26,7 +27,7 @@ from smoskin.mechanics.reduced.attenuation import (
 )
 from smoskin.mechanics.reduced.stiffness import column_stiffness, relative_stiffness_map
 from smoskin.mechanics.sheet.lattice import build_lattice, springs_of
-from smoskin.mechanics.sheet.touches import Covered
+from smoskin.mechanics.sheet.touches import Covered, Sticking
 from smoskin.origami.geometry import geometry
 
 ATTENUATIONS = st.tuples(st.floats(0.02, 0.99), st.floats(0.02, 0.99))
@@ -168,3 +169,28 @@ def test_a_press_without_an_answer_is_refused(planar):
     for force in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(ArgumentError, match=r"force must be positive and finite; got"):
             unit_presses(lost, force=force)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("part", "choice", "signs", "named", "stiffness"),
+    [
+        ("creases", {}, (36, 35), (35, 32), (2.37, 5.88, 9.05)),
+        ("creases", {"vertex_hole": 1.03e-3}, (36, 34), (35, 31), (2.36, 5.87, 9.04)),
+        ("creases", {"vertex_rubber": 1.0}, (36, 34), (35, 29), (2.37, 5.94, 9.28)),
+        ("columns", {"rim_share": 11 / 13}, (36, 34), (35, 28), (2.60, 6.51, 10.10)),
+        ("columns", {"rim_share": 9 / 13}, (35, 32), (33, 22), (2.94, 7.40, 11.46)),
+    ],
+)
+def test_what_vertices_and_rim_columns_decide(planar, part, choice, signs, named, stiffness):
+    """As docs/derivations_sheet.md has it: sticking and covered, and N/mm of (1,1) to (3,3)."""
+    pytest.importorskip("jax")
+    from smoskin.mechanics.sheet.model import BarHinge
+
+    design = replace(planar, **{part: replace(getattr(planar, part), **choice)})
+    presses = [unit_presses(BarHinge(design, grip=grip)) for grip in (Sticking(), Covered())]
+    assert tuple(int(signs_agree(each).all(axis=(2, 3)).sum()) for each in presses) == signs
+    counts = [cells_named(each, (0.55, 0.55)) for each in presses]
+    assert_allclose(counts, named, atol=1)  # some cells lie on a line that divides names
+    layer = np.arange(3)
+    assert_allclose(presses[0].stiffness[layer, layer] / 1e3, stiffness, atol=0.006)

@@ -13,16 +13,27 @@ import numpy as np
 
 from smoskin.arrays import Floats, Ints
 from smoskin.design.materials import ELASTOMERS, FILMS
-from smoskin.design.skin import Creases, MiuraCell, Panels, SkinDesign
+from smoskin.design.skin import MiuraCell, Panels, SkinDesign
 from smoskin.errors import DesignError
 from smoskin.mechanics import beam
-from smoskin.mechanics.beam import Beam, prop
+from smoskin.mechanics.beam import Beam, Prop, prop
+from smoskin.mechanics.plate import (
+    bending_stiffness,
+    crease_stiffness,
+    panel_area,
+    shear_stiffness,
+    shifting_factor,
+)
 from smoskin.origami.geometry import geometry
+from smoskin.origami.outline import SCALE_BOSS
 from smoskin.origami.sheet import Sheet
 
 BOND_STRENGTH: Final = 20e3
 """Pa: pull at which a column leaves its base. Assumed: silicone poured on to a primed face peels
 at some tens of kilopascals, far below the megapascal at which the rubber itself tears."""
+FOLDED_RUBBER: Final = 0.35
+"""Moment per angle, over G r^3, of rubber bonded over a radius r across a fold: by finite elements
+of cylinders two to six radii high whose height is free; 0.26 to 0.43 of a scale's patch."""
 _ROUNDING = 0.05
 """Half of the sway over which a stop's force sets in, over the free sway."""
 
@@ -157,7 +168,7 @@ def springs_of(design: SkinDesign) -> Springs:
     Notes
     -----
     Source: SI Eq. (S16) for creases, `smoskin.mechanics.beam` for columns and stops,
-    `bending_stiffness` for panels.
+    `smoskin.mechanics.plate` for panels.
 
     Examples
     --------
@@ -167,23 +178,31 @@ def springs_of(design: SkinDesign) -> Springs:
     (31.2, 230.07)
     """
     column = column_beam(design)
-    place = design.frame.held_height / design.columns.height
     bending = bending_stiffness(design.cell, design.panels)
     return Springs(
         column_lateral=column.lateral,
         column_axial=column.axial,
-        stop=prop(column.lateral, column.shear_share, place).stiffness,
+        stop=_held(design).stiffness,
         crease=crease_stiffness(design.creases),
         panel_bending=bending * shifting_factor(design),
         panel_membrane=FILMS[design.panels.material].young_modulus * design.panels.thickness,
     )
 
 
-def column_beam(design: SkinDesign) -> Beam:
-    """One column as a beam."""
+def column_beam(design: SkinDesign, *, rim: bool = False) -> Beam:
+    """One column as a beam; on the rim it may be free over a share of its height alone."""
     columns = design.columns
     modulus = ELASTOMERS[columns.material].shear_modulus
-    return beam.beam(columns.radius, columns.height, modulus)
+    free = columns.rim_share if rim else 1.0
+    return beam.beam(columns.radius, free * columns.height, modulus)
+
+
+def _held(design: SkinDesign) -> Prop:
+    """The frame as a support of the rim's columns."""
+    own, columns = column_beam(design, rim=True), design.columns
+    free = columns.rim_share * columns.height
+    place = 1 - (columns.height - design.frame.held_height) / free
+    return prop(own.lateral, own.shear_share, place)
 
 
 def swaying_stiffness(design: SkinDesign) -> float:
@@ -196,101 +215,9 @@ def swaying_stiffness(design: SkinDesign) -> float:
     2839
     """
     n, m = design.cells
-    return (2 * n + 1) * (m + 1) * column_beam(design).lateral
-
-
-def shifting_factor(design: SkinDesign) -> float:
-    """Stiffness of a panel's bend with the shift of the film strips round it, over that without.
-
-    A warped panel's edges need not follow their neighbours': over a gap g the free film shifts out
-    of the plane. Along an edge the shift grows evenly to the corner's, 12 D L / (3 g^3) for a film
-    of D = E t^3 / (12 (1 - nu^2)), in series with `twist_stiffness`.
-
-    Notes
-    -----
-    Source: clamped strip under a shift of its edges; L the mean edge. An estimate.
-
-    Examples
-    --------
-    >>> from dataclasses import replace
-    >>> from smoskin.design.document import read_design
-    >>> design = read_design("planar")
-    >>> shifts = replace(design, creases=replace(design.creases, strip_shift=1.0))
-    >>> shifting_factor(design), round(shifting_factor(shifts), 2)
-    (1.0, 0.01)
-    """
-    creases, film = design.creases, FILMS[design.creases.material]
-    rigidity = film.young_modulus * creases.thickness**3 / (12 * (1 - film.poisson_ratio**2))
-    edge = (design.cell.panel_a + design.cell.panel_b) / 2
-    shift = 4 * rigidity * edge / creases.gap**3
-    twist = twist_stiffness(design.cell, design.panels)
-    return shift / (shift + creases.strip_shift * twist)
-
-
-def bending_stiffness(cell: MiuraCell, panels: Panels) -> float:
-    """Moment per angle of a panel bent about its shorter diagonal, N m/rad.
-
-    A corner that leaves the plane of the other three by ``delta`` turns the hinge by
-    ``delta D / A``, with D the diagonal and A the panel's area.
-
-    Notes
-    -----
-    Source: SI Eq. (S25), K_p; the energy of `twist_stiffness`.
-    Valid for deflections below the panel's thickness.
-    """
-    a, b = cell.panel_a, cell.panel_b
-    diagonal = float(np.sqrt(a**2 + b**2 - 2 * a * b * np.cos(cell.sector_angle)))
-    return twist_stiffness(cell, panels) * (_area(cell) / diagonal) ** 2
-
-
-def crease_stiffness(creases: Creases) -> float:
-    """Moment per length and angle that a crease holds, k, N (that is N m per m and rad).
-
-    Notes
-    -----
-    Source: SI Eq. (S16), the text under it: k = E I / g with I = t^3 / 12 per length, the film
-    bent evenly across its gap g. Valid for a gap much narrower than a panel.
-
-    Examples
-    --------
-    >>> film = Creases(thickness=50e-6, gap=1e-3, material="polyimide")
-    >>> round(crease_stiffness(film), 5)
-    0.02604
-    """
-    modulus = FILMS[creases.material].young_modulus
-    return modulus * creases.thickness**3 / (12 * creases.gap)
-
-
-def twist_stiffness(cell: MiuraCell, panels: Panels) -> float:
-    """Force per corner deflection of a panel warped into a hyperbolic paraboloid, N/m.
-
-    Its straight edges stay straight, as the neighbours across the creases want them:
-    ``4 D (cot^2 alpha + (1 - nu)/2) / A`` with ``D = E t^3 / (12 (1 - nu^2))``, that is t^2 / 3
-    times `shear_stiffness` over A^2, times the panels' `bonding`.
-
-    Notes
-    -----
-    Source: SI Eq. (S25), which only names it; Kirchhoff's plate with a uniform twist.
-    Valid for deflections below the panel's thickness.
-    """
-    solid = panels.thickness**2 / 3 * shear_stiffness(cell, panels) / _area(cell) ** 2
-    return panels.bonding * solid
-
-
-def shear_stiffness(cell: MiuraCell, panels: Panels) -> float:
-    """Moment per change of a panel's corner angle with its edges' lengths kept, N m/rad.
-
-    ``A E t (cot^2 alpha + (1 - nu)/2) / (1 - nu^2)``.
-
-    Notes
-    -----
-    Source: SI Eq. (S25), which only names it; plane stress with a uniform strain.
-    """
-    material = FILMS[panels.material]
-    nu = material.poisson_ratio
-    membrane = material.young_modulus * panels.thickness / (1 - nu**2)
-    shape = float(1 / np.tan(cell.sector_angle) ** 2 + (1 - nu) / 2)
-    return membrane * shape * _area(cell)
+    inner = (2 * n - 1) * (m - 1)
+    rim = (2 * n + 1) * (m + 1) - inner
+    return inner * column_beam(design).lateral + rim * column_beam(design, rim=True).lateral
 
 
 def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice:
@@ -300,7 +227,7 @@ def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice
     -----
     Source: SI Eq. (S25), K_p, for the panels. An edge takes half of the plate on either side, so
     that a panel pulled along an edge is as stiff as its plate; the diagonal takes what shearing
-    the panel costs, `shear_stiffness`.
+    the panel costs, `smoskin.mechanics.plate.shear_stiffness`.
 
     Examples
     --------
@@ -315,8 +242,9 @@ def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice
     diagonals = _panel_hinges(sheet)
     bars, bar_stiffness = _bars(sheet, diagonals, cell, design.panels)
     creases = _crease_hinges(sheet, diagonals)
-    bending = np.full(len(diagonals), springs.panel_bending)
-    columns = sheet.columns.size
+    columns, free = sheet.columns.size, np.ones(sheet.columns.shape)
+    free[[0, -1]] = free[:, [0, -1]] = design.columns.rim_share
+    on_rim, usual, rim = free.ravel() < 1.0, column_beam(design), column_beam(design, rim=True)
     # A magnet in place of a column hangs on the sheet alone.
     there = np.ones(columns)
     for magnet, place in zip(design.magnets, skin.magnets, strict=True):
@@ -324,10 +252,10 @@ def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice
             there[nearest_foot(design, place)] = 0.0
     supports = Supports(
         feet=sheet.columns.ravel(),
-        lateral=there * springs.column_lateral,
-        axial=there * springs.column_axial,
-        height=np.full(columns, design.columns.height),
-        shear_share=np.full(columns, column_beam(design).shear_share),
+        lateral=there * springs.column_lateral * np.where(on_rim, rim.lateral / usual.lateral, 1.0),
+        axial=there * springs.column_axial * np.where(on_rim, rim.axial / usual.axial, 1.0),
+        height=free.ravel() * design.columns.height,
+        shear_share=np.where(on_rim, rim.shear_share, usual.shear_share),
         axes=skin.axes[sheet.columns.ravel()],
     )
     return Lattice(
@@ -335,7 +263,7 @@ def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice
         bars=bars,
         bar_stiffness=springs.panel_membrane * bar_stiffness,
         hinges=np.concatenate([diagonals, creases]),
-        hinge_stiffness=np.append(bending, springs.crease * _lengths(sheet, creases[:, :2])),
+        hinge_stiffness=_hinge_stiffness(design, springs, creases[:, :2]),
         panel_hinges=len(diagonals),
         crease_set=np.full(len(creases), design.creases.set_fraction),
         supports=supports,
@@ -344,6 +272,27 @@ def build_lattice(design: SkinDesign, springs: Springs | None = None) -> Lattice
         loaded_axes=skin.axes[sheet.loaded.ravel()],
         bond_limit=BOND_STRENGTH * np.pi * design.columns.radius**2,
     )
+
+
+def _hinge_stiffness(design: SkinDesign, springs: Springs, creases: Ints) -> Floats:
+    """Stiffness of the panels' bends, then of creases between two nodes each, N m/rad.
+
+    A hole of radius rho round an inner vertex takes rho of every crease there and, as a panel's
+    twist is even, its area's share of the bending. Rubber on a vertex resists two folds of
+    creases through it, `FOLDED_RUBBER` each, half at either crease's end: columns below, and a
+    scale's patch on the loaded vertices.
+    """
+    sheet, parts, hole = geometry(design).sheet, design.creases, design.creases.vertex_hole
+    inner = np.bincount(sheet.facets.ravel(), minlength=len(sheet.vertices)) == 4
+    area = np.pi * hole**2 / panel_area(design.cell)
+    bending = springs.panel_bending * (1 - inner[sheet.facets].mean(axis=1) * area)
+    radius = np.zeros(len(sheet.vertices))
+    radius[sheet.columns.ravel()] = design.columns.radius
+    radius[sheet.loaded.ravel()] = SCALE_BOSS
+    modulus = ELASTOMERS[design.columns.material].shear_modulus
+    rubber = parts.vertex_rubber * FOLDED_RUBBER * modulus * radius**3 / 2
+    length = _lengths(sheet, creases) - hole * inner[creases].sum(axis=1)
+    return np.append(bending, springs.crease * length + rubber[creases].sum(axis=1))
 
 
 def nearest_foot(design: SkinDesign, place: Floats) -> int:
@@ -360,15 +309,13 @@ def build_stops(design: SkinDesign, stiffness: float) -> Stops:
     -----
     Source: `smoskin.mechanics.beam.prop`, a rigid frame. A column's load is left out of it.
     """
-    frame, columns, skin = design.frame, design.columns, geometry(design)
+    frame, skin, held = design.frame, geometry(design), _held(design)
     rows = skin.sheet.columns
     sides = [(rows[0], 0, -1.0), (rows[-1], 0, 1.0), (rows[:, 0], 1, -1.0), (rows[:, -1], 1, 1.0)]
     nodes = np.concatenate([line for line, _, _ in sides])
     normal = np.concatenate([sign * skin.axes[line][:, :, axis] for line, axis, sign in sides])
-    own = column_beam(design)
-    held = prop(own.lateral, own.shear_share, frame.held_height / columns.height)
     free = np.full(len(nodes), frame.clearance / held.lever)
-    down = frame.held_height - columns.height
+    down = frame.held_height - design.columns.height
     places = skin.sheet.vertices[nodes] + down * skin.axes[nodes][:, :, 2]
     return Stops(
         nodes=nodes,
@@ -394,7 +341,7 @@ def _panel_hinges(sheet: Sheet) -> Ints:
 
 def _bars(sheet: Sheet, diagonals: Ints, cell: MiuraCell, panels: Panels) -> tuple[Ints, Floats]:
     """Every edge once and every diagonal, with EA / L over E t."""
-    area = _area(cell)
+    area = panel_area(cell)
     edges = np.concatenate([sheet.facets[:, [k, (k + 1) % 4]] for k in range(4)])
     bars, panels_beside = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
     lengths = _lengths(sheet, bars)
@@ -422,8 +369,3 @@ def _lengths(sheet: Sheet, pairs: Ints) -> Floats:
     """Distance between the nodes of each pair."""
     ends = sheet.vertices[pairs]
     return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=-1))
-
-
-def _area(cell: MiuraCell) -> float:
-    """Area of one panel, m^2."""
-    return float(cell.panel_a * cell.panel_b * np.sin(cell.sector_angle))
