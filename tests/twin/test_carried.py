@@ -8,7 +8,7 @@ pytest.importorskip("jax")
 from smoskin.design.document import read_design
 from smoskin.magnetics import mlx90393
 from smoskin.magnetics.arrangement import rotation_matrix
-from smoskin.mechanics.weight import GRAVITY
+from smoskin.mechanics.masses import GRAVITY
 from smoskin.origami.geometry import geometry
 from smoskin.twin.carried import CarriedSkin
 from smoskin.twin.whole import Twin

@@ -172,9 +172,12 @@ class ShearLayer:
     """m: height."""
     material: str
     """A name in `smoskin.design.materials.ELASTOMERS`."""
+    load_share: float = 0.0
+    """Share that counts of how weight and presses soften the pillars against sway."""
 
     def __post_init__(self) -> None:
         within("shear_layer", pillars=self.pillars, radius=self.radius, height=self.height)
+        share("shear_layer", load_share=self.load_share)
         choice("shear_layer", "material", self.material, tuple(ELASTOMERS))
 
 

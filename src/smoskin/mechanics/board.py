@@ -4,14 +4,16 @@ The design does not place the pillars; they are taken as spread evenly under the
 as standing along its normals. Under a limb's skin the board is a stiff shell that lies on them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from smoskin.arrays import Floats, freeze
 from smoskin.design.materials import ELASTOMERS
 from smoskin.design.skin import SkinDesign
-from smoskin.mechanics.beam import beam
+from smoskin.errors import DesignError
+from smoskin.mechanics.beam import beam, sway, unloaded
+from smoskin.mechanics.masses import GRAVITY, mass_on_pillars
 from smoskin.origami.geometry import geometry
 
 _POINTS = 12
@@ -30,9 +32,16 @@ class Board:
     """(6, 6): motion of the middle and turns, in rows, of each of the six, in columns: three
     motions along the axes, and turns about axes through points that the pillars then do not push
     aside. Each is its own where the pillars stand on a plane."""
+    softening: Floats
+    """(6, 6, 6): change of the stiffness between two of the six with each of them, as loaded
+    pillars give way aside; zero where no load counts."""
 
     def __post_init__(self) -> None:
-        freeze(self, stiffness=(6,), middle=(3,), modes=(6, 6))
+        freeze(self, stiffness=(6,), middle=(3,), modes=(6, 6), softening=(6, 6, 6))
+
+    def stiffer(self, factor: float) -> "Board":
+        """The board on pillars of stiffer rubber, their softening with it."""
+        return replace(self, stiffness=factor * self.stiffness, softening=factor * self.softening)
 
     def carries(self, places: Floats) -> Floats:
         """Motion of places (..., 3), m, with each of the six motions held apart, (..., 3, 6)."""
@@ -50,7 +59,10 @@ def board_of(design: SkinDesign) -> Board:
     -----
     Source: SI Eq. (S26), of pillars that bend as `smoskin.mechanics.beam.beam` says, the SI's in
     pure shear; their squared distances from the middle for the turns. Their own resistance to
-    their tops' turning is left out.
+    their tops' turning is left out. Of the load on them, `shear_layer.load_share` counts: the
+    weight at rest, alike on all, as `smoskin.mechanics.beam.sway` says; what presses add to it,
+    to the first order, with the energy k_a k'(N) d |u|^2 / 2 of a pillar that sways by u and
+    sinks by d, k its stiffness against sway and k_a that along its axis.
 
     Examples
     --------
@@ -61,7 +73,15 @@ def board_of(design: SkinDesign) -> Board:
     """
     layer, skin = design.shear_layer, geometry(design)
     pillar = beam(layer.radius, layer.height, ELASTOMERS[layer.material].shear_modulus)
-    across, along = layer.pillars * pillar.lateral, layer.pillars * pillar.axial
+    unit = pillar.lateral / unloaded(pillar.shear_share)
+    load = layer.load_share * GRAVITY * mass_on_pillars(design) / layer.pillars
+    held = sway(load / (unit * layer.height), pillar.shear_share)
+    if not held.value > 0:
+        raise DesignError(
+            f"shear_layer.height must let the pillars stand under {1e3 * load:.0f} mN each; got "
+            f"{1e3 * layer.height:g} mm"
+        )
+    across, along = layer.pillars * unit * float(held.value), layer.pillars * pillar.axial
     depth = -design.columns.height - design.board.thickness
     middle = skin.roll.places([*skin.extent / 2, depth])
     if design.curvature == 0.0:
@@ -69,15 +89,24 @@ def board_of(design: SkinDesign) -> Board:
         turns = [along * y**2 / 12, along * x**2 / 12, across * (x**2 + y**2) / 12]
         whole = np.diag([across, across, along, *turns])
     else:
-        whole = _on_limb(design, across, along, depth, middle)
+        local, share = _pillars(design, depth, middle)
+        whole = np.einsum("pq,pqds,d,pqde->se", share, local, [across, across, along], local)
     modes, stiffness = _apart(whole)
-    return Board(stiffness=stiffness, middle=middle, modes=modes)
+    softening = np.zeros((6, 6, 6))
+    if layer.load_share:
+        local, share = _pillars(design, depth, middle)
+        x, y, z = np.moveaxis(local @ modes, 2, 0)
+        part = layer.load_share * along * float(held.slope) / layer.height
+        once = -part * sum(np.einsum("pq,pqi,pqj,pqk->ijk", share, z, u, u) for u in (x, y))
+        softening = once + once.transpose(1, 0, 2) + once.transpose(1, 2, 0)
+    return Board(stiffness=stiffness, middle=middle, modes=modes, softening=softening)
 
 
-def _on_limb(
-    design: SkinDesign, across: float, along: float, depth: float, middle: Floats
-) -> Floats:
-    """Stiffness of pillars all over an arc against the board's six motions, (6, 6)."""
+def _pillars(design: SkinDesign, depth: float, middle: Floats) -> tuple[Floats, Floats]:
+    """Motion of pillars' tops along and across them with the board's six, (P, P, 3, 6).
+
+    The second answer are the shares of all pillars that they stand for, (P, P).
+    """
     skin = geometry(design)
     nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
     x, y = (end * (1 + nodes) / 2 for end in skin.extent)
@@ -87,9 +116,7 @@ def _on_limb(
     turns = turned(places - middle)
     moved = np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=-1)
     local = np.swapaxes(axes, -1, -2) @ moved
-    share = np.outer(weights, weights) / 4
-    whole: Floats = np.einsum("pq,pqds,d,pqde->se", share, local, [across, across, along], local)
-    return whole
+    return local, np.outer(weights, weights) / 4
 
 
 def _apart(whole: Floats) -> tuple[Floats, Floats]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
-from smoskin.mechanics.weight import GRAVITY
+from smoskin.mechanics.masses import GRAVITY
 from smoskin.records import Contact, Motion, Reading
 from smoskin.twin.creep import Creep
 from smoskin.twin.rig import drifting_readings

@@ -230,8 +230,5 @@ def made_mechanics(
     )
     hinges = whole.hinge_stiffness.copy()
     hinges[whole.panel_hinges :] *= deviations.creases
-    board = board_of(design)
-    return (
-        replace(whole, supports=supports, stops=stops, hinge_stiffness=hinges),
-        replace(board, stiffness=softness * board.stiffness),
-    )
+    made = replace(whole, supports=supports, stops=stops, hinge_stiffness=hinges)
+    return made, board_of(design).stiffer(softness)

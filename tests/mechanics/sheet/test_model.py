@@ -149,8 +149,19 @@ def test_small_loads_are_reciprocal(small):
     assert work[0] != 0
 
 
-@pytest.mark.parametrize("grip", [Sticking(), Sliding(friction=0.06), Frictionless(), Covered()])
-def test_derivatives_are_those_of_presses_solved_anew(small, grip):
+@pytest.mark.parametrize(
+    ("grip", "load_share"),
+    [
+        (Sticking(), 0.0),
+        (Sticking(), 1.0),
+        (Sliding(friction=0.06), 0.0),
+        (Frictionless(), 0.0),
+        (Covered(), 0.0),
+    ],
+)
+def test_derivatives_are_those_of_presses_solved_anew(small, grip, load_share):
+    """On pillars that load softens too."""
+    small = replace(small, shear_layer=replace(small.shear_layer, load_share=load_share))
     position = np.array([[(0.0213, 0.0312), (0.0475, 0.0633)]])
     force = np.array([[(0.06, -0.05, -0.5), (0.0, 0.02, -0.3)]])
     model = BarHinge(small, grip=grip)

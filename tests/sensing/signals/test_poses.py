@@ -10,8 +10,9 @@ from smoskin.magnetics.arrangement import rotation_matrix
 from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
 from smoskin.magnetics.inversion import rest_cross_talk
 from smoskin.magnetics.temperature import temperature_factor
+from smoskin.mechanics.masses import GRAVITY
 from smoskin.mechanics.viscoelasticity import Memory, elastomer_prony
-from smoskin.mechanics.weight import GRAVITY, sags
+from smoskin.mechanics.weight import sags
 from smoskin.origami.geometry import geometry
 from smoskin.records import Estimate, Pose, Reading, Status
 from smoskin.sensing.estimators import ZeroFirst

@@ -42,6 +42,8 @@ class Net(NamedTuple):
     """Bars and hinges."""
     board: Array
     """(6, 1), N/m and N m/rad: stiffness of the board."""
+    softening: Array
+    """(6, 6, 6): its change with the board's motion."""
     top: Array
     """(T,): nodes that can be touched."""
     top_axes: Array
@@ -140,6 +142,7 @@ def _inner(net: Net, path: Path) -> tuple[Array, Array, Array]:
     total = total.at[feet].add(columns.column_forces(made.columns, bent))
     total = total.at[stops.nodes].add(push[:, None] * stops.normal)
     on_board = net.board * path.board + stops.by_board.T @ push
+    on_board += jnp.einsum("ijk,jb,kb->ib", net.softening, path.board, path.board) / 2
     return total, on_board, primal - linear
 
 
@@ -298,6 +301,7 @@ class Equilibrium:
             self._net = Net(
                 elements=self.tangent.elements_at(made),
                 board=jnp.asarray(board.stiffness[:, None]),
+                softening=jnp.asarray(board.softening),
                 top=jnp.asarray(lattice.loaded.ravel()),
                 top_axes=jnp.asarray(lattice.loaded_axes[..., None]),
                 rest=jax.tree.map(jnp.asarray, rest),

@@ -117,10 +117,11 @@ class Tangent:
             If no stable equilibrium can be here.
         """
         made = self.blocks(motion, board, force, fold=fold)
+        softer = self.board.softening @ board
         return Place(
             blocks=made,
-            board=np.diag(self.board.stiffness) + made.board,
-            board_push=self.board.stiffness * board + made.board_push,
+            board=np.diag(self.board.stiffness) + softer + made.board,
+            board_push=self.board.stiffness * board + softer @ board / 2 + made.board_push,
             factor=cholesky_banded(self._band(made), lower=True),
         )
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
-from smoskin.mechanics.weight import GRAVITY, sags
+from smoskin.mechanics.masses import GRAVITY
+from smoskin.mechanics.weight import sags
 from smoskin.origami.geometry import geometry
 from smoskin.records import Pose
 from smoskin.sensing.signals.turning import change_by_weight

@@ -10,8 +10,9 @@ from smoskin.arrays import Floats
 from smoskin.magnetics.arrangement import rotation_matrix
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.mechanics.board import carried
+from smoskin.mechanics.masses import GRAVITY
 from smoskin.mechanics.sheet.holders import holder_matrix
-from smoskin.mechanics.weight import GRAVITY, board_load, hung_loads
+from smoskin.mechanics.weight import board_load, hung_loads
 from smoskin.records import Motion
 from smoskin.twin.manufacture import made_mechanics
 from smoskin.twin.whole import Twin
