@@ -33,7 +33,7 @@ SETTLED = 3.0
 """s after which losses and latencies count."""
 TOUCHES = 37
 """Touches of a hand that a board sends again and again; it has let go where they end."""
-UNTOUCHED = 5.0
+UNTOUCHED = 15.0
 """s before them for each skin, which are opened one by one: no touch is taken for a zero."""
 BOARD = """
 import sys, smoskin as smo

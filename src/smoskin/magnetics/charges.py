@@ -75,11 +75,23 @@ def charge_field_and_gradient(
     (..., S, 3), m, is in the frame of magnet s; dB_i/dx_j stands at [..., i, j]. Arguments are not
     checked: this is the innermost call of a live estimator.
     """
-    away = points[..., None, :] - positions
-    square = np.einsum("...qi,...qi->...q", away, away)
-    weight = charges / (square * np.sqrt(square))
-    density = np.matmul(weight[..., None, :], away)[..., 0, :]
+    away, square, weight, density = _summed(positions, charges, points)
     steep = (-3.0 * weight / square)[..., None] * away
     gradient = np.matmul(np.swapaxes(away, -1, -2), steep)
     gradient += weight.sum(axis=-1)[..., None, None] * _EYE
     return density, gradient
+
+
+def charge_field(positions: Floats, charges: Floats, points: Floats) -> Floats:
+    """Flux density alone of what `charge_field_and_gradient` takes, (..., S, 3), T."""
+    return _summed(positions, charges, points)[-1]
+
+
+def _summed(
+    positions: Floats, charges: Floats, points: Floats
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Ways d from charges, their squared lengths, q / |d|^3, and the flux densities."""
+    away = points[..., None, :] - positions
+    square = np.einsum("...qi,...qi->...q", away, away)
+    weight = charges / (square * np.sqrt(square))
+    return away, square, weight, np.matmul(weight[..., None, :], away)[..., 0, :]

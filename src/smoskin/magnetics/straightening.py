@@ -10,7 +10,7 @@ import numpy as np
 
 from smoskin.arrays import Bools, Floats
 from smoskin.design.skin import SkinDesign
-from smoskin.magnetics.charges import charge_field_and_gradient, point_charges
+from smoskin.magnetics.charges import charge_field, charge_field_and_gradient, point_charges
 from smoskin.origami.geometry import geometry
 
 _STROKE: Final = 3e-3
@@ -62,7 +62,8 @@ class Straightening:
         rows = linear.reshape(-1, *self._rest.shape)
         moved = (self._inverse @ rows[..., None])[..., 0]
         within = (np.abs(moved) <= _STROKE).all(axis=-1, keepdims=True)
-        bent = self._field(self._place + np.where(within, moved, 0.0))[0] - self._rest
+        place = self._place + np.where(within, moved, 0.0)
+        bent = charge_field(*self._magnets, place) - self._rest
         return np.asarray(np.where(within, bent, rows).reshape(linear.shape))
 
     def _field(self, places: Floats) -> tuple[Floats, Floats]:

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from smoskin.arrays import Floats
+from smoskin.arrays import Floats, solve_definite
 from smoskin.errors import ArgumentError
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
 from smoskin.sensing.response.point import PointTable
@@ -223,7 +223,7 @@ class TouchProblem:
             curve[:2, :2] += precision
             pull[:2] -= precision @ (at[:2] - place)
         diagonal *= 1 + damping
-        return np.asarray(np.linalg.solve(curve, pull), dtype=float), pull
+        return solve_definite(curve, pull), pull
 
     def _cost(self, residual: Floats, at: Floats, known: _Known) -> tuple[float, float]:
         """Misfit of a whitened residual, and what it costs."""

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from smoskin.arrays import Floats
+from smoskin.arrays import Floats, solve_definite
 
 _LASTS: Final = 3.0
 """Time constant with which a speed is lost, s."""
@@ -18,23 +18,22 @@ _STEADY: Final = 2.0
 ACCELERATION: Final = 0.08
 """Standard deviation of the acceleration of a skin that turns, rad/s^2."""
 _NODES, _WEIGHTS = (part / 2 for part in np.polynomial.legendre.leggauss(5))
-_NODES = _NODES + 0.5
+_NODES = (_NODES + 0.5).tolist()
 
 
-def _path(times: Floats) -> Floats:
-    """Value, speed and acceleration at (...) times, s, after an acceleration of 1, (..., 3)."""
-    slow, fast = np.exp(-times / _LASTS), np.exp(-times / _STEADY)
+def _path(time: float) -> tuple[float, float, float]:
+    """Value, speed and acceleration so many seconds after an acceleration of 1."""
+    slow, fast = math.exp(-time / _LASTS), math.exp(-time / _STEADY)
     share = 1 / (1 / _STEADY - 1 / _LASTS)
     gone = share * (_LASTS * (1 - slow) - _STEADY * (1 - fast))
-    return np.stack([gone, share * (slow - fast), fast], axis=-1)
+    return gone, share * (slow - fast), fast
 
 
 def transition(elapsed: float) -> Floats:
     """What value, speed and acceleration become of each other after so many seconds, (3, 3)."""
     kept = math.exp(-elapsed / _LASTS)
-    onward = np.array([[1.0, _LASTS * (1 - kept), 0.0], [0.0, kept, 0.0], [0.0, 0.0, 0.0]])
-    onward[:, 2] = _path(np.asarray(elapsed))
-    return onward
+    gone, speed, still = _path(elapsed)
+    return np.array([[1.0, _LASTS * (1 - kept), gone], [0.0, kept, speed], [0.0, 0.0, still]])
 
 
 def scatter(elapsed: float) -> Floats:
@@ -42,9 +41,9 @@ def scatter(elapsed: float) -> Floats:
 
     They are white jerks of power 2 A^2 / tau, A their standard deviation, tau their time constant.
     """
-    paths = _path(elapsed * _NODES)
+    paths = np.array([_path(elapsed * node) for node in _NODES])
     power = 2 * ACCELERATION**2 / _STEADY * elapsed
-    return np.asarray(power * np.einsum("n,ni,nj->ij", _WEIGHTS, paths, paths))
+    return np.asarray(power * (_WEIGHTS * paths.T) @ paths)
 
 
 def turned(elapsed: float) -> Floats:
@@ -90,8 +89,8 @@ class Course(NamedTuple):
         """The same so many seconds later, if nothing else turns it."""
         onward = transition(elapsed)
         shape = self.spread.shape
-        gone = (onward @ self.spread.reshape(3, -1)).reshape(shape)
-        return Course(onward @ self.mean, np.einsum("kj,ijab->ikab", onward, gone))
+        gone = (onward @ self.spread.reshape(3, -1)).reshape(3, 3, -1)
+        return Course(onward @ self.mean, (onward @ gone).reshape(shape))
 
     def wider(self, added: Floats, along: Floats) -> "Course":
         """The same with covariances (3, 3) more along a pattern's (C, C)."""
@@ -107,7 +106,7 @@ class Course(NamedTuple):
         """The same once a change (C,), T, of this noise was read; `fading` widens it before."""
         size = len(change)
         met = fading * self.spread[:, 0].reshape(-1, size)
-        gains = np.linalg.solve((met[:size] + noise).T, met.T).T
+        gains = solve_definite(met[:size] + noise, met.T).T
         mean = self.mean + (gains @ change).reshape(3, size)
         less = (gains @ met.T).reshape(3, size, 3, size).swapaxes(1, 2)
         spread = fading * self.spread - less

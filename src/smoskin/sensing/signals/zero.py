@@ -12,7 +12,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from smoskin.arrays import Floats
+from smoskin.arrays import Floats, solve_definite
 from smoskin.errors import ArgumentError
 from smoskin.sensing.signals.course import Course, burst, scatter, turned
 from smoskin.sensing.signals.turning import Turning
@@ -139,7 +139,7 @@ class IdleNoise:
 
     def __call__(self, change: Floats, unsure: Floats) -> float:
         """Share of the limit that a change comes to."""
-        return float(change @ np.linalg.solve(self._noise + unsure, change)) / self._limit
+        return float(change @ solve_definite(self._noise + unsure, change)) / self._limit
 
 
 def _never(change: Floats, unsure: Floats) -> float:
@@ -373,12 +373,13 @@ class Zero:
             return share < 1.0
         share = self._idle(change, self.covariance)
         course, turn = self._course, self._turn
-        for tried, of in self._jerks(self._turning, still, elapsed):
+        jerk = burst(_JERK, min(max(elapsed, _JERKS[0]), _JERKS[1]))
+        for before, of in self._turns(self._turning, still):
             if share < _CALM:
                 break
-            now = self._idle(change, tried.zero + self._louder)
+            now = self._idle(change, before.zero + jerk[0, 0] * of + self._louder)
             if now < share:
-                course, turn, share = tried, of, now
+                course, turn, share = before.wider(jerk, of), of, now
         if share < 1.0 and turn is not None:
             if self._turn is None:
                 self._keep(time, still)
@@ -387,18 +388,15 @@ class Zero:
                 self._turn = turn
         return share < 1.0
 
-    def _jerks(
-        self, turning: Turning, still: Course, elapsed: float
-    ) -> Iterator[tuple[Course, Floats]]:
-        """What else may explain a change, the likeliest first, and what turns.
+    def _turns(self, turning: Turning, still: Course) -> Iterator[tuple[Course, Floats]]:
+        """What may turn with a jerk and so explain a change, from which zero, the likeliest first.
 
         A turn starts or stops, in the Earth's field alone or with the skin's weight; or the skin is
         handed over, which may leave it in any pose.
         """
-        jerk = burst(_JERK, min(max(elapsed, _JERKS[0]), _JERKS[1]))
         for turn in turning:
-            yield self._course.wider(jerk, turn), turn
-        yield still.unsure(turning.field).wider(jerk, turning.field), turning.field
+            yield self._course, turn
+        yield still.unsure(turning.field), turning.field
 
     def _leave(self, elapsed: float) -> None:
         """Be less sure of a zero that nothing idle showed."""
@@ -422,7 +420,7 @@ class Zero:
         self._touched, self._unseen = False, 0.0
         if self._turn is not None:
             speed, spread = course.mean[1], course.spread[1, 1]
-            moves = speed @ np.linalg.solve(spread + _SLOW * self._noise, speed)
+            moves = speed @ solve_definite(spread + _SLOW * self._noise, speed)
             if moves > _MOVES * len(speed):
                 self._turn_seen = time
         drift = self.drift
@@ -435,7 +433,7 @@ class Zero:
         """
         self._heard = min(self._heard + 1, _HEARD)
         noise = self._noise + self._louder
-        share = np.linalg.solve(zero + noise, noise).T
+        share = solve_definite(zero + noise, noise).T
         likely = share @ change
         found = np.outer(likely, likely) + noise - share @ noise
         more = self._louder + (found - noise) / (_TAKEN + self._heard)
