@@ -27,14 +27,15 @@ from smoskin.commands.serve.skins import Service, wanted_skins
 from smoskin.service.apart.realtime import undisturbed
 from smoskin.service.bridges.feed import Feed
 from smoskin.service.loop import Histogram
-from smoskin.twin.hand import PERIOD
 
 SETTLED = 3.0
 """s after which losses and latencies count."""
-TOUCHES = 37
-"""Touches of a hand that a board sends again and again; it has let go where they end."""
+SOAKED = 30.0
+"""s of a hand in a recording that is read again and again."""
 UNTOUCHED = 15.0
-"""s before them for each skin, which are opened one by one: no touch is taken for a zero."""
+"""s before the hand for each skin, which are opened one by one: no touch is taken for a zero."""
+SPARE = 10.0
+"""s of the hand after all is measured: a board that begins again sends a jump that no skin makes."""
 BOARD = """
 import sys, smoskin as smo
 from smoskin.hardware.board import VirtualBoard
@@ -65,7 +66,7 @@ def resident() -> float:
     return pages * resource.getpagesize() / 1e6
 
 
-def make(folder: Path, seed: int, rate: float, untouched: float) -> None:
+def make(folder: Path, seed: int, rate: float, untouched: float, touched: float) -> None:
     """A made skin's table, and a recording of what it reads under a hand."""
     design = smo.load_design("planar")
     skin = smo.calibrate(
@@ -74,9 +75,7 @@ def make(folder: Path, seed: int, rate: float, untouched: float) -> None:
     skin.table.save(folder / f"s{seed}.table")
     url = f"twin://planar?manufactured=yes&seed={seed}&speed=max&rate={rate:g}"
     with smo.Recorder(folder / f"s{seed}.mcap", design) as sink:
-        # The hand begins after so many readings.
-        session = TOUCHES * PERIOD + 25 / rate
-        for begin, seconds, hand in ((0.0, untouched, "no"), (untouched, session, "yes")):
+        for begin, seconds, hand in ((0.0, untouched, "no"), (untouched, touched, "yes")):
             with smo.open_source(f"{url}&hand={hand}") as source:
                 for index in range(round(seconds * rate)):
                     sink.write(replace(source.read(), time=begin + index / rate))
@@ -116,8 +115,10 @@ def main() -> None:
         folder = Path(name)
         # In a process of its own: the solver's libraries are none of the service's.
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as maker:
+            touched = SOAKED if options.soak else options.seconds + SPARE
+            lasts = options.rate, UNTOUCHED * options.skins, touched
             for seed in range(options.skins):
-                maker.submit(make, folder, seed, options.rate, UNTOUCHED * options.skins).result()
+                maker.submit(make, folder, seed, *lasts).result()
         recordings = [f"replay:{folder}/s{seed}.mcap" for seed in range(options.skins)]
         feed = stack.enter_context(Feed())
         if options.soak:
