@@ -2,7 +2,8 @@
 
 Boards in processes of their own send, byte for byte, what made skins read under a hand; `serve`
 reads them by tables that fifteen touches of a rig have calibrated, records each, shows it on a live
-page and tells a client of the feed; with ``--browser`` a headless Chromium has every page open.
+page and tells a client of the feed, unless ``--no-client``; with ``--browser`` a headless Chromium
+has every page open.
 
 ``python benchmarks/bench_service.py --rate 200 --seconds 600 --browser``, ``--skins 4 --rate 100``;
 with ``--realtime`` the service runs before other programs;
@@ -108,6 +109,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--skins", type=int, default=1)
     parser.add_argument("--browser", action="store_true")
+    parser.add_argument("--client", action=argparse.BooleanOptionalAction, default=True)
     parser.add_argument("--realtime", action="store_true")
     parser.add_argument("--soak", type=int, default=0)
     options = parser.parse_args()
@@ -129,9 +131,9 @@ def main() -> None:
         (folder / "kept").mkdir()
         wanted = wanted_skins(sources, files, folder / "kept")
         service = stack.enter_context(Service(wanted, [feed], view=True))
-        client = subprocess.Popen([sys.executable, "-c", CLIENT, feed.url])
-        stack.callback(client.wait)
-        stack.callback(feed.close)
+        if options.client:
+            stack.callback(subprocess.Popen([sys.executable, "-c", CLIENT, feed.url]).wait)
+            stack.callback(feed.close)
         if options.browser:
             look(stack, [str(skin.watch.url) for skin in service.skins.values()])
         stack.enter_context(undisturbed(realtime=options.realtime))
