@@ -169,3 +169,32 @@ def test_a_client_by_others_reads_the_controller():
         until(lambda: client.getTimestamp() > 0)
         np.testing.assert_array_equal(client.getActualQ(), np.arange(6.0))
         client.disconnect()
+
+
+def test_the_client_of_the_robots_maker_reads_and_writes_the_controller():
+    """Universal Robots' RTDE_Python_Client_Library, which no package index has: put it on the path."""
+    rtde = pytest.importorskip("rtde.rtde", reason="Universal Robots' RTDE client is not installed")
+    outputs = [("timestamp", "DOUBLE"), ("actual_q", "VECTOR6D"), ("runtime_state", "UINT32")]
+    with robot() as controller:
+        controller.set(angles=np.arange(6.0))
+        client = rtde.RTDE(controller.host)
+        client.connect()
+        assert client.get_controller_version() == (5, 11, 0, 108249)
+        names, types = map(list, zip(*outputs, strict=True))
+        assert client.send_output_setup(names, types, frequency=500)
+        asked = client.send_input_setup(
+            ["input_int_register_0", "input_double_register_0"], ["INT32", "DOUBLE"]
+        )
+        assert client.send_start()
+        first = client.receive()
+        assert first.actual_q == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+        assert first.runtime_state == 1
+        until(lambda: client.receive().timestamp > first.timestamp)
+        # A watchdog of 20 Hz, which a running program takes.
+        controller.set(running=True)
+        asked.input_int_register_0, asked.input_double_register_0 = 35, 20.0
+        assert client.send(asked)
+        until(lambda: controller.get("watched") == 20.0)
+        until(lambda: client.receive().runtime_state == 1)  # nobody kicks it
+        assert client.send_pause()
+        client.disconnect()
