@@ -1,5 +1,6 @@
 """What every sink promises, asked of each of them."""
 
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from smoskin.errors import ArgumentError
 from smoskin.feasibility import load_design
 from smoskin.records import Contact, Estimate, Reading, Status
 from smoskin.roles import Sink
+from smoskin.service.apart.recorder import RecorderApart
 from smoskin.service.bridges.feed import Feed
 from smoskin.service.bridges.foxglove import Foxglove
 from smoskin.service.page.view import View
@@ -19,11 +21,15 @@ PLANAR = load_design("planar")
 TOUCH = Contact(position=(0.045, 0.080), force=(0.1, -0.05, -0.5))
 
 
-@pytest.fixture(params=["recorder", "view", "feed", "foxglove"])
+@pytest.fixture(params=["recorder", "recorder apart", "view", "feed", "foxglove"])
 def make(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callable[[], Sink]]:
     if request.param == "recorder":
         pytest.importorskip("mcap")
         yield lambda: Recorder(tmp_path / "touch.mcap", PLANAR)
+    elif request.param == "recorder apart":
+        pytest.importorskip("mcap")
+        more = {"attachments": {}, "on_failure": warnings.warn}
+        yield lambda: RecorderApart(tmp_path / "touch.mcap", PLANAR, **more)
     elif request.param == "view":
         pytest.importorskip("viser")
         yield lambda: View(PLANAR)

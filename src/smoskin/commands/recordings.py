@@ -1,7 +1,7 @@
 """Recordings of a skin, begun and ended while it is read: of `--record` and the page's button.
 
 Decides their names (the one that was given, then dated ones beside it), that nothing is ever
-overwritten unasked, and what is told of each. Hides the threads that write.
+overwritten unasked, and what is told of each. Hides who writes: a thread, or for chips a process.
 """
 
 import os
@@ -18,6 +18,7 @@ from smoskin.errors import ArgumentError, MissingExtraError, SmoskinError, requi
 from smoskin.outputs import check_output, read_input
 from smoskin.records import Estimate, Reading
 from smoskin.roles import Sink, Source
+from smoskin.service.apart.recorder import RecorderApart
 from smoskin.service.loop import Aside
 from smoskin.service.recorder import Recorder
 from smoskin.service.replay import ReplaySource
@@ -74,10 +75,11 @@ class Recordings(Sink):
         self._waits = isinstance(source, ReplaySource | TwinSource)
         self._lock = threading.Lock()
         self._path: Path | None = None
-        self._recorder: Recorder | None = None
-        self._aside: Aside | None = None
+        self._recorder: Recorder | RecorderApart | None = None
+        self._sink: Aside | RecorderApart | None = None
         self._taken = self._lost = self._lost_before = 0
-        self._refusal = ""
+        self._refusal = self._failed_before = ""
+        self._finished: Path | None = None
 
     def begin(self, path: Given | None = None, *, force: bool = False) -> None:
         """Record into this new file, by default a dated one; ends the recording before.
@@ -87,22 +89,30 @@ class Recordings(Sink):
         """
         self.end()
         file = self._free() if path is None else self._given(path, force)
-        recorder = Recorder(file, self._design, attachments=self._attachments, on_failure=self._say)
+        recorder: Recorder | RecorderApart
+        sink: Aside | RecorderApart
+        kept, say = self._attachments, self._say
+        # What is played or simulated can wait for a disk.
+        if self._waits:
+            recorder = Recorder(file, self._design, attachments=kept, on_failure=say)
+            sink = Aside(recorder, patience=_PATIENCE)
+        else:
+            recorder = sink = RecorderApart(file, self._design, attachments=kept, on_failure=say)
         with self._lock:
-            self._path, self._recorder, self._taken = file, recorder, 0
-            # What is played or simulated can wait for a disk.
-            self._aside = Aside(recorder, patience=_PATIENCE if self._waits else 0.0)
+            self._path, self._recorder, self._sink, self._taken = file, recorder, sink, 0
 
     def end(self) -> None:
         """Finish the recording behind the last reading; nothing where none goes on."""
         with self._lock:
-            aside, self._aside = self._aside, None
-        if aside is not None:
+            sink, self._sink = self._sink, None
+        if sink is not None:
             try:
-                aside.close()
+                sink.close()
             finally:
-                self._lost = aside.dropped
+                self._lost = sink.dropped
                 self._lost_before += self._lost
+                self._failed_before = self.first_failure
+                self._finished = self._path and self._path.absolute()
 
     def switch(self, on: bool) -> None:
         """Begin or end a recording for somebody on the page; a refusal is told by `sentence`."""
@@ -116,7 +126,7 @@ class Recordings(Sink):
     @property
     def goes_on(self) -> bool:
         """Whether readings are recorded."""
-        return self._aside is not None and not self.failure
+        return self._sink is not None and not self.failure
 
     @property
     def failure(self) -> str:
@@ -124,27 +134,37 @@ class Recordings(Sink):
         return "" if self._recorder is None else self._recorder.failure
 
     @property
+    def first_failure(self) -> str:
+        """The same about the first of all files that could not: a later one does not mend it."""
+        return self._failed_before or self.failure
+
+    @property
     def dropped(self) -> int:
         """Readings that could not be recorded while they should have been."""
-        aside = self._aside
-        return self._lost_before + (0 if aside is None else aside.dropped)
+        sink = self._sink
+        return self._lost_before + (0 if sink is None else sink.dropped)
 
     @property
     def sentence(self) -> str:
         """The newest recording's name and what it lost, for people; empty before the first."""
         if self._refusal or self._path is None:
             return self._refusal
-        aside = self._aside
-        lost = self._lost if aside is None else aside.dropped
-        word = "Recorded" if aside is None else "Recording into"
+        sink = self._sink
+        lost = self._lost if sink is None else sink.dropped
+        word = "Recorded" if sink is None else "Recording into"
         told = f"{word} {self._path.name}: {self._taken - lost} readings, {lost} lost."
         return f"{told} {self.failure}." if self.failure else told
+
+    @property
+    def state(self) -> tuple[bool, str, Path | None]:
+        """What a page is told: whether a recording goes on, the sentence, the newest ended file."""
+        return self.goes_on, self.sentence, self._finished
 
     def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
         """Record a reading and its estimate, if a recording goes on."""
         with self._lock:
-            if self._aside is not None:
-                self._aside.write(reading, estimate)
+            if self._sink is not None:
+                self._sink.write(reading, estimate)
                 self._taken += 1
 
     def close(self) -> None:

@@ -29,8 +29,8 @@ _WINDOW: Final = 1000
 """Number of last readings that rate and latency are told of."""
 _DECADES: Final = (-6, 1)
 """Powers of ten, s, between which durations are told apart."""
-_PER_DECADE: Final = 20
-"""Classes of durations a decade; neighbours differ by 12 %."""
+_PER_DECADE: Final = 80
+"""Classes of durations a decade; neighbours differ by 3 %."""
 _CLOSE_DEADLINE: Final = 10.0
 """s for a sink to write what waits for it at the end."""
 
@@ -47,7 +47,7 @@ class Latency:
 
 
 class Histogram:
-    """Durations since the begin, in classes that are 12 % wide: its size stays what it is."""
+    """Durations since the begin, in classes that are 3 % wide: its size stays what it is."""
 
     def __init__(self) -> None:
         low, high = _DECADES

@@ -154,6 +154,11 @@ class Recorder(Sink):
         """How many readings are not in the file because it could not be written."""
         return self._sequence - self._kept if self.failure else 0
 
+    @property
+    def kept(self) -> int:
+        """Readings in the chunks that have been written: a kill cannot lose them."""
+        return self._kept
+
     def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
         """Append a reading and what was made of it, as long as the file can be written.
 

@@ -5,6 +5,7 @@ Decides how often the page is told of a moment, and what it is told of the pace.
 
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Final, final
 
 from smoskin.arrays import Floats
@@ -46,9 +47,9 @@ class PageApart(Sink):
         """As `View.show_drift`."""
         self._remote.tell("show_drift", drift)
 
-    def show_recording(self, goes_on: bool, sentence: str) -> None:
+    def show_recording(self, goes_on: bool, sentence: str, finished: Path | None = None) -> None:
         """As `View.show_recording`."""
-        self._remote.tell("show_recording", goes_on, sentence)
+        self._remote.tell("show_recording", goes_on, sentence, finished)
 
     def write(
         self,

@@ -1,6 +1,6 @@
 """An object in a process of its own, so that its work takes no time from this one.
 
-Decides that of calls which wait the newest of each method counts, that what the object calls is
+Decides which calls wait for others and which the newest replaces, that what the object calls is
 called here, and that errors and the log come here too. Hides the process, pipes and threads.
 """
 
@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from queue import Empty, SimpleQueue
-from typing import Any, BinaryIO, Final, final
+from typing import Any, BinaryIO, Final, TypeAlias, final
 
 from smoskin.errors import SmoskinError
 
@@ -23,6 +23,9 @@ _START_DEADLINE: Final = 60.0
 """s for a process to import what it needs and to make the object."""
 _CLOSE_DEADLINE: Final = 10.0
 _LOG: Final = logging.getLogger("smoskin")
+
+_Call: TypeAlias = tuple[str, tuple[object, ...], dict[str, object]]
+"""A method's name, and what it is given."""
 
 
 @final
@@ -62,7 +65,7 @@ class Remote:
             name: value for name, value in options.items() if callable(value)
         }
         given = {name: value for name, value in options.items() if name not in self._callables}
-        self._waiting: dict[str, tuple[tuple[object, ...], dict[str, object]]] = {}
+        self._waiting: dict[object, _Call] = {}
         self._lock = threading.Lock()
         self._news, self._closing = threading.Event(), threading.Event()
         self._failure: Exception | None = None
@@ -103,8 +106,23 @@ class Remote:
         self._raise_failure()
         with self._lock:
             self._waiting.pop(method, None)  # the newest goes last
-            self._waiting[method] = args, options
+            self._waiting[method] = method, args, options
         self._news.set()
+
+    def add(self, method: str, *args: object) -> None:
+        """Call a method there, never waiting, behind all calls that wait: none is forgotten.
+
+        Raises as `tell`.
+        """
+        self._raise_failure()
+        with self._lock:
+            self._waiting[object()] = method, args, {}
+        self._news.set()
+
+    @property
+    def waiting(self) -> int:
+        """Number of calls that are not on their way yet."""
+        return len(self._waiting)
 
     def close(self) -> None:
         """Deliver what waits, close the object and end its process. Any number of times.
@@ -152,8 +170,7 @@ class Remote:
                 last = self._closing.is_set()
                 with self._lock:
                     waiting, self._waiting = self._waiting, {}
-                for method, call in waiting.items():
-                    pickle.dump((method, *call), pipe)
+                pickle.dump(list(waiting.values()), pipe)
                 pipe.flush()
                 if not last:
                     self._closing.wait(self._every)
@@ -219,10 +236,11 @@ def _serve(incoming: BinaryIO, outgoing: BinaryIO) -> None:
         return
     while True:
         try:
-            method, args, options = pickle.load(incoming)
+            calls = pickle.load(incoming)
         except EOFError:
             break
-        _attempt(partial(getattr(thing, method), *args, **options), send)
+        for method, args, options in calls:
+            _attempt(partial(getattr(thing, method), *args, **options), send)
     _attempt(thing.close, send)
 
 
