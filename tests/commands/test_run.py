@@ -229,7 +229,7 @@ def pages(monkeypatch):
         def show_drift(self, drift):
             assert drift.shape == (3, 3)
 
-        def show_recording(self, goes_on, sentence):
+        def show_recording(self, goes_on, sentence, finished):
             self.recording = goes_on, sentence
 
         def show_bound(self, bound):

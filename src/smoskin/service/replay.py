@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final, final
 
 from smoskin.errors import RecordingError, SourceError
 from smoskin.pace import SPEEDS, Pace, require_between
-from smoskin.records import Reading
+from smoskin.records import Estimate, Reading
 from smoskin.roles import Source
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ class ReplaySource(Source):
 
     Times are passed on as recorded. The pace follows them where they go forward by no more
     than `longest_gap`, s; it never goes back. `pause`, `seek` and `speed` may be used from any
-    thread.
+    thread. With `as_recorded` the `estimate` of each reading is kept as well.
     """
 
     def __init__(
@@ -43,15 +43,18 @@ class ReplaySource(Source):
         speed: float = 1.0,
         longest_gap: float = 0.5,
         pace: Pace | None = None,
+        as_recorded: bool = False,
     ) -> None:
         require_between("longest_gap", longest_gap, *_GAPS)
         self.speed = speed
+        self.estimate: Estimate | None = None
+        """What was recorded of the last reading; kept where it is played `as_recorded`."""
         self.on_rewind: Callable[[], object] = lambda: None
         """Called within `read`, before it gives the first reading again."""
         self.stays: Callable[[], bool] = lambda: False
         """Whether `read` waits behind the last reading for a `seek`."""
-        self._recording = recording
-        self._readings: Iterator[Reading] = recording.readings()
+        self._recording, self._as_recorded = recording, as_recorded
+        self._readings: Iterator[Reading] = self._from_the_first()
         self._longest_gap = longest_gap
         self._pace = Pace() if pace is None else pace
         self._waiting: Reading | None = None
@@ -184,9 +187,18 @@ class ReplaySource(Source):
         self._goal = self._asked.pop()
         if self._start is None or self._goal > self._position:
             return
-        self._readings = self._recording.readings()
+        self._readings = self._from_the_first()
         self._reached, self._position, self._number = None, 0.0, -1
         self.on_rewind()
+
+    def _from_the_first(self) -> Iterator[Reading]:
+        """All readings, in order; before one is given, `estimate` becomes its own."""
+        if not self._as_recorded:
+            yield from self._recording.readings()
+            return
+        for reading, estimate in self._recording:
+            self.estimate = estimate
+            yield reading
 
     def _next(self) -> Reading | None:
         try:

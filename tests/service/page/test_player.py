@@ -2,6 +2,7 @@
 
 import asyncio
 import threading
+import time
 from importlib import resources
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,9 +12,10 @@ import pytest
 from chromium import open_page
 from pages import settle
 from smoskin.commands.run import Watch
-from smoskin.records import Contact, Estimate
+from smoskin.records import Contact, Estimate, Status
 from smoskin.service.page import player as players
-from smoskin.service.page.player import Player
+from smoskin.service.page.player import Player, Rerun
+from smoskin.service.page.view import View
 from smoskin.service.recorder import Recorder
 from smoskin.service.recording import open_recording
 from smoskin.twin.reduced import ReducedTwin
@@ -35,7 +37,7 @@ class Server:
     def __init__(self):
         self.gui, self.added = self, {}
 
-    def add_folder(self, name):
+    def add_folder(self, name, order=None):
         return threading.Lock()  # any context
 
     def add_slider(self, name, least, most, step, value, **_):
@@ -104,6 +106,75 @@ def test_a_hand_on_the_slider_is_left_alone_for_07_s(monkeypatch):
     for paused, ended in ((True, False), (False, True), (False, False)):
         played.paused, played.ended = paused, ended
         assert player.stands == (paused or ended)
+
+
+@pytest.fixture
+def recorded_touch(tmp_path):
+    """2 s of a skin that is touched after the first; the estimates are the numbers of readings."""
+    path, twin = tmp_path / "a.mcap", ReducedTwin(DESIGN, seed=None)
+    with Recorder(path, DESIGN) as recorder:
+        for number in range(201):
+            moment = 7.0 + 0.01 * number
+            estimate = Estimate(time=moment, status=list(Status)[number % 3])
+            recorder.write(twin.read(time=moment), estimate)
+    return path
+
+
+def test_what_was_recorded_plays_beside_a_live_skin_with_the_estimates_of_its_time(recorded_touch):
+    rerun = Rerun(recorded_touch)
+    rerun.source.seek(1.5)
+    rerun.source.pause()
+    wait_for(lambda: rerun.newest is not None and rerun.source.goal is None)
+    assert rerun.newest.reading.time == pytest.approx(8.5)
+    assert rerun.newest.estimate.status is list(Status)[150 % 3]
+    # Its file may be gone by the time that somebody wants to see the beginning again.
+    recorded_touch.unlink()
+    rerun.source.seek(0.0)
+    wait_for(lambda: rerun.failure)
+    assert "No such file" in rerun.failure
+    rerun.close()
+    assert not rerun._thread.is_alive()
+
+
+def test_what_cannot_be_played_is_told_and_the_skin_is_shown_on(tmp_path, recorded_touch):
+    empty = tmp_path / "empty.mcap"
+    Recorder(empty, DESIGN).close()
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(b"no recording")
+    with View(DESIGN, on_record=lambda on: None) as view:
+
+        def ask_for(path):
+            view.show_recording(False, f"Recorded {path.name}.", path)
+            view._asked.put(view._rerun_or_return)
+
+        for path, word in (
+            (tmp_path / "gone.mcap", "No such file"),
+            (torn, "torn.mcap"),
+            (empty, "has no readings"),
+        ):
+            ask_for(path)
+            wait_for(lambda path=path: path.name in view._panel._told and view._panel.refusal)
+            assert view._panel._told.startswith("Not played: ")
+            assert word in view._panel._told
+            assert view._rerun is None
+        ask_for(recorded_touch)
+        wait_for(lambda: view._rerun is not None and view._panel.player is not None)
+        assert view._panel.rerun.label == "Back to live"
+        recorded_touch.unlink()
+        view._rerun.source.seek(0.0)
+        wait_for(lambda: view._rerun is None)
+        assert view._panel.refusal.startswith("Not played on: ")
+        assert view._panel.player is None
+        view.show_recording(True, "Recording into b.mcap: 1 readings, 0 lost.", recorded_touch)
+        view._asked.put(view._rerun_or_return)  # gone for good
+        wait_for(lambda: view._panel.refusal.startswith("Not played: "))
+
+
+def wait_for(happened):
+    end = time.monotonic() + 20.0
+    while not happened():
+        assert time.monotonic() < end
+        time.sleep(0.01)
 
 
 @pytest.mark.slow
@@ -193,8 +264,17 @@ def test_a_live_skin_is_recorded_and_read_by_another_estimator(tmp_path: Path) -
             press("Stop recording")
             opened.wait_until(lambda: opened.text("recording").startswith("Recorded planar-"))
             told = opened.text("recording")
+            last = opened.text("touch")
+            watch._source.touch([])
+            opened.wait_until(lambda: opened.text("status") == "Not touched")
+            press("Play the last recording")
+            opened.wait_until(lambda: opened.text("status") == "Played back")
+            opened.wait_until(lambda: opened.text("touch") == last)  # what was estimated then
+            # While it is played the skin is read on, and may be recorded again.
             press("Record")
             opened.wait_until(lambda: opened.text("recording").startswith("Recording into planar-"))
+            press("Back to live")
+            opened.wait_until(lambda: opened.text("status") == "Not touched")
             watch.stop()
         reader.join(10.0)
         assert not reader.is_alive()

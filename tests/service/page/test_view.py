@@ -101,6 +101,7 @@ def test_it_draws_25_times_a_second_and_words_every_third_time(monkeypatch) -> N
     page = SimpleNamespace(
         _closing=SimpleNamespace(wait=wait),
         _act=lambda: drawn.append("act"),
+        _return=lambda: None,
         _draw=lambda *, write: drawn.append(write),
         _panel=SimpleNamespace(end=""),
         _server=SimpleNamespace(flush=lambda: flushed.append(len(drawn))),

@@ -431,4 +431,4 @@ class _Stage(Sink):
     def _tell_recording(self) -> None:
         """Tell on the page how the recording is."""
         if self._view is not None and self._recordings is not None:
-            self._view.show_recording(self._recordings.goes_on, self._recordings.sentence)
+            self._view.show_recording(*self._recordings.state)

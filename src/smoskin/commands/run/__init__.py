@@ -252,7 +252,7 @@ class Watch(Resource):
             line=line,
             damage=self._damage,
             not_recorded=0 if recordings is None else recordings.dropped,
-            failure="" if recordings is None else recordings.failure,
+            failure="" if recordings is None else recordings.first_failure,
         )
 
     @property
@@ -318,7 +318,7 @@ class _Page(Sink):
     def _switch(self, on: bool) -> None:
         if self._recordings is not None:
             self._recordings.switch(on)
-            self._view.show_recording(self._recordings.goes_on, self._recordings.sentence)
+            self._view.show_recording(*self._recordings.state)
 
     def show_bound_of(self, design: SkinDesign, estimator: Estimator) -> None:
         """Offer the map of a table's bound, of the first estimator that has a table."""
@@ -330,7 +330,7 @@ class _Page(Sink):
         """Tell how far the zero has followed, and how the recording is."""
         self._view.show_drift(drift)
         if self._recordings is not None:
-            self._view.show_recording(self._recordings.goes_on, self._recordings.sentence)
+            self._view.show_recording(*self._recordings.state)
 
     def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
         """Show a reading, its estimate and, of a virtual skin, the true touch."""

@@ -204,11 +204,11 @@ class Served(Resource):
 
     def counters(self) -> dict[str, Any]:
         """What has been done so far, for machines."""
-        counters = self.watch.counters
+        counters, summary = self.watch.counters, self.watch.summary
         return {
             "state": self.state,
-            "failure": self.failure,
-            **self.watch.summary.as_json(),
+            **summary.as_json(),
+            "failure": self.failure or summary.failure,
             "dropped": counters.dropped,
             "silence_s": number(self.silence, 3),
             "stages_ms": {

@@ -10,6 +10,7 @@ import threading
 from collections import deque
 from collections.abc import Sequence
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -56,6 +57,8 @@ _STATUS: Final = {
 }
 RECORD: Final = ("Record", "Stop recording")
 """What the button of recordings says while none goes on, and while one does."""
+RERUN: Final = ("Play the last recording", "Back to live")
+"""What the button below says while the skin is shown, and while what was recorded is."""
 _AXES: Final = (("Bx", "#c2478f"), ("By", "#0f9d74"), ("Bz", "#1f6fb5"))
 _LEGEND: Final = (
     ("estimated", ESTIMATED),
@@ -110,7 +113,7 @@ class Panel:
         recordable: bool,
         played: ReplaySource | None = None,
     ) -> None:
-        gui = server.gui
+        self._server, gui = server, server.gui
         self._chips = tuple(site.name for site in design.halls)
         self._zero: Floats = np.full((len(self._chips), 3), np.nan)
         self._field = self._zero
@@ -122,8 +125,10 @@ class Panel:
         """(S, 3), T: how far the zero has followed; None where nobody has told."""
         self.end = ""
         """Last sentence of the page, empty while it goes on."""
-        self.recording = (False, "")
-        """Whether a recording goes on, and a sentence about the newest one."""
+        self.recording: tuple[bool, str, Path | None] = (False, "", None)
+        """Whether a recording goes on, a sentence about the newest, and the file to be played."""
+        self.refusal = ""
+        """Sentence about a recording that cannot be played; empty while there is none."""
         self._told, self._labels = "", threading.Lock()
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 111, 181))
         gui.set_panel_label(title)
@@ -140,12 +145,20 @@ class Panel:
         self.actions = gui.add_button_group(
             "Actions", actions, hint="Let go before Zero; Undo goes back to the zero before."
         )
-        self._recorded = gui.add_html("", visible=False) if recordable else None
-        self.player = None if played is None else Player(server, played)
+        self._add_recordings(recordable, played)
         with gui.add_folder("Touches so far"):
             self._touches = gui.add_html(self.tally.html())
         self._add_picture(gui)
         self._add_fields(server)
+
+    def _add_recordings(self, recordable: bool, played: ReplaySource | None) -> None:
+        """Add what is told of recordings, and what plays them."""
+        gui = self._server.gui
+        self._recorded = gui.add_html("", visible=False) if recordable else None
+        self.rerun = gui.add_button(
+            RERUN[0], visible=False, hint="What was estimated then; the skin is read on meanwhile."
+        )
+        self.player = None if played is None else Player(self._server, played)
 
     def _add_fields(self, server: "viser.ViserServer") -> None:
         """Add what stands at the left: how the chips are, what they read, and forces."""
@@ -231,10 +244,21 @@ class Panel:
             if action in options:
                 self.actions.options = tuple(label if name == action else name for name in options)
 
+    def play(self, source: ReplaySource | None, caption: str = "") -> None:
+        """Show the controls of what was recorded, or take them away."""
+        if self.player is not None:
+            self.player.remove()
+        order, server = self.rerun.order + 0.5, self._server
+        self.player = source and Player(server, source, order=order, caption=caption)
+        self.rerun.label = RERUN[source is not None]
+        self.relabel("Go on", "Pause")
+
     def write_recording(self) -> None:
         """Bring what is told of recordings up to date."""
-        goes_on, sentence = self.recording
+        goes_on, sentence, finished = self.recording
         self.relabel(RECORD[not goes_on], RECORD[goes_on])
+        self.rerun.visible = finished is not None
+        sentence = self.refusal or sentence
         if sentence and sentence != self._told and self._recorded is not None:
             self._told, self._recorded.visible = sentence, True
             self._recorded.content = html("recorded", sentence=escape(sentence))
@@ -244,9 +268,10 @@ class Panel:
         self._zero = np.full_like(self._zero, np.nan)
         self._history.clear()
 
-    def record(self, moment: Moment) -> None:
-        """Add a moment to the curves and to the touches so far."""
-        self.tally.add(moment)
+    def record(self, moment: Moment, *, again: bool = False) -> None:
+        """Add a moment to the curves and, unless it is shown again, to the touches so far."""
+        if not again:
+            self.tally.add(moment)
         self._forces.add(moment)
         reading = moment.reading
         # A chip that gives no numbers keeps its last good ones; its heading says so.

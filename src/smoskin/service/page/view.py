@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
 from functools import partial
+from pathlib import Path
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Final
 
@@ -27,6 +28,7 @@ from smoskin.service.page.carpet import Bound
 from smoskin.service.page.markers import UNITS
 from smoskin.service.page.panel import RECORD, Panel
 from smoskin.service.page.parts import first_paint
+from smoskin.service.page.player import Rerun
 from smoskin.service.page.scene import ESTIMATED, TRUE, Moment, SkinScene, camera
 from smoskin.service.page.server import serve
 from smoskin.service.replay import ReplaySource
@@ -76,6 +78,9 @@ class View(Sink):
     MissingExtraError
         If the extra `view` is not installed.
     """
+
+    _rerun: Rerun | None = None
+    _shown: Moment | None = None
 
     def __init__(
         self,
@@ -158,9 +163,12 @@ class View(Sink):
         """Tell how far the zero has followed since it was set, (S, 3), T."""
         self._panel.drift = drift
 
-    def show_recording(self, goes_on: bool, sentence: str) -> None:
-        """Tell whether a recording goes on, and in a sentence its name and what it lost."""
-        self._panel.recording = (goes_on, sentence)
+    def show_recording(self, goes_on: bool, sentence: str, finished: Path | None = None) -> None:
+        """Tell whether a recording goes on, and in a sentence its name and what it lost.
+
+        One that is finished can be played on the page while the skin is read on.
+        """
+        self._panel.recording = (goes_on, sentence, finished)
 
     def end(self, sentence: str) -> None:
         """Say a last sentence over the whole page; it stays there after the view is closed."""
@@ -234,6 +242,10 @@ class View(Sink):
             if self._on_still is not None:
                 asked.put(partial(self._on_still, bool(panel.still.value)))
 
+        @panel.rerun.on_click
+        async def _(event: object) -> None:
+            asked.put(self._rerun_or_return)
+
         chooser = panel.chooser
         if chooser is not None:
 
@@ -261,10 +273,32 @@ class View(Sink):
 
     def _pause(self, paused: bool) -> None:
         """Let what is played stand, or else the picture alone."""
-        if self._played is None:
+        played = self._played if self._rerun is None else self._rerun.source
+        if played is None:
             self._paused = paused
         else:
-            self._played.pause(paused)
+            played.pause(paused)
+
+    def _rerun_or_return(self) -> None:
+        """Play the last recording, or show the skin again."""
+        self._panel.refusal, self._paused = "", False
+        if self._rerun is not None:
+            self._return()
+        elif (path := self._panel.recording[2]) is not None:
+            try:
+                self._rerun = Rerun(path)
+            except SmoskinError as error:
+                self._panel.refusal = f"Not played: {error}."
+                return
+            caption = f"Estimates of the time of {path.name}; the skin is read on meanwhile."
+            self._panel.play(self._rerun.source, caption)
+
+    def _return(self) -> None:
+        """Show the skin again."""
+        if self._rerun is not None:
+            self._rerun.close()
+            self._rerun = None
+            self._panel.play(None)
 
     async def _move_finger(self, event: "viser.SceneNodeDragEvent[viser.MeshHandle]") -> None:
         """Press where the left button is held."""
@@ -299,6 +333,7 @@ class View(Sink):
                 frame += 1
             self._fingers = {}
             self._act()
+            self._return()
             if self._panel.end and self.watched:
                 self._draw(write=True)
                 self._server.flush()
@@ -328,6 +363,15 @@ class View(Sink):
             self._panel.write_recording()
         if self._paused and not self._panel.end:
             return
+        if (rerun := self._rerun) is not None:
+            if new and newest is not None:
+                self._panel.tally.add(newest)
+            newest, rate = rerun.newest, math.nan
+            new = newest is not self._shown
+            if rerun.failure:
+                self._panel.refusal = f"Not played on: {rerun.failure}."
+                self._return()
+        self._shown = newest
         if self._panel.player is not None:
             if self._panel.player.stands and newest is not None:
                 now = newest.arrival  # what stands is not silent
@@ -338,7 +382,7 @@ class View(Sink):
             if newest is not None:
                 self._scene.draw(newest, *self._panel.picture)
                 if new:
-                    self._panel.record(newest)
+                    self._panel.record(newest, again=rerun is not None)
             if write:
                 self._panel.write(newest, rate, now, announced)
 
