@@ -172,8 +172,8 @@ def test_a_client_by_others_reads_the_controller():
 
 
 def test_the_client_of_the_robots_maker_reads_and_writes_the_controller():
-    """Universal Robots' RTDE_Python_Client_Library, which no package index has: put it on the path."""
-    rtde = pytest.importorskip("rtde.rtde", reason="Universal Robots' RTDE client is not installed")
+    """Universal Robots' RTDE_Python_Client_Library is in no package index: put it on the path."""
+    rtde = pytest.importorskip("rtde.rtde", reason="UR's own RTDE client is not installed")
     outputs = [("timestamp", "DOUBLE"), ("actual_q", "VECTOR6D"), ("runtime_state", "UINT32")]
     with robot() as controller:
         controller.set(angles=np.arange(6.0))
