@@ -36,7 +36,7 @@ SOAKED = 30.0
 UNTOUCHED = 15.0
 """s before the hand for each skin, which are opened one by one: no touch is taken for a zero."""
 SPARE = 10.0
-"""s of the hand after all is measured: a board that begins again sends a jump that no skin makes."""
+"""s of the hand after all is measured: a board that begins again sends a jump no skin makes."""
 BOARD = """
 import sys, smoskin as smo
 from smoskin.hardware.board import VirtualBoard
