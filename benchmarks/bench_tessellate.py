@@ -1,8 +1,8 @@
 """Time of tessellation over the number of vertices, beside n log n.
 
 Sparse factorisations of the search's steps take most of the time, so their number stands beside:
-seven at any size. From 441 to 4,225 vertices the time grows as 0.9 to 1.2 of n log n, as
-1.3 to 1.5 on a busy machine. Run alone on a quiet one: ``python benchmarks/bench_tessellate.py``.
+seven at any size. From 441 to 4,225 vertices the time grows as 0.8 to 1.05 of n log n, as
+1.2 to 1.5 on a busier machine. Run alone on a quiet one: ``python benchmarks/bench_tessellate.py``.
 """
 
 import time

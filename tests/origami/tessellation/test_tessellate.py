@@ -26,6 +26,7 @@ from smoskin.origami.surface.chart import chart_of
 from smoskin.origami.surface.mesh import Mesh
 from smoskin.origami.tessellation import solve
 from smoskin.origami.tessellation.documents import refolding_error
+from smoskin.origami.tessellation.survey import fold_range
 from smoskin.origami.tessellation.tessellate import tessellate
 from triangle_meshes import meshed
 
@@ -44,12 +45,17 @@ PASSING = [
     "bump of small cells",
     "noisy sphere",
 ]
-"""Surfaces bent two ways that pass every gate; the two others are spheres too tight for them."""
+"""Surfaces bent two ways that pass every gate."""
+BENT_TOO_MUCH = {
+    "sphere of small cells": "with 6 x 6 of these cells a surface 1.7 times as wide would fit",
+    "sphere of many cells": "6 x 6 of these cells would fit",
+}
+"""The others, and what is said of them."""
 QUICK = ["cylinder", "forearm", "wide sphere"]
 
 
-def on(name, planar, **options):
-    """The sheet on one of the surfaces."""
+def patch(name, planar):
+    """One of the surfaces, with the cell and the number of cells for it."""
     case = SURFACES[name]
     scale, cells = case.get("scale", 1.0), tuple(case["cells"])
     cell = replace(
@@ -62,7 +68,12 @@ def on(name, planar, **options):
         half = (reach[0] / 2 + length, reach[1] / 2 + length)
         mesh = meshed(surface, half, noise=1e-4)
         surface = chart_of(mesh, (0, 0, 0), (1, 0, 0), reach, length)
-    return tessellate(surface, cell, cells, **options)
+    return surface, cell, cells
+
+
+def on(name, planar, **options):
+    """The sheet on one of the surfaces."""
+    return tessellate(*patch(name, planar), **options)
 
 
 def test_larger_sheets_take_no_more_steps(planar):
@@ -102,6 +113,36 @@ def test_all_cylinders_and_cones_and_most_others_pass_every_gate(planar, name):
     made = on(name, planar)
     assert made.folding is not None
     assert faults(made, name) == []
+
+
+def test_before_the_search_none_is_refused_but_those_that_fail(planar):
+    assert {*FOLDING, *PASSING, *BENT_TOO_MUCH} == {*SURFACES}
+    held = {name: fold_range(*patch(name, planar)).holds for name in SURFACES}
+    assert [name for name, holds in held.items() if not holds] == [*BENT_TOO_MUCH]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", BENT_TOO_MUCH)
+def test_a_sphere_bent_too_much_is_refused_with_what_would_fit(planar, name):
+    with pytest.raises(DesignError, match=rf"the sheet could lie on it; {BENT_TOO_MUCH[name]}"):
+        on(name, planar)
+    surface, cell, _ = patch(name, planar)
+    wider = Sphere(surface.radius * (1 / 0.6 if "1.7" in BENT_TOO_MUCH[name] else 1))
+    assert tessellate(wider, cell, (6, 6), refold=False).holds
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("fold", "radius", "cells"),
+    [(44.6, 0.133, (6, 6)), (44.6, 0.1, (4, 10)), (49.0, 0.267, (6, 6))],
+)
+def test_what_fits_is_not_refused_however_near_it_is(planar, fold, radius, cells):
+    """Spheres near the bound, with thin plates; one of cells so flat that little is left."""
+    cell = replace(planar.cell, fold_angle=np.radians(fold))
+    made = tessellate(Sphere(radius), cell, cells, plate=1e-4, refold=False)
+    assert made.holds, made.advice
+    asked = fold_range(Sphere(radius), cell, cells)
+    assert 0.3 < np.ptp([asked.rim, asked.middle]) / np.ptp(asked.left) < 1.0
 
 
 @pytest.mark.slow

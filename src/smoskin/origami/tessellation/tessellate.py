@@ -16,7 +16,7 @@ from smoskin.design.skin import MiuraCell
 from smoskin.errors import ArgumentError, DesignError, SmoskinError
 from smoskin.origami.cell import size
 from smoskin.origami.sheet import Sheet, build_sheet
-from smoskin.origami.surface.surface import Surface, curvatures, forms
+from smoskin.origami.surface.surface import Surface, forms
 from smoskin.origami.tessellation.arc import arc_sheet
 from smoskin.origami.tessellation.attachment import Stiffness, attach, attached_sheet
 from smoskin.origami.tessellation.conditions import net_of
@@ -30,20 +30,18 @@ from smoskin.origami.tessellation.solve import (
     settle,
     settle_further,
 )
+from smoskin.origami.tessellation.survey import fold_range, largest_share, survey
 from smoskin.origami.tessellation.unfold import unfold
 from smoskin.origami.tessellation.validity import GAP, Candidate, Gate, Nominal, gates
 
-_TIGHTEST: Final = 0.8
-"""Largest product of a curvature and a cell's width that a cell can follow."""
-_ONE_WAY: Final = 0.1
-"""Largest Gaussian curvature over the square of the largest one at which a surface is bent one
-way; charts of noisy meshes stay below."""
 _PULL: Final = 3e3
 """Weight of bottom vertices' heights where all columns are equal."""
 _SHARPEST: Final = np.radians(110)
 """Fold angle that is free however thin the plates are."""
 _SMALLER: Final = (0.8, 0.6, 0.4)
 """Sizes that are tried, over the one asked for, where this does not fit."""
+_FEWER: Final = (2, 3, 4)
+"""What numbers of cells are divided by where as many cannot lie on the patch."""
 _CLOSE: Final = 1.0
 """Sum of what measures are off their limits, over these, up to which a search goes on."""
 _ROUNDS: Final = 5
@@ -133,7 +131,8 @@ def tessellate(
         If there is no cell, the surface ends under the sheet, or it is bent along the sheet's x
         alone, where a sheet does not fold.
     DesignError
-        If the surface is bent more tightly than a cell can follow.
+        If the surface is bent more tightly than a cell can follow, or so much over the whole sheet
+        that its depth does not leave the folds for it.
     """
     if min(cells) < 1:
         raise ArgumentError(f"cells must be at least (1, 1); got {cells}")
@@ -149,6 +148,9 @@ def tessellate(
         deadline=time.monotonic() + time_limit,
         progress=progress,
     )
+    survey(surface, cell, cells)
+    if not own_columns:
+        _refuse_beyond(order)
     judged = _best(order)
     return _reported(order, judged, refold=refold)
 
@@ -253,7 +255,7 @@ class _Judged:
 
 def _best(order: _Order, trials: tuple[_Trial, ...] = _TRIALS) -> _Judged:
     """The first sheet that passes all gates, or the one that is least off, of those tried."""
-    radius, one_way = _survey(order.surface, order.cell, order.cells)
+    radius, one_way = survey(order.surface, order.cell, order.cells)
     foldable = order.own_columns or one_way
     attempts = [(trial, foldable) for trial in (trials[:1] if one_way else trials)]
     if foldable and not order.own_columns:
@@ -269,6 +271,33 @@ def _best(order: _Order, trials: tuple[_Trial, ...] = _TRIALS) -> _Judged:
         raise ArgumentError("the surface must reach under the whole sheet; take fewer cells")
     best = min(tried, key=lambda judged: judged.excess)
     return _better(order, best) if len(attempts) > 1 else best
+
+
+def _refuse_beyond(order: _Order) -> None:
+    """Raise where equal cells' folds cannot take up the patch's curvature, with what would fit."""
+    if (asked := fold_range(order.surface, order.cell, order.cells)).holds:
+        return
+    rim, middle = np.degrees([asked.rim, asked.middle])
+    left = np.degrees(asked.left[int(middle > rim)])
+    share = largest_share(order.surface, order.cell, order.cells)
+    raise DesignError(
+        f"the surface is bent too much for so many cells: folds of {rim:.1f} deg at the rim ask "
+        f"{middle:.1f} deg inside, the depth {left:.1f}; at most {share:.2f} of the sheet could "
+        f"lie on it; {_what_fewer_fit(order)}"
+    )
+
+
+def _what_fewer_fit(order: _Order) -> str:
+    """Fewer cells that fit the surface, or how much wider it would have to be for half as many."""
+    n, m = order.cells
+    half, *smaller = (
+        replace(order, cells=(max(n // part, 1), max(m // part, 1)), progress=None)
+        for part in _FEWER
+    )
+    for fewer in (half, *smaller):
+        if _fits(fewer):
+            return f"{fewer.cells[0]} x {fewer.cells[1]} of these cells would fit"
+    return f"with {half.cells[0]} x {half.cells[1]} of these cells {_what_fits(half)}"
 
 
 def _better(order: _Order, judged: _Judged) -> _Judged:
@@ -354,37 +383,6 @@ def _nominal(order: _Order) -> Nominal:
     )
 
 
-def _survey(surface: Surface, cell: MiuraCell, cells: tuple[int, int]) -> tuple[float, bool]:
-    """Radius along y in the mean, m, positive outside; whether the surface is bent one way."""
-    length, width, height = (float(extent) for extent in size(cell))
-    x = np.linspace(-0.5, 0.5, 2 * cells[0] + 1) * cells[0] * length
-    y = np.linspace(-0.5, 0.5, 2 * cells[1] + 1) * cells[1] * width
-    grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
-    if not surface.holds(grid).all():
-        raise ArgumentError("the surface must reach under the whole sheet; take fewer cells")
-    at = forms(surface, grid)
-    principal = curvatures(at)
-    largest = np.abs(principal).max(axis=-1)
-    tight = np.maximum(largest * width, 2 * principal[..., 1] * height)
-    if tight.max() > _TIGHTEST:
-        worst = np.unravel_index(int(np.argmax(tight)), tight.shape)
-        place = ", ".join(f"{1e3 * v:.0f}" for v in at.places[worst])
-        share = _TIGHTEST / float(tight.max())
-        raise DesignError(
-            f"the surface's radius of {1e3 / float(largest[worst]):.3g} mm at ({place}) mm is too "
-            f"tight for a cell {1e3 * width:.3g} mm wide; take cells {share:.2f} times as large"
-        )
-    gauss = np.median(np.abs(principal.prod(axis=-1)))
-    one_way = bool(gauss <= _ONE_WAY * np.median(largest) ** 2)
-    along, bend = (-float(np.mean(at.second[..., k, k] / at.metric[..., k, k])) for k in (0, 1))
-    if one_way and abs(along) > max(abs(bend), 1e-6):
-        raise ArgumentError(
-            "the surface must be bent along the sheet's y, and be straight along its x, the axis; "
-            "turned otherwise a sheet does not fold: turn the direction by 90 degrees"
-        )
-    return (1 / bend if abs(bend) * height > 1e-9 else np.inf), one_way
-
-
 def _start(order: _Order, radius: float, trial: _Trial, *, one_way: bool) -> Floats:
     """Layers to begin with, (V, 3)."""
     cell, cells = order.cell, order.cells
@@ -436,13 +434,17 @@ def _what_fits(order: _Order) -> str:
     for share in _SMALLER:
         if time.monotonic() > order.deadline:
             return "there was no time left to look for what would fit"
-        try:
-            fits = not _best(order.scaled(share), _TRIALS[:1]).failed
-        except SmoskinError:
-            fits = False
-        if fits:
+        if _fits(order.scaled(share)):
             return (
                 f"a surface {1 / share:.2g} times as wide would fit, or a sheet {share:g} times as "
                 "large in all its parts"
             )
     return f"not even a surface {1 / _SMALLER[-1]:g} times as wide would fit"
+
+
+def _fits(order: _Order) -> bool:
+    """Whether the first search of a sheet ends at one that passes all gates."""
+    try:
+        return not _best(order, _TRIALS[:1]).failed
+    except SmoskinError:
+        return False
