@@ -37,6 +37,8 @@ TOLD = {
     "earth": "60 uT, turned by a quarter and back in 20 s",
     "motor": "a dipole of 0.06 A m^2 that goes round beside the skin",
     "steel": "a steel ball of 30 mm that passes by",
+    "motor-inside": "the same motor 60 mm under the middle of the skin",
+    "steel-inside": "the same ball there",
     "gravity": "own weight as the arm turns by a quarter: the board slides by 1.3 mm",
     "warmth": "chips that warm by 1 to 3 K, magnets by half of that",
     "arrival": "readings 5 ms late, 5 % lost",

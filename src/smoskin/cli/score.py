@@ -46,7 +46,11 @@ def score(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first made skin.")] = 1,
     world: Annotated[
-        str, typer.Option(help="World of the skins: hard, or plain: what the twin assumes holds.")
+        str,
+        typer.Option(
+            help="World of the skins: hard; limb, with motor and steel inside the limb; or plain: "
+            "what the twin assumes holds."
+        ),
     ] = "hard",
     effect: Annotated[
         str | None, typer.Option(help="A world of this effect alone, such as hysteresis.")

@@ -412,7 +412,7 @@ def test_what_is_scored_may_be_a_model_or_any_estimator(skin, planar, monkeypatc
     assert (hard.world, hard.contact) == (HARD, CoverPanels())
     told = hard.as_json()
     assert (told["world"], told["contact"]) == ("hard", "CoverPanels")
-    with pytest.raises(ArgumentError, match="world must be one of plain, hard; got 'soft'"):
+    with pytest.raises(ArgumentError, match="world must be one of plain, hard, limb; got 'soft'"):
         score(ClosedFormEstimator(skin), skin, world="soft")
     assert (first.kind, first.chips) == ("network", (1, 2))
     assert usual == Exam(skins=(1, 2, 3, 4, 5), pairs=0, world=HARD)

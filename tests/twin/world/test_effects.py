@@ -13,6 +13,7 @@ from smoskin.errors import ArgumentError
 from smoskin.mechanics.reduced.stiffness import board_stiffness
 from smoskin.mechanics.sheet.contact import Bilinear
 from smoskin.mechanics.sheet.touches import Touches
+from smoskin.origami.geometry import geometry
 from smoskin.records import Motion, Reading
 from smoskin.twin.manufacture import Tolerances
 from smoskin.twin.whole import Twin
@@ -23,7 +24,7 @@ from smoskin.twin.world.fields import Earth, Motor, Steel, Warmth
 from smoskin.twin.world.making import Contact, Debonded, Fingers, Glue, Sectors
 from smoskin.twin.world.memory import Friction, Loops
 from smoskin.twin.world.strangers import STRANGERS
-from smoskin.twin.world.worlds import EFFECTS, HARD, PLAIN, world_of
+from smoskin.twin.world.worlds import EFFECTS, HARD, LIMB, PLAIN, world_of
 
 TIMES = np.linspace(-1.0, 12.0, 40)
 
@@ -118,6 +119,22 @@ def test_a_motor_is_a_dipole_that_goes_round(twin, planar):
     assert_allclose(
         replace(motor, moment=0.12).ambience(twin, np.random.default_rng(0), TIMES).field, 2 * field
     )
+
+
+def test_motor_and_steel_inside_a_limb_lie_60_mm_under_its_skin(curved):
+    limb = Twin(curved, seed=1)
+    chips = geometry(curved).chips
+    middle = np.append(geometry(curved).extent / 2, -0.06)
+    assert np.hypot(middle[1] - geometry(curved).roll.middle, middle[2] + 0.08) < 0.03
+    inside = [effect for effect in LIMB.effects if effect not in HARD.effects]
+    assert [type(effect) for effect in inside] == [Motor, Steel]
+    motor = EFFECTS["motor-inside"]
+    fields = motor.ambience(limb, np.random.default_rng(0), TIMES).field
+    spun = np.linalg.norm(fields[TIMES > 0], axis=-1)
+    # Across its moment a dipole has half of what it has along it.
+    along = 2e-7 * motor.moment / np.linalg.norm(chips - middle, axis=1) ** 3
+    assert ((0.49 * along < spun) & (spun < 1.001 * along)).all()
+    assert 80e-6 < along.max() < 130e-6
 
 
 def test_steel_answers_the_earth_as_a_sphere_of_iron_does(twin):
@@ -292,7 +309,7 @@ def test_worlds_are_known_by_name():
     assert (HARD.on_arm, PLAIN.on_arm) == (True, False)
     assert [name for name in EFFECTS if world_of(effect=name).on_arm] == ["gravity"]
     assert {effect.name for effect in (world_of(effect=n) for n in EFFECTS)} == set(EFFECTS)
-    with pytest.raises(ArgumentError, match="world must be one of plain, hard; got 'soft'"):
+    with pytest.raises(ArgumentError, match="world must be one of plain, hard, limb; got 'soft'"):
         world_of("soft")
     with pytest.raises(
         ArgumentError, match=r"effect must be one of stream, contact, .*; got 'rain'"

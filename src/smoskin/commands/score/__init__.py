@@ -87,7 +87,8 @@ def score(
         `places`.
     world : str or World
         World in which skins are made, calibrated and pressed: `hard`, with all that the twin's own
-        assumptions leave out; `plain`, without; or one of your own.
+        assumptions leave out; `limb`, with its motor and steel inside the limb; `plain`, without;
+        or one of your own.
     effect : str, optional
         A world of this effect alone.
     contact : ContactLaw, optional

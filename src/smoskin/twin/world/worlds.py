@@ -13,6 +13,13 @@ from smoskin.twin.world.strangers import STRANGERS
 
 PLAIN: Final = World(name="plain")
 """The twin's own assumptions."""
+_DEPTH: Final = 60e-3
+"""m: how deep under the sheet's bottom vertices a motor and steel inside a limb lie; 50 mm from
+the nearest chip of `curved`, 20 mm off its limb's axis."""
+_INSIDE: Final[dict[str, Effect]] = {
+    "motor-inside": Motor(place=(0.5, 0.5, -_DEPTH)),
+    "steel-inside": Steel(place=(0.5, 0.5, -_DEPTH)),
+}
 _HARD: Final[dict[str, Effect]] = {
     "contact": Contact(),
     "fingers": Fingers(),
@@ -30,9 +37,15 @@ _HARD: Final[dict[str, Effect]] = {
 }
 HARD: Final = World(name="hard", effects=tuple(_HARD.values()))
 """All effects at once."""
+LIMB: Final = World(
+    name="limb",
+    effects=tuple(_INSIDE.get(f"{name}-inside", effect) for name, effect in _HARD.items()),
+)
+"""The same with motor and steel inside the limb, under the middle of the skin, not beside it."""
 EFFECTS: Final[dict[str, Effect]] = (
     {"stream": Effect()}
     | _HARD
+    | _INSIDE
     | {"cover": Cover(), "bouc-wen": BoucWen()}
     | {name: Contact(laws=(name,)) for name in STRANGERS}
 )
@@ -49,7 +62,7 @@ def world_of(world: str = "plain", effect: str | None = None) -> World:
     >>> world_of("hard").name, len(world_of(effect="earth").effects)
     ('hard', 1)
     """
-    worlds = {one.name: one for one in (PLAIN, HARD)}
+    worlds = {one.name: one for one in (PLAIN, HARD, LIMB)}
     if world not in worlds:
         raise ArgumentError(f"world must be one of {', '.join(worlds)}; got {world!r}")
     if effect is None:
