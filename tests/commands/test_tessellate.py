@@ -85,13 +85,24 @@ def test_more_cells_take_their_magnets_along(planar, tmp_path):
     assert corners == [(6, 6), (6, 3), (3, 6)]
 
 
+def test_the_design_of_a_cone_has_the_sheet_that_was_laid_on_it(planar, tmp_path):
+    report = tessellate_surface("cone:60,80,150", planar, (3, 4), tmp_path)
+    skin = read_design(tmp_path / "design.toml")
+    assert skin == report.skin
+    assert np.array(skin.limb.radii) == pytest.approx([0.066, 0.074], abs=1e-4)
+    apart = geometry(skin).developed - report.made.layers
+    # The sheet begins at the skin's corner, and was laid round the surface's middle.
+    assert np.ptp(apart, axis=0) == pytest.approx(0.0, abs=1e-9)
+    assert apart[0, 2] == pytest.approx(0.0, abs=1e-12)
+
+
 def test_elsewhere_there_is_geometry_alone_and_an_older_design_goes(planar, tmp_path):
     (tmp_path / "design.toml").write_text("of another sheet")
-    report = tessellate_surface("cone:60,80,150", planar, (2, 2), tmp_path, force=True)
+    report = tessellate_surface("sphere:267", planar, (2, 2), tmp_path, force=True)
     assert report.made.holds
     assert {file.name for file in tmp_path.iterdir()} == SOUND
     told = json.loads((tmp_path / "validity.json").read_text())["sensing"]
-    assert told == "geometry alone: skins are sensed on planes and cylinders"
+    assert told == "geometry alone: skins are sensed on planes, cylinders and cones"
     assert told in (tmp_path / "report.html").read_text()
 
 

@@ -77,9 +77,17 @@ def test_grids_of_places():
     assert_allclose(middles * 1e3, [[30, 40], [30, 120], [90, 40], [90, 120]])
 
 
-@pytest.mark.parametrize("curvature", [0.0, 0.5, 12.5, -10.0])
-def test_developed_places_come_back_from_the_skins_frame(curvature):
-    roll = Roll(curvature=curvature, middle=0.08)
+@pytest.mark.parametrize(
+    ("curvature", "rise"),
+    [(0.0, 0.0), (0.5, 0.0), (12.5, 0.0), (-10.0, 0.0), (12.5, 0.17), (9.0, -0.4)],
+)
+def test_developed_places_come_back_from_the_skins_frame(curvature, rise):
+    roll = Roll(curvature=curvature, middle=0.08, along=0.02, rise=rise)
     rng = np.random.default_rng(4)
     places = rng.uniform([-0.1, -0.05, -0.02], [0.1, 0.2, 0.02], size=(50, 3))
     assert_allclose(roll.developed(roll.places(places)), places, atol=1e-12)
+    step = 1e-6
+    for k, axis in enumerate(np.moveaxis(roll.axes(places[:, 1]), -1, 0)):
+        ends = [roll.places(places + side * step * np.eye(3)[k]) for side in (1, -1)]
+        way = (ends[0] - ends[1]) / (2 * step)
+        assert_allclose(way / np.linalg.norm(way, axis=1, keepdims=True), axis, atol=1e-9)

@@ -24,6 +24,7 @@ _LIMITS: Final[Mapping[str, tuple[float, float, str]]] = MappingProxyType(
         "rim_share": (0.1, 1.0, ""),
         "pillars": (1, 10_000, ""),
         "skin_radius": (1e-3, 1e5, "m"),
+        "far_radius": (1e-3, 1e5, "m"),
         "remanence": (1.0, 1e7, "A/m"),
         "stiffness_variation": (1e-3, 1e3, ""),
         "folding_correction": (1e-6, 1e6, "N"),

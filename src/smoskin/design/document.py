@@ -38,6 +38,7 @@ _FORM: Final = Form(
         "play": "mm",
         "vertex_hole": "mm",
         "skin_radius": "mm",
+        "far_radius": "mm",
         "remanence": "A_per_m",
         "folding_correction_x": "N",
         "folding_correction_y": "N",

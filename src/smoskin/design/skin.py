@@ -303,14 +303,25 @@ class Coefficients:
 @part_of_design
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limb:
-    """The round limb that a curved skin lies on, its axis along the skin's x."""
+    """The round limb that a curved skin lies on, its axis along the skin's x: cylinder or cone."""
 
     skin_radius: float
     """m: radius on which the bottom vertices lie; the limb's own is less by columns, board,
-    pillars and base."""
+    pillars and base. On a cone it is that at the skin's rim at x = 0."""
+    far_radius: float | None = None
+    """m: radius at the other rim along x; by default, and where it is the same, a cylinder's."""
 
     def __post_init__(self) -> None:
         within("limb", skin_radius=self.skin_radius)
+        if self.far_radius is not None:
+            within("limb", far_radius=self.far_radius)
+            if self.far_radius == self.skin_radius:
+                assign(self, far_radius=None)
+
+    @property
+    def radii(self) -> tuple[float, float]:
+        """Radius at either rim along x, m."""
+        return self.skin_radius, self.far_radius or self.skin_radius
 
 
 @part_of_design
@@ -398,8 +409,8 @@ class SkinDesign:
 
     @property
     def curvature(self) -> float:
-        """Curvature of the skin round x, 1/m; positive where the limb is inside."""
-        return 0.0 if self.limb is None else 1.0 / self.limb.skin_radius
+        """One over the limb's radius in the middle, 1/m; positive where the limb is inside."""
+        return 0.0 if self.limb is None else 2.0 / sum(self.limb.radii)
 
     @property
     def content_hash(self) -> str:

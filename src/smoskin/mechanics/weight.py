@@ -59,7 +59,8 @@ def board_load(design: SkinDesign) -> Floats:
     # On a limb the board's mass lies round it, below its middle.
     nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
     y = skin.extent[1] * (1 + nodes) / 2
-    arc = skin.roll.places(np.stack([0 * y, y, 0 * y + middle[2]], axis=-1))
+    x = skin.extent[0] / 2
+    arc = skin.roll.places(np.stack([0 * y + x, y, 0 * y + middle[2]], axis=-1))
     middle[2] += weights @ (arc[:, 2] - middle[2]) / 2
     load = board_mass(design) * carried(board, middle).T
     flat = skin.developed[skin.sheet.columns.ravel(), :2]

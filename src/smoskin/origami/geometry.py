@@ -1,13 +1,15 @@
 """Places of everything of a skin at rest, in the skin's frame: computed once for a design.
 
 Decides the heights of magnets and chips. Places on a skin are told on its developed surface, on
-which the bottom vertices lie: x along the limb's axis, y along the arc, and the height over it. The
-board's upper face lies a column's height below. A magnet on the sheet hangs above its chip on the
-board's upper face; a magnet on the base lies below its chip on the lower face. One in place of a
-column stands under the bottom vertex next to its corner. The skin's frame is that of the developed
-surface in the middle of the skin, and everywhere on a planar one.
+which the bottom vertices lie: x along the limb's axis, y along the arc, and the height over it; on
+a cone x along a generator, and y the arc in the middle of x. The board's upper face lies a column's
+height below. A magnet on the sheet hangs above its chip on the board's upper face; a magnet on the
+base lies below its chip on the lower face. One in place of a column stands under the bottom vertex
+next to its corner. The skin's frame is that of the developed surface in the middle of the skin, and
+everywhere on a planar one.
 """
 
+import math
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 
@@ -23,48 +25,93 @@ from smoskin.origami.tessellation.arc import zigzag_angles
 
 _DESIGNS = 64
 """Designs whose geometry is kept."""
+_STEEPEST = 0.5
+"""Most that a cone's radius grows along a generator: an angle of 30 degrees at the apex."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Roll:
-    """How the developed surface lies in the skin's frame: rolled about an axis along x."""
+    """How the developed surface lies in the skin's frame: rolled about an axis along x.
+
+    Round a cone the axis leans towards the surface as x grows, and the radius grows.
+    """
 
     curvature: float
-    """1/m: of the surface round x; positive where its centre is below."""
+    """1/m: of the surface round x in its middle; positive where its centre is below."""
     middle: float
     """m: the y at which the skin's frame touches it."""
+    along: float = 0.0
+    """m: the x at which it does."""
+    rise: float = 0.0
+    """Growth of a cone's radius along a generator, the sine of the angle at its apex."""
 
     def places(self, developed: ArrayLike) -> Floats:
         r"""Places in the skin's frame of developed ones, both (..., 3), m.
 
         Notes
         -----
-        With :math:`\psi = \kappa\,(y - y_0)`, :math:`(x,\; y_0 + (1/\kappa + z) \sin\psi,\;
-        (1/\kappa + z) \cos\psi - 1/\kappa)`, written so that it holds for every curvature.
+        With :math:`\psi = \kappa\,(y - y_0)`, :math:`s = x - x_0`, a cone's
+        :math:`\sin\gamma` and :math:`w = s \sin\gamma + z \cos\gamma`,
+
+        .. math:: d = (1/\kappa + w)(1 - \cos\psi), \qquad
+            (x - d \sin\gamma,\; y_0 + (1/\kappa + w) \sin\psi,\; z - d \cos\gamma),
+
+        written so that it holds for every curvature.
         """
         x, y, z = np.moveaxis(np.asarray(developed, dtype=np.float64), -1, 0)
-        away = y - self.middle
+        away, rise, fall = y - self.middle, self.rise, self._fall
         angle = self.curvature * away
         # sin(psi) / psi of the whole and of half the angle.
         whole, half = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi))
-        across = y + away * (whole - 1.0) + z * np.sin(angle)
-        return np.stack([x, across, z * np.cos(angle) - away * (angle * half**2 / 2)], axis=-1)
+        wider, cosine = rise * (x - self.along), np.cos(angle)
+        drop = away * (angle * half**2 / 2)
+        across = y + away * (whole - 1.0) + (wider + fall * z) * np.sin(angle)
+        lower = drop + wider * (1.0 - cosine)
+        height = z * (rise**2 + fall**2 * cosine) - fall * lower
+        return np.stack([x - rise * (lower + fall * z * (1.0 - cosine)), across, height], axis=-1)
 
     def developed(self, places: ArrayLike) -> Floats:
         """Developed places of places in the skin's frame, both (..., 3), m: undoes `places`."""
         x, y, z = np.moveaxis(np.asarray(places, dtype=np.float64), -1, 0)
-        away, below = y - self.middle, 1.0 + self.curvature * z
         if self.curvature == 0.0:
             return np.stack([x, y, z], axis=-1)
+        away, rise, fall = y - self.middle, self.rise, self._fall
+        wider = rise * (x - self.along)
+        below = 1.0 + self.curvature * (wider + fall * z)
         angle = np.arctan2(self.curvature * away, below)
+        # Over the radius in the middle, away from the axis.
         height = (np.hypot(self.curvature * away, below) - 1.0) / self.curvature
-        return np.stack([x, self.middle + angle / self.curvature, height], axis=-1)
+        return np.stack(
+            [
+                x + rise * (height - wider - fall * z),
+                self.middle + angle / self.curvature,
+                fall * height + rise * (rise * z - fall * (x - self.along)),
+            ],
+            axis=-1,
+        )
+
+    @property
+    def _fall(self) -> float:
+        """Cosine of the angle at the apex."""
+        return math.sqrt(1.0 - self.rise**2)
 
     def axes(self, y: ArrayLike) -> Floats:
-        """Local axes at such places: columns along x, along the arc and normal, (..., 3, 3)."""
-        angle = self.curvature * (np.asarray(y, dtype=np.float64) - self.middle)
-        sine, cosine, still = np.sin(angle), np.cos(angle), np.zeros_like(angle)
-        rows = [[still + 1.0, still, still], [still, cosine, sine], [still, -sine, cosine]]
+        """Local axes at such places: columns along x, along the arc and normal, (..., 3, 3).
+
+        They are the same along a generator.
+        """
+        angle, rise, fall = (
+            self.curvature * (np.asarray(y, dtype=np.float64) - self.middle),
+            self.rise,
+            self._fall,
+        )
+        sine, cosine = np.sin(angle), np.cos(angle)
+        both = rise * fall * (cosine - 1.0)
+        rows = [
+            [fall**2 + rise**2 * cosine, -rise * sine, both],
+            [rise * sine, cosine, fall * sine],
+            [both, -fall * sine, rise**2 + fall**2 * cosine],
+        ]
         return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
@@ -115,6 +162,15 @@ class Geometry:
         for field in fields(self.sheet):
             getattr(self.sheet, field.name).flags.writeable = False
 
+    @property
+    def lines(self) -> tuple[Floats, Floats]:
+        """Places of the loaded vertices along x, (N,), and along y, (M,), m.
+
+        On a cone, whose rows differ by 0.3 %, they are midway between those at either rim.
+        """
+        tops = self.tops
+        return (tops[:, 0, 0] + tops[:, -1, 0]) / 2, (tops[0, :, 1] + tops[-1, :, 1]) / 2
+
 
 @lru_cache(maxsize=_DESIGNS)
 def geometry(design: SkinDesign) -> Geometry:
@@ -137,14 +193,9 @@ def geometry(design: SkinDesign) -> Geometry:
     cell = size(design.cell)
     pitch = np.array([cell.length, cell.width])
     extent = np.multiply(design.cells, pitch)
-    roll = Roll(curvature=design.curvature, middle=float(extent[1]) / 2)
-    if (wrap := float(extent[1]) * roll.curvature) > np.pi:
-        raise DesignError(
-            f"limb.skin_radius must be at least {1e3 * extent[1] / np.pi:.1f} mm, so that the skin "
-            f"wraps half of the limb at most; it wraps {np.degrees(wrap):.0f} degrees"
-        )
+    roll = _roll_of(design, extent)
     sheet = build_sheet(design.cell, design.cells)
-    developed = _developed(design, sheet)
+    developed = _developed(design, sheet) if roll.rise == 0.0 else _on_cone(design, extent, roll)
     sheet = replace(sheet, vertices=roll.places(developed))
     middles = _magnets_middles(design, pitch, developed[sheet.columns.ravel(), :2])
     upper = -design.columns.height + design.board.sensing_height
@@ -183,6 +234,28 @@ def geometry(design: SkinDesign) -> Geometry:
     )
 
 
+def _roll_of(design: SkinDesign, extent: Floats) -> Roll:
+    """How a skin of this extent, (2,), m, lies on its limb, if it can."""
+    near, far = (0.0, 0.0) if design.limb is None else design.limb.radii
+    roll = Roll(
+        curvature=design.curvature,
+        middle=float(extent[1]) / 2,
+        along=float(extent[0]) / 2,
+        rise=(far - near) / float(extent[0]),
+    )
+    if abs(roll.rise) > _STEEPEST:
+        raise DesignError(
+            f"limb.far_radius must lie within {1e3 * _STEEPEST * extent[0]:.1f} mm of skin_radius, "
+            f"{1e3 * near:g} mm; got {1e3 * far:g} mm"
+        )
+    if (wrap := float(extent[1]) * roll.curvature) > np.pi:
+        raise DesignError(
+            f"limb.skin_radius must be at least {1e3 * extent[1] / np.pi:.1f} mm, so that the skin "
+            f"wraps half of the limb at most; it wraps {np.degrees(wrap):.0f} degrees"
+        )
+    return roll
+
+
 def _developed(design: SkinDesign, sheet: Sheet) -> Floats:
     """Vertices on the developed surface, (V, 3), of the planar sheet's.
 
@@ -199,6 +272,28 @@ def _developed(design: SkinDesign, sheet: Sheet) -> Floats:
     zigzag = np.where(j % 2, top, bottom)
     places[:, 1] += (i % 2 == 0) * (zigzag - planar) + (bottom - zigzag) / 2
     return places
+
+
+def _on_cone(design: SkinDesign, extent: Floats, roll: Roll) -> Floats:
+    """Developed vertices, (V, 3), m, of the sheet on a cone, which no closed form gives."""
+    from smoskin.origami.surface.analytic import Cone
+    from smoskin.origami.tessellation.tessellate import tessellate
+
+    assert design.limb is not None
+    height = float(extent[0]) * math.sqrt(1.0 - roll.rise**2)
+    made = tessellate(
+        Cone(*design.limb.radii, height),
+        design.cell,
+        design.cells,
+        plate=design.panels.thickness / 2,
+        column=design.columns.height,
+        refold=False,
+    )
+    if not made.holds:
+        raise DesignError(f"limb must be a cone that the cells can follow: {made.advice}")
+    # Rows zigzag to one side of where they begin, those that are sought to both.
+    aside = zigzag_angles(design.cell, 1 / roll.curvature)[0] / (2 * roll.curvature)
+    return np.asarray(made.layers + np.array([roll.along, roll.middle + aside, 0.0]))
 
 
 def _magnets_middles(design: SkinDesign, pitch: Floats, feet: Floats) -> dict[str, Floats]:

@@ -244,6 +244,89 @@ def test_magnets_follow_a_sheet_that_turns_round_the_limb(curved):
             np.testing.assert_allclose(motion[3:], [turn, 0.0, 0.0], atol=1e-12)
 
 
+def on_cone(design, wider, radius=0.08):
+    """The design on a limb whose radius grows by so much from rim to rim."""
+    return replace(design, limb=Limb(skin_radius=radius - wider / 2, far_radius=radius + wider / 2))
+
+
+def test_a_cone_without_taper_is_the_cylinder(curved):
+    same = replace(curved, limb=Limb(skin_radius=0.08, far_radius=0.08))
+    assert same == curved
+    assert same.content_hash == curved.content_hash
+    assert on_cone(curved, 0.01).content_hash != curved.content_hash
+
+
+def test_parts_on_a_cone_stand_along_its_normals(curved):
+    cone = on_cone(curved, 0.02)
+    skin = geometry(cone)
+    taper = np.arcsin(skin.roll.rise)
+    # The axis, from the skin's middle on the surface.
+    axis = np.array([np.cos(taper), 0.0, -np.sin(taper)])
+    origin = [skin.extent[0] / 2, skin.roll.middle, 0.0] - 0.08 * np.array(
+        [np.sin(taper), 0.0, np.cos(taper)]
+    )
+
+    def radii(places):
+        away = places - origin
+        along = away @ axis
+        return along, np.linalg.norm(away - along[:, None] * axis, axis=1)
+
+    feet = skin.sheet.columns.ravel()
+    along, radius = radii(skin.sheet.vertices[feet])
+    np.testing.assert_allclose(radius, 0.08 + np.tan(taper) * along, atol=1e-5)
+    for places, axes, heights in (
+        (skin.magnets, skin.magnet_axes, skin.roll.developed(skin.magnets)[:, 2]),
+        (skin.chips, skin.chip_axes, skin.roll.developed(skin.chips)[:, 2]),
+        (skin.sheet.vertices, skin.axes, skin.developed[:, 2]),
+    ):
+        on_it = places - heights[:, None] * axes[..., 2]
+        along, radius = radii(on_it)
+        np.testing.assert_allclose(radius, 0.08 + np.tan(taper) * along, atol=1e-12)
+        # Normals lean back by the taper; generators run along the surface.
+        np.testing.assert_allclose(axes[..., 2] @ axis, -np.sin(taper), atol=1e-12)
+        np.testing.assert_allclose(axes[..., 0] @ axis, np.cos(taper), atol=1e-12)
+        np.testing.assert_allclose(axes[..., 1] @ axis, 0.0, atol=1e-12)
+    values, _ = rigid_modes(skin.sheet.vertices, skin.sheet.facets)
+    assert values[0] < 1e-9  # it folds
+
+
+def test_answers_on_a_cone_leave_the_cylinders_with_its_taper(small):
+    cases = some(small, 3)
+    straight = BarHinge(small).press(cases, tolerance=1e-11)
+    off = [
+        np.abs(BarHinge(on_cone(small, wider)).press(cases, tolerance=1e-11).board - straight.board)
+        for wider in (2e-5, 2e-4, 2e-3)
+    ]
+    np.testing.assert_allclose(np.diff(np.log10([x.max() for x in off])), 1.0, atol=0.05)
+
+
+def test_small_loads_on_a_cone_are_reciprocal(small):
+    compliance = grip_compliance(on_cone(small, 0.02))[..., :2]
+    scale = np.abs(compliance).max()
+    np.testing.assert_allclose(compliance, compliance.transpose(2, 3, 0, 1), atol=1e-12 * scale)
+
+
+def test_a_cone_turned_round_gives_the_mirrored_answer(small):
+    extent, cases = geometry(small).extent, some(small)
+    mirrored = Touches(
+        position=[extent[0], 0.0] + cases.position * [-1.0, 1.0],
+        force=cases.force * [-1.0, 1.0, 1.0],
+    )
+    one = BarHinge(on_cone(small, 0.02)).press(cases, tolerance=1e-10)
+    other = BarHinge(on_cone(small, -0.02)).press(mirrored, tolerance=1e-10)
+    rows = np.arange(63).reshape(7, 9)[::-1].ravel()
+    back = other.displacements[:, rows] * [-1.0, 1.0, 1.0]
+    atol = 1e-7 * np.abs(back).max()
+    np.testing.assert_allclose(one.displacements, back, atol=atol)
+
+
+def test_cones_that_cells_cannot_follow_are_refused(curved):
+    with pytest.raises(DesignError, match=r"limb\.far_radius must lie within 60\.0 mm of skin_rad"):
+        geometry(on_cone(curved, 0.13))
+    with pytest.raises(DesignError, match="limb must be a cone that the cells can follow"):
+        geometry(on_cone(curved, 0.058, 0.06))
+
+
 def test_limbs_that_a_skin_cannot_wrap_are_refused(planar):
     with pytest.raises(DesignError, match=r"limb\.skin_radius must be at least 50\.9 mm"):
         geometry(on_limb(planar, 0.05))

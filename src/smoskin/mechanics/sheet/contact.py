@@ -143,8 +143,8 @@ class ScaleContact(ContactLaw):
         most = np.maximum(normal, np.hypot(drag[..., 0], drag[..., 1]))[..., None]
         lean = np.divide(drag, most, out=np.zeros_like(drag), where=most > 0)
         points = patch_points(touches, radius) + self.tilt * lean[..., None, :]
-        tops = geometry(design).tops
-        inside = np.clip(points, tops[0, 0], tops[-1, -1])
+        x, y = geometry(design).lines
+        inside = np.clip(points, [x[0], y[0]], [x[-1], y[-1]])
         return mean_shares(design, inside + self.rim * (points - inside))
 
 

@@ -205,10 +205,9 @@ def patch_points(touches: Touches, radius: Floats) -> Floats:
 
 def _both_lines(design: SkinDesign, where: Floats, *, slopes: bool = False) -> list[Floats]:
     """`_line_shares` along x, (..., N), and along y, (..., M), of loads at `where`, (..., 2)."""
-    tops = geometry(design).tops
     return [
         _line_shares(vertices, where[..., axis], slopes)
-        for axis, vertices in enumerate((tops[:, 0, 0], tops[0, :, 1]))
+        for axis, vertices in enumerate(geometry(design).lines)
     ]
 
 

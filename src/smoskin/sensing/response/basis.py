@@ -84,7 +84,7 @@ class TouchBasis:
     def of(cls, design: SkinDesign, radius: float = FINGERTIP) -> "TouchBasis":
         """The functions for a design."""
         solid = geometry(design)
-        x, y = solid.tops[:, 0, 0], solid.tops[0, :, 1]
+        x, y = solid.lines
         return cls(extent=solid.extent, lines_x=x, lines_y=y, radius=radius)
 
     @property

@@ -39,8 +39,7 @@ class Warped(ContactLaw):
         """As `ContactLaw.shares`."""
         check_on_skin(design, touches)
         points = patch_points(touches, touches.radius)
-        tops = geometry(design).tops
-        lines = tops[:, 0, 0], tops[0, :, 1]
+        lines = geometry(design).lines
         return mean_shares(design, np.stack([
             self._warp(line, points[..., axis]) for axis, line in enumerate(lines)
         ], axis=-1))  # fmt: skip
