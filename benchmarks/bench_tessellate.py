@@ -1,21 +1,29 @@
-"""Time of tessellation over the number of vertices, beside n log n.
+"""Time of tessellation: on the fixed surfaces, and over the number of vertices beside n log n.
 
+Sheets of 6 x 6 cells should take 2 s at most and those of 24 x 24 30 s, without folding the flat
+pattern again, whose time stands beside; the two noisy meshes are left out.
 Sparse factorisations of the search's steps take most of the time, so their number stands beside:
-seven at any size. From 441 to 4,225 vertices the time grows as 0.8 to 1.05 of n log n, as
-1.2 to 1.5 on a busier machine. Run alone on a quiet one: ``python benchmarks/bench_tessellate.py``.
+seven at any size. From 441 to 4,225 vertices the time grows as 0.8 to 1.3 of n log n, as
+1.5 on a busy machine. Run alone on a quiet one: ``python benchmarks/bench_tessellate.py``.
 """
 
 import time
+import tomllib
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 from unittest import mock
 
 import numpy as np
 
+from smoskin.commands.tessellate.surfaces import named_surface
+from smoskin.errors import DesignError
 from smoskin.feasibility import load_design
 from smoskin.origami.surface.analytic import Cone
 from smoskin.origami.tessellation import solve
 from smoskin.origami.tessellation.tessellate import tessellate
 
+SURFACES = Path(__file__).parents[1] / "tests/origami/tessellation/surfaces.toml"
 COUNTS = (10, 16, 24, 32)
 """Cells each way; on fewer, what does not depend on the vertices takes most of the time."""
 
@@ -37,8 +45,32 @@ def seconds(count: int) -> tuple[float, int]:
     return min(taken), steps
 
 
+def on(case: dict[str, Any], *, refold: bool) -> tuple[float, bool]:
+    """Process time on one of the fixed surfaces, and whether there is a sheet that holds."""
+    cell, cells = load_design("planar").cell, tuple(case["cells"])
+    scale = case.get("scale", 1.0)
+    cell = replace(cell, panel_a=scale * cell.panel_a, panel_b=scale * cell.panel_b)
+    surface, _ = named_surface(case["kind"], cell, cells, (0, 0, 0), (1, 0, 0))
+    begin = time.process_time()
+    try:
+        holds = tessellate(surface, cell, cells, refold=refold).holds
+    except DesignError:
+        holds = False
+    return time.process_time() - begin, holds
+
+
 def main() -> None:
     seconds(COUNTS[0])  # modules are loaded
+    for case in tomllib.loads(SURFACES.read_text())["surface"]:
+        if not case.get("noisy"):
+            taken, holds = on(case, refold=False)
+            again, _ = on(case, refold=True)
+            n, m = case["cells"]
+            told = "holds" if holds else "refused"
+            print(
+                f"{case['name']:24s} {n:2d} x {m:2d}: {taken:5.2f} s, folded again {again:5.2f} s; "
+                f"{told}"
+            )
     reference = None
     for count in COUNTS:
         vertices, (taken, steps) = (2 * count + 1) ** 2, seconds(count)
