@@ -35,6 +35,8 @@ SOAKED = 30.0
 """s of a hand in a recording that is read again and again."""
 UNTOUCHED = 15.0
 """s before the hand for each skin, which are opened one by one: no touch is taken for a zero."""
+ROUND = 60.0
+"""s after which the hand does the same again, and so do the readings of longer recordings."""
 SPARE = 10.0
 """s of the hand after all is measured: a board that begins again sends a jump no skin makes."""
 BOARD = """
@@ -75,11 +77,16 @@ def make(folder: Path, seed: int, rate: float, untouched: float, touched: float)
     )
     skin.table.save(folder / f"s{seed}.table")
     url = f"twin://planar?manufactured=yes&seed={seed}&speed=max&rate={rate:g}"
+    readings = []
+    for seconds, hand in ((untouched, "no"), (min(touched, 2 * ROUND), "yes")):
+        with smo.open_source(f"{url}&hand={hand}") as source:
+            readings += [source.read() for _ in range(round(seconds * rate))]
+    whole, again = round((untouched + touched) * rate), round(ROUND * rate)
     with smo.Recorder(folder / f"s{seed}.mcap", design) as sink:
-        for begin, seconds, hand in ((0.0, untouched, "no"), (untouched, touched, "yes")):
-            with smo.open_source(f"{url}&hand={hand}") as source:
-                for index in range(round(seconds * rate)):
-                    sink.write(replace(source.read(), time=begin + index / rate))
+        for index in range(whole):
+            sink.write(replace(readings[index], time=index / rate))
+            if index + again >= len(readings):
+                readings.append(readings[index])
 
 
 def board(stack: ExitStack, url: str) -> str:
