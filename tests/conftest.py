@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from smoskin.design.skin import SkinDesign
+from smoskin.design.skin import Limb, SkinDesign
 from smoskin.feasibility import load_design
 
 # Every core has a test process of its own; threads of theirs would only wait for each other.
@@ -32,6 +32,18 @@ def planar() -> SkinDesign:
 def curved() -> SkinDesign:
     """The reference design's cells on a forearm."""
     return load_design("curved")
+
+
+@pytest.fixture(scope="session")
+def small_cone(curved: SkinDesign) -> SkinDesign:
+    """A skin of 3 x 3 cells on a cone whose radius grows by 8 mm on 60."""
+    corners = {"M1": (1, 2), "M2": (2, 1), "M3": (1, 1), "M4": (2, 2)}
+    return replace(
+        curved,
+        cells=(3, 3),
+        magnets=tuple(replace(m, corner=corners[m.name]) for m in curved.magnets),
+        limb=Limb(skin_radius=0.07, far_radius=0.078),
+    )
 
 
 @pytest.fixture(scope="session")

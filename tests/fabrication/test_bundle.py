@@ -133,6 +133,13 @@ def test_a_skin_on_a_limb_is_made_in_bounded_time_with_the_same_bytes(curved):
 
 
 @pytest.mark.slow
+def test_a_skin_on_a_cone_has_every_file(small_cone):
+    paths = {file.path for file in make_bundle(small_cone).files}
+    assert paths >= {"parts/shell.stl", "pattern/upper.dxf", "boards/skin/skin.kicad_pcb"}
+    assert {"assembly.html", "process.html", "moulds/crease_die_1.stl"} <= paths
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("cells", "seconds"), [((6, 6), 20.0), ((24, 24), 120.0)])
 def test_a_bundle_is_made_in_bounded_time(planar, cells, seconds):
     began = time.process_time()

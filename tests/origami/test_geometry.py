@@ -91,3 +91,39 @@ def test_developed_places_come_back_from_the_skins_frame(curvature, rise):
         ends = [roll.places(places + side * step * np.eye(3)[k]) for side in (1, -1)]
         way = (ends[0] - ends[1]) / (2 * step)
         assert_allclose(way / np.linalg.norm(way, axis=1, keepdims=True), axis, atol=1e-9)
+
+
+@pytest.mark.parametrize("rise", [0.0, 0.03, -0.2, 0.5])
+@pytest.mark.parametrize("level", [0.0, -0.0135, 0.01])
+def test_layers_are_laid_flat_without_stretch(rise, level):
+    roll = Roll(curvature=1 / 0.08, middle=0.05, along=0.04, rise=rise)
+    rng = np.random.default_rng(5)
+    places = rng.uniform([0.0, -0.05], [0.08, 0.15], (60, 2))
+    flat = roll.flat(places, level)
+    assert_allclose(roll.from_flat(flat, level), places, atol=1e-15)
+
+    def on_limb(developed):
+        return roll.places(np.concatenate([developed, np.full((60, 1), level)], axis=1))
+
+    for step in 1e-6 * np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -2.0]]):
+        there, here = (
+            np.linalg.norm(lay(places + step) - lay(places - step), axis=1)
+            for lay in (on_limb, lambda at: roll.flat(at, level))
+        )
+        assert_allclose(here, there, rtol=1e-8)
+
+
+@pytest.mark.parametrize("skin", ["planar", "curved", "small_cone"])
+def test_chips_lie_as_their_flat_circuit_is_rolled(skin, request):
+    """Parallel on it, and where the board's layout has them."""
+    design = request.getfixturevalue(skin)
+    places = geometry(design)
+    roll, chips = places.roll, places.roll.developed(places.chips)
+    for (x, y, level), axes in zip(chips, places.chip_axes, strict=True):
+        middle = roll.flat([x, y], level)
+        for k, step in enumerate(1e-6 * np.eye(2)):
+            ends = [[*roll.from_flat(middle + side * step, level), level] for side in (-1, 1)]
+            along = np.diff(roll.places(ends), axis=0)[0] / 2e-6
+            assert_allclose(axes[:, k], along, atol=1e-8)
+        assert_allclose(axes.T @ axes, np.eye(3), atol=1e-15)
+        assert_allclose(axes[:, 2], roll.axes(y)[:, 2], atol=1e-15)

@@ -152,9 +152,9 @@ def press_touches(
         sizes = {"limit": limit, "stiffness": 1e3 * stiffness, "reach": 1e-3 * reach}
         sizes["recovery"] = recovery
         if turn:
-            if skin.limb is None or skin.limb.far_radius is not None:
-                raise ArgumentError(f"--turn needs a skin round a cylinder; {skin.name} is none")
-            sizes["radius"] = skin.limb.skin_radius
+            if skin.limb is None:
+                raise ArgumentError(f"--turn needs a skin round a limb; {skin.name} is none")
+            sizes["radius"] = 1.0 / skin.curvature
         opened = campaigns.real_rig(source, stage, gauge, origin=_place(origin), **sizes)
         known = {"source": source, "stage": stage, "gauge": gauge, "origin_mm": origin, **sizes}
     else:

@@ -12,7 +12,7 @@ from typing import Final
 
 from smoskin.arguments import typed
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import DesignError, require
+from smoskin.errors import require
 from smoskin.fabrication.artifact import Artifact
 from smoskin.fabrication.boards.files import board_files
 from smoskin.fabrication.materials import Item, bill, bill_csv
@@ -77,11 +77,6 @@ def make_bundle(
     require("making a skin's files", "fabrication", "ezdxf", "shapely", "manifold3d")
     if step:
         require("writing STEP files", "step", "OCP")
-    if design.limb is not None and design.limb.far_radius is not None:
-        raise DesignError(
-            f"limb.far_radius must be skin_radius or none, {1e3 * design.limb.skin_radius:g} mm: "
-            "parts of skins on cones are not drawn; smoskin tessellate draws their crease pattern"
-        )
     shop = workshop or Workshop()
     check_process(design, shop)
     tell = progress or (lambda what, share: None)

@@ -1,8 +1,8 @@
 """Places of the parts that a design does not place: columns, chips, magnets and pillars.
 
 z = 0 is the surface of the bottom vertices, x and y those of the sheet, metres. On a limb parts are
-laid out flat, as the board is before it is rolled on to its shell: y is the arc at a level, by
-default the board's; heights and x are as they are. On a planar skin every level is the same.
+laid out flat, as the board is before it is rolled on to its shell, with true lengths at a level, by
+default the board's; heights are as they are. On a planar skin every level is the same.
 """
 
 from typing import Any
@@ -23,15 +23,20 @@ def pose(design: SkinDesign, developed: Any) -> Floats:
     return np.concatenate([roll.axes(y), roll.places([x, y, 0.0])[:, None]], axis=1)
 
 
-def column_places(design: SkinDesign, level: float | None = None) -> Floats:
-    """Middles of the columns, (C, 2), m, those left out that a magnet stands in place of."""
+def column_places(design: SkinDesign) -> Floats:
+    """Places of the columns on the board, (C, 2), m."""
+    return laid_flat(design, columns_developed(design))
+
+
+def columns_developed(design: SkinDesign) -> Floats:
+    """Developed places of the columns, (C, 2), m, without those whose place a magnet takes."""
     skin = geometry(design)
     places = skin.developed[skin.sheet.columns.ravel(), :2]
     there = np.ones(len(places), dtype=bool)
     for magnet, at in zip(design.magnets, skin.magnet_places, strict=True):
         if magnet.mount == "sheet" and magnet.driver == "vertex":
             there[np.linalg.norm(places - at, axis=1).argmin()] = False
-    return laid_flat(design, places[there], level)
+    return places[there]
 
 
 def chip_places(design: SkinDesign) -> Floats:
@@ -40,6 +45,13 @@ def chip_places(design: SkinDesign) -> Floats:
     names = [magnet.name for magnet in design.magnets]
     watched = [names.index(site.magnet) for site in design.halls]
     return laid_flat(design, skin.magnet_places[watched])
+
+
+def chip_rows(design: SkinDesign) -> list[tuple[float, float]]:
+    """Developed y of each chip, m, and the angle, rad, of its generator on the flat board."""
+    roll = geometry(design).roll
+    arcs = roll.developed(geometry(design).chips)[:, 1].round(9)
+    return list(zip(arcs.tolist(), roll.flat_turn(arcs).tolist(), strict=True))
 
 
 def magnet_height(design: SkinDesign, magnet: Magnet) -> float:

@@ -110,8 +110,8 @@ def _rubber(design: SkinDesign, workshop: Workshop) -> list[Item]:
     }
     if workshop.top == "scales":
         count = design.cells[0] * design.cells[1]
-        scales = count * float(scale(design, workshop).volume())
-        volumes["top scale", count, columns.material] = scales
+        rows = [float(scale(design, workshop, row).volume()) for row in range(design.cells[0])]
+        volumes["top scale", count, columns.material] = design.cells[1] * sum(rows)
     items = [
         Item(
             part=part,

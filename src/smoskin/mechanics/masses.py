@@ -15,11 +15,11 @@ from smoskin.origami.outline import (
     SCALE_GAP,
     SCALE_PAD,
     SCALE_RISE,
+    arcs_at,
     board_box,
     circuit_thickness,
     frame_box,
     frame_level,
-    laid_flat,
     shell_thickness,
 )
 
@@ -71,8 +71,8 @@ def frame_mass(design: SkinDesign) -> float:
     skin, level, reach = geometry(design), frame_level(design), design.columns.radius
     width, length = frame_box(design, level).size
     area = 2 * FRAME_WALL * (width + length - 2 * FRAME_WALL)
-    flat = laid_flat(design, skin.developed[skin.sheet.columns.ravel(), :2], level)
-    grid = flat.reshape(*skin.sheet.columns.shape, 2)
+    grid = skin.developed[skin.sheet.columns, :2]
+    grid[..., 1] = arcs_at(design, grid[..., 1], 0.0, level)
     half = float(grid[1, 0, 0] - grid[0, 0, 0]) - reach - 2 * design.frame.clearance
     inner = width / 2 - FRAME_WALL
     for row, outward in ((grid[:, 0], -1.0), (grid[:, -1], 1.0)):

@@ -12,16 +12,20 @@ everywhere on a planar one.
 import math
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from smoskin.arrays import Floats, freeze
-from smoskin.design.skin import SkinDesign
+from smoskin.design.skin import MiuraCell, SkinDesign
 from smoskin.errors import DesignError
 from smoskin.origami.cell import CellSize, size
 from smoskin.origami.sheet import Sheet, build_sheet
 from smoskin.origami.tessellation.arc import zigzag_angles
+
+if TYPE_CHECKING:
+    from smoskin.origami.surface.analytic import Cone, Cylinder, Plane
 
 _DESIGNS = 64
 """Designs whose geometry is kept."""
@@ -90,6 +94,45 @@ class Roll:
             axis=-1,
         )
 
+    def flat(self, developed: ArrayLike, level: float) -> Floats:
+        r"""Places (..., 2), m, on a flat layer that lies at a level once it is rolled.
+
+        Lengths on the layer are true at that level; those of developed places are at 0, and on a
+        cone in the middle of x.
+
+        Notes
+        -----
+        On a cone the layer is a sector. With :math:`\varphi = \sin\gamma\,\kappa\,(y - y_0)`
+        and :math:`\rho = s + (1/\kappa + z \cos\gamma) / \sin\gamma` from its apex,
+        :math:`(x - \rho (1 - \cos\varphi),\; y_0 + \rho \sin\varphi)`.
+        """
+        x, y = np.moveaxis(np.asarray(developed, dtype=np.float64), -1, 0)
+        away, wider = y - self.middle, self.stretch(level, x)
+        angle = self.flat_turn(y)
+        whole, half = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi))
+        back = wider * away * (angle * half**2 / 2)
+        return np.stack([x - back, self.middle + away * wider * whole], axis=-1)
+
+    def from_flat(self, flat: ArrayLike, level: float) -> Floats:
+        """Developed places of places on a flat layer, both (..., 2), m: undoes `flat`."""
+        x, y = np.moveaxis(np.asarray(flat, dtype=np.float64), -1, 0)
+        away, longer = y - self.middle, self.stretch(level, self.along)
+        sharp = self.rise * self.curvature
+        if sharp == 0.0:
+            return np.stack([x, self.middle + away / longer], axis=-1)
+        reach = longer + sharp * (x - self.along)
+        along = self.along + (np.hypot(reach, sharp * away) - longer) / sharp
+        return np.stack([along, self.middle + np.arctan2(sharp * away, reach) / sharp], axis=-1)
+
+    def stretch(self, level: float, x: Any) -> Any:
+        """True lengths of arcs at a level and such x, over those of developed places."""
+        return 1.0 + self.curvature * (self._fall * level + self.rise * (x - self.along))
+
+    def flat_turn(self, y: ArrayLike) -> Floats:
+        """Angles, rad, of the generators at such places on a flat layer."""
+        away = np.asarray(y, dtype=np.float64) - self.middle
+        return np.asarray(self.rise * self.curvature * away)
+
     @property
     def _fall(self) -> float:
         """Cosine of the angle at the apex."""
@@ -142,7 +185,8 @@ class Geometry:
     chips: Floats
     """(S, 3), m: sensing points of the chips."""
     chip_axes: Floats
-    """(S, 3, 3): local axes at the chips; those of the magnet that each one watches."""
+    """(S, 3, 3): axes at the chips, those of the flat circuit rolled with it: the local ones of the
+    magnet that each one watches, on a cone turned about their normal."""
     rest: Floats
     """(S, 3), m: sensing point of each chip as seen from the middle of the magnet that it
     watches, along its local axes; it lies straight below a magnet on the sheet, straight above one
@@ -195,7 +239,7 @@ def geometry(design: SkinDesign) -> Geometry:
     extent = np.multiply(design.cells, pitch)
     roll = _roll_of(design, extent)
     sheet = build_sheet(design.cell, design.cells)
-    developed = _developed(design, sheet) if roll.rise == 0.0 else _on_cone(design, extent, roll)
+    developed = _developed(design, sheet) if roll.rise == 0.0 else _on_cone(design, roll)
     sheet = replace(sheet, vertices=roll.places(developed))
     middles = _magnets_middles(design, pitch, developed[sheet.columns.ravel(), :2])
     upper = -design.columns.height + design.board.sensing_height
@@ -229,9 +273,17 @@ def geometry(design: SkinDesign) -> Geometry:
         magnet_places=magnets[:, :2],
         magnet_axes=roll.axes(magnets[:, 1]),
         chips=roll.places(chips),
-        chip_axes=roll.axes(chips[:, 1]),
+        chip_axes=_chip_axes(roll, chips[:, 1]),
         rest=rest,
     )
+
+
+def _chip_axes(roll: Roll, y: Floats) -> Floats:
+    """Axes (S, 3, 3) of chips at such places: on a flat circuit they lie parallel."""
+    angle = roll.flat_turn(y)
+    sine, cosine, none = np.sin(angle), np.cos(angle), np.zeros(len(y))
+    rows = [[cosine, sine, none], [-sine, cosine, none], [none, none, none + 1.0]]
+    return np.asarray(roll.axes(y) @ np.moveaxis(np.array(rows), (0, 1), (-2, -1)))
 
 
 def _roll_of(design: SkinDesign, extent: Floats) -> Roll:
@@ -274,26 +326,42 @@ def _developed(design: SkinDesign, sheet: Sheet) -> Floats:
     return places
 
 
-def _on_cone(design: SkinDesign, extent: Floats, roll: Roll) -> Floats:
-    """Developed vertices, (V, 3), m, of the sheet on a cone, which no closed form gives."""
-    from smoskin.origami.surface.analytic import Cone
-    from smoskin.origami.tessellation.tessellate import tessellate
+def surface_of(design: SkinDesign) -> "Plane | Cylinder | Cone":
+    """The surface of a skin's bottom vertices, a cone as long as the skin."""
+    from smoskin.origami.surface.analytic import Cone, Cylinder, Plane
 
-    assert design.limb is not None
-    height = float(extent[0]) * math.sqrt(1.0 - roll.rise**2)
-    made = tessellate(
-        Cone(*design.limb.radii, height),
-        design.cell,
-        design.cells,
-        plate=design.panels.thickness / 2,
-        column=design.columns.height,
-        refold=False,
-    )
-    if not made.holds:
-        raise DesignError(f"limb must be a cone that the cells can follow: {made.advice}")
+    if design.limb is None:
+        return Plane()
+    if design.limb.far_radius is None:
+        return Cylinder(design.limb.skin_radius)
+    (near, far), along = design.limb.radii, design.cells[0] * float(size(design.cell).length)
+    return Cone(near, far, math.sqrt(along**2 - (far - near) ** 2))
+
+
+def _on_cone(design: SkinDesign, roll: Roll) -> Floats:
+    """Developed vertices, (V, 3), m, of the sheet on a cone, which no closed form gives."""
+    plate, column = design.panels.thickness / 2, design.columns.height
+    layers = _laid_on(surface_of(design), design.cell, design.cells, plate, column)
     # Rows zigzag to one side of where they begin, those that are sought to both.
     aside = zigzag_angles(design.cell, 1 / roll.curvature)[0] / (2 * roll.curvature)
-    return np.asarray(made.layers + np.array([roll.along, roll.middle + aside, 0.0]))
+    return np.asarray(layers + np.array([roll.along, roll.middle + aside, 0.0]))
+
+
+@lru_cache(maxsize=_DESIGNS)
+def _laid_on(
+    surface: "Plane | Cylinder | Cone",
+    cell: MiuraCell,
+    cells: tuple[int, int],
+    plate: float,
+    column: float,
+) -> Floats:
+    """Parameters of a surface and heights over it, (V, 3), m, of the sheet's vertices there."""
+    from smoskin.origami.tessellation.tessellate import tessellate
+
+    made = tessellate(surface, cell, cells, plate=plate, column=column, refold=False)
+    if not made.holds:
+        raise DesignError(f"limb must be a cone that the cells can follow: {made.advice}")
+    return made.layers
 
 
 def _magnets_middles(design: SkinDesign, pitch: Floats, feet: Floats) -> dict[str, Floats]:

@@ -115,7 +115,7 @@ SEEDS: dict[str, tuple[Callable[[Layout], Layout], str, tuple[str, ...]]] = {
     "part off the board": (part_off_the_board, "off the board", ("unconnected_items",)),
     "chip moved": (chip_moved, "must be 0.127 mm from", ("shorting_items", "clearance")),
     "hole in a line": (hole_in_a_line, "from the screw's hole", ("hole_clearance",)),
-    "holes too close": (holes_too_close, "must be 0.5 mm from that of", ("hole_near_hole",)),
+    "holes too close": (holes_too_close, "must be 0.5 mm from the hole of", ("hole_near_hole",)),
     "board too small": (board_too_small, "inside the board's edge", ("copper_edge_clearance",)),
     "swapped pins": (swapped_pins, "must be 0.127 mm from", ("clearance",)),
 }

@@ -57,6 +57,30 @@ def test_a_limbs_circuit_is_laid_out_as_its_shell_is_long(curved: SkinDesign) ->
     )
 
 
+def test_a_cones_circuit_is_a_sector_with_parallel_chips(small_cone: SkinDesign) -> None:
+    """Chips and feet lie on it as its film is rolled, a row's lines along its generator."""
+    layout, roll = skin_layout(small_cone), geometry(small_cone).roll
+    level = -small_cone.columns.height - layout.thickness * 1e-3 / 2
+    chips = [p for p in layout.placed if p.component.part is MLX90393]
+    developed = roll.developed(geometry(small_cone).chips)
+    flat = 1e3 * roll.flat(developed[:, :2], level)
+    assert [(chip.x, chip.y) for chip in chips] == [pytest.approx(at, abs=1e-3) for at in flat]
+    assert len({chip.turn for chip in chips if chip.face == "F"}) == 1
+    feet = np.array([(k.x, k.y) for k in layout.keep_outs if k.what == "a column's foot"])
+    skin = geometry(small_cone)
+    assert feet == pytest.approx(
+        1e3 * roll.flat(skin.developed[skin.sheet.columns.ravel(), :2], level), abs=1e-3
+    )
+    long = [
+        np.subtract(t.end, t.start)
+        for t in layout.tracks
+        if t.net == "SDA" and abs(t.end[0] - t.start[0]) > 10.0
+    ]
+    slopes = {round(float(y / x), 6) for x, y in long}
+    rows = {round(float(np.tan(turn)), 6) for turn in roll.flat_turn(developed[:, 1])}
+    assert slopes - {0.0} == rows
+
+
 def test_axes_of_this_test_cover_every_turn() -> None:
     assert len({axes[0] for axes in UPPER}) == len({axes[0] for axes in LOWER}) == 4
 

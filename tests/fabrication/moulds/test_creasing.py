@@ -12,6 +12,7 @@ from smoskin.fabrication.moulds.creasing import (
     faces,
     stage_cell,
     stage_of_limb,
+    stage_on_cone,
 )
 from smoskin.fabrication.pattern.flat import bend_allowance, flat_sheet
 from smoskin.fabrication.workshop import Workshop
@@ -85,6 +86,39 @@ def test_a_limbs_die_and_punch_close_on_the_panels(curved, share):
     assert apart == pytest.approx(2 * (shop.plate(curved) + shop.fit), abs=1e-12)
     assert np.degrees(np.arccos(normals[:, 2])).max() <= 70.0
     assert ("4 of 6 rows" in told) == (share == 1.0)
+
+
+@pytest.mark.parametrize("bend", ["sharp", "even"])
+def test_a_cones_sheet_keeps_its_panels_and_folds_on_time(small_cone, bend):
+    shop = Workshop(bend=bend)
+    sheet, own = flat_sheet(small_cone, shop), geometry(small_cone).sheet
+    pairs = lengths_of(sheet.facets)
+    for share in FOLD_STAGES:
+        places = stage_on_cone(small_cone, shop, sheet, share)
+        rows = places.reshape(7, 7, 3)
+        height, full = (
+            float(np.linalg.norm(at[:, 1::2] - (at[:, :-1:2] + at[:, 2::2]) / 2, axis=2).mean())
+            for at in (rows, own.vertices.reshape(7, 7, 3))
+        )
+        assert height / full == pytest.approx(share, abs=1e-3 if bend == "sharp" else 0.01)
+        if bend == "sharp":
+            kept = distances(own.vertices, pairs)
+            assert distances(places, pairs) == pytest.approx(kept, abs=1e-9)
+    whole = np.array(np.triu_indices(49, 1)).T
+    assert distances(places, whole) == pytest.approx(distances(own.vertices, whole), abs=2e-6)
+
+
+def test_a_cones_die_and_punch_close_on_the_panels(small_cone):
+    shop = Workshop()
+    sheet = flat_sheet(small_cone, shop)
+    for share in FOLD_STAGES:
+        lower, upper, facets, _ = faces(small_cone, shop, sheet, share)
+        corners = lower[facets]
+        normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        apart = np.einsum("fkd,fd->fk", upper[facets] - corners, normals)
+        assert apart == pytest.approx(2 * (shop.plate(small_cone) + shop.fit), abs=2e-7)
+        assert np.degrees(np.arccos(normals[:, 2])).max() <= 70.0
 
 
 def test_panels_too_steep_for_a_punch_are_refused(curved):

@@ -8,8 +8,8 @@ import pytest
 import shapely
 import trimesh
 
+from smoskin.design.skin import Limb
 from smoskin.errors import DesignError
-from smoskin.fabrication.layout import column_places
 from smoskin.fabrication.moulds import assembly
 from smoskin.fabrication.moulds.files import solid_files
 from smoskin.fabrication.moulds.holders import holders
@@ -24,6 +24,7 @@ from smoskin.origami.outline import (
     board_box,
     circuit_thickness,
     frame_level,
+    laid_flat,
     level_of,
     shell_thickness,
 )
@@ -31,6 +32,11 @@ from smoskin.records import Contact
 from solid_overlaps import overlaps
 
 SHOP = Workshop()
+
+
+@pytest.fixture(scope="module")
+def cone_parts(small_cone):
+    return assembly.assembled(small_cone, SHOP)
 
 
 @pytest.fixture(scope="module")
@@ -42,15 +48,17 @@ def whole(curved):
 def test_a_mesh_is_cut_along_planes_and_keeps_its_shape():
     solid = prism(shapely.box(0, 0, 0.01, 0.02).difference(disc((5e-3, 9e-3), 3e-3)), 0.0, 4e-3)
     mesh = solid.to_mesh64()
-    levels = np.array([2e-3, 9e-3, 9.5e-3, 20e-3])
     triangles = np.asarray(mesh.tri_verts, dtype=np.int64)
-    vertices, triangles = cut_across(np.asarray(mesh.vert_properties), triangles, levels)
+    # Along x, and fanning out from a point.
+    lines = [[0.0, 1.0, -y] for y in (2e-3, 9e-3, 9.5e-3, 20e-3)]
+    lines += [[-np.sin(a), np.cos(a), -0.1 * np.sin(a) - 8e-3 * np.cos(a)] for a in (-0.05, 0.03)]
+    vertices, triangles = cut_across(np.asarray(mesh.vert_properties), triangles, np.array(lines))
     cut = trimesh.Trimesh(vertices, triangles, process=False)
     assert cut.is_watertight
     assert cut.volume == pytest.approx(solid.volume(), rel=1e-12)
-    corners = vertices[triangles][..., 1]
-    for level in levels:
-        assert not ((corners.min(1) < level - 1e-9) & (corners.max(1) > level + 1e-9)).any()
+    for a, b, c in lines:
+        away = (vertices[:, :2] @ [a, b] + c)[triangles]
+        assert not ((away.min(1) < -1e-9) & (away.max(1) > 1e-9)).any()
 
 
 def test_a_rolled_plate_has_the_volume_of_its_arc(curved):
@@ -61,6 +69,20 @@ def test_a_rolled_plate_has_the_volume_of_its_arc(curved):
     ring = 0.12 / radius * ((radius + 1e-3) ** 2 - (radius - 2e-3) ** 2) / 2
     assert part.solid.volume() == pytest.approx(0.05 * ring, rel=(STRIP / radius) ** 2 / 5)
     assert developed(curved, part).size == pytest.approx([0.05, 0.12, 3e-3], abs=1e-8)
+
+
+def test_a_plate_rolled_on_to_a_cone_has_the_volume_of_its_layers(small_cone):
+    outline = shapely.box(0.01, 0.02, 0.05, 0.06)
+    flat = extruded("plate", "", Slab(outline, -2e-3, 1e-3))
+    part, roll = rolled(small_cone, flat, 0.0), geometry(small_cone).roll
+    # Of a layer at the level h arcs are longer by h over the radius about the axis.
+    arcs = np.linspace(0.01, 0.05, 2001), np.linspace(0.02, 0.06, 3)
+    grid = np.stack(np.meshgrid(*arcs, indexing="ij"), axis=-1)
+    x = roll.from_flat(grid, 0.0)[..., 0]
+    longer = np.sqrt(1 - roll.rise**2) * roll.curvature / roll.stretch(0.0, x)
+    mean = float(longer.mean())
+    volume = 0.04 * 0.04 * (3e-3 + mean * (1e-3**2 - 2e-3**2) / 2)
+    assert part.solid.volume() == pytest.approx(volume, rel=(STRIP * roll.curvature) ** 2 / 5)
 
 
 def test_a_planar_skins_parts_are_not_rolled(planar):
@@ -148,21 +170,35 @@ def test_upper_chips_and_magnets_stand_where_the_design_has_them(curved, whole):
         assert np.abs(away[:, 2]) == pytest.approx(magnet.height / 2, abs=1e-9)
 
 
-def test_the_frame_stops_every_rim_column_at_its_upper_edge(curved):
-    edge = developed(curved, assembly.frame(curved)).solid
-    level = frame_level(curved)
+@pytest.mark.parametrize("skin", ["curved", "small_cone"])
+def test_the_frame_stops_every_rim_column_at_its_upper_edge(skin, request):
+    design = request.getfixturevalue(skin)
+    edge = developed(design, assembly.frame(design)).solid
+    level, places = frame_level(design), geometry(design)
     cut = edge.slice(level - 3e-5)  # under the strips' chords
-    rings = [np.asarray(ring) for ring in cut.to_polygons()]
-    scale = 1 + level * curved.curvature
-    middle = geometry(curved).roll.middle
-    for ring in rings:
-        ring[:, 1] = middle + (ring[:, 1] - middle) * scale
+    rings = [places.roll.flat(np.asarray(ring), level) for ring in cut.to_polygons()]
     walls = shapely.union_all([shapely.LinearRing(ring) for ring in rings])
-    grid = column_places(curved, level).reshape(*geometry(curved).sheet.columns.shape, 2)
-    for line in (grid[0], grid[-1], grid[:, 0], grid[:, -1]):
+    grid = laid_flat(design, places.developed[places.sheet.columns, :2], level)
+    for line in (grid[:, 0], grid[:, -1]):
         for place in line:
-            gap = walls.distance(shapely.Point(place)) - curved.columns.radius
-            assert gap == pytest.approx(curved.frame.clearance, abs=0.02e-3)
+            gap = walls.distance(shapely.Point(place)) - design.columns.radius
+            assert gap == pytest.approx(design.frame.clearance, abs=0.02e-3)
+    # Rows round a cone are not quite level: the frame leaves all of them what the outermost needs.
+    uneven = np.ptp(places.developed[places.sheet.columns][[0, -1], :, 0], axis=1).max()
+    for line in (grid[0], grid[-1]):
+        for place in line:
+            gap = walls.distance(shapely.Point(place)) - design.columns.radius
+            assert -0.02e-3 < gap - design.frame.clearance < uneven + 0.02e-3
+
+
+def test_no_two_parts_of_a_skin_on_a_cone_intersect(small_cone, cone_parts):
+    assert overlaps(cone_parts) == {}
+    assert [part.name for part in cone_parts if len(part.solid.decompose()) != 1] == []
+    solids = {part.name: part.solid for part in cone_parts}
+    gap = solids["holder_M2"].min_gap(solids["holder_M3"], 5e-3)
+    assert gap == pytest.approx(small_cone.magnets[1].play, abs=0.05e-3)  # a cell apart, yet free
+    sizes = [part.size[1] for part in cone_parts if part.name.startswith("scale")]
+    assert len({round(float(size), 6) for size in sizes}) > 1  # wider where the cone is
 
 
 def test_holders_leave_leaning_columns_their_play(curved):
@@ -212,6 +248,22 @@ def test_strips_of_the_foot_jig_lift_off_their_columns(curved):
         assert np.ptp(angles) / 2 * curved.columns.height < 1e-3
         assert len(part.solid.decompose()) == 1
     assert len(columns) == middles.size
+
+
+@pytest.mark.slow
+def test_panels_and_jig_of_a_skin_on_a_cone_meet_nothing(curved):
+    cone = replace(curved, limb=Limb(skin_radius=0.07, far_radius=0.09))
+    sheet = flat_sheet(cone, SHOP)
+    whole = [*assembly.assembled(cone, SHOP), *folded_panels(cone, sheet, SHOP)]
+    assert overlaps(whole) == {}
+    held = [p for p in whole if p.name.startswith(("upper", "lower", "column", "frame", "board"))]
+    top = float(geometry(cone).developed[:, 2].max())
+    halves = [
+        Part(name=half.name, title="", solid=upright(half, top))
+        for half in fold_jig(cone, SHOP, sheet)
+    ]
+    assert overlaps([*halves, *held]) == {}
+    assert all(len(part.solid.decompose()) == 1 for part in (*halves, *foot_jig(cone, SHOP)))
 
 
 @pytest.mark.slow

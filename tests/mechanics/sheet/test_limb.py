@@ -276,7 +276,7 @@ def test_parts_on_a_cone_stand_along_its_normals(curved):
     np.testing.assert_allclose(radius, 0.08 + np.tan(taper) * along, atol=1e-5)
     for places, axes, heights in (
         (skin.magnets, skin.magnet_axes, skin.roll.developed(skin.magnets)[:, 2]),
-        (skin.chips, skin.chip_axes, skin.roll.developed(skin.chips)[:, 2]),
+        (skin.chips, skin.magnet_axes[:4], skin.roll.developed(skin.chips)[:, 2]),
         (skin.sheet.vertices, skin.axes, skin.developed[:, 2]),
     ):
         on_it = places - heights[:, None] * axes[..., 2]

@@ -236,15 +236,18 @@ def _magnetic(layout: Layout) -> Iterator[str]:
 
 
 def _holes_too_close(layout: Layout) -> Iterator[str]:
-    """Drilled holes too near each other, and copper too near an unplated one."""
+    """Drilled holes too near each other, and copper too near one of another net."""
     house = house_of(layout)
-    holes = [(via.x, via.y, house.drill, f"a via of {via.net}") for via in layout.vias]
+    holes = [
+        (via.x, via.y, house.drill, f"the hole of a via of {via.net}", via.net)
+        for via in layout.vias
+    ]
     holes += [
-        (pad.x, pad.y, pad.hole, f"pad {pad.number} of {reference}")
-        for reference, _, pad, _ in pads_of(layout)
+        (pad.x, pad.y, pad.hole, f"the hole of pad {pad.number} of {reference}", net)
+        for reference, net, pad, _ in pads_of(layout)
         if pad.hole
     ]
-    holes += [(x, y, diameter, "a screw's hole") for x, y, diameter in layout.holes]
+    holes += [(x, y, diameter, "the screw's hole", "no net") for x, y, diameter in layout.holes]
     places = np.array([hole[:2] for hole in holes]).reshape(-1, 2)
     sizes = np.array([hole[2] for hole in holes])
     gaps = np.linalg.norm(places[:, None] - places[None], axis=-1)
@@ -252,18 +255,20 @@ def _holes_too_close(layout: Layout) -> Iterator[str]:
     close = np.triu(gaps < house.hole_to_hole - _ROUNDING, k=1)
     for i, j in zip(*np.nonzero(close), strict=True):
         yield (
-            f"the hole of {holes[i][3]} must be {house.hole_to_hole:g} mm from that of "
-            f"{holes[j][3]}; got {gaps[i, j]:.3f} mm at ({places[i, 0]:.1f}, {places[i, 1]:.1f}) mm"
+            f"{holes[i][3]} must be {house.hole_to_hole:g} mm from {holes[j][3]}; got "
+            f"{gaps[i, j]:.3f} mm at ({places[i, 0]:.1f}, {places[i, 1]:.1f}) mm"
         )
     for face in ("F", "B"):
         copper = _copper(layout, face)
-        for x, y, diameter in layout.holes:
+        for x, y, diameter, name, net in holes:
             gap = _to_segment(np.array([x, y]), copper.ends) - copper.radii - diameter / 2
             for k in np.nonzero(gap < house.hole_to_copper - _ROUNDING)[0]:
-                yield (
-                    f"{copper.names[k]} must be {house.hole_to_copper:g} mm from the screw's hole "
-                    f"at ({x:.1f}, {y:.1f}) mm; got {gap[k]:.3f} mm"
-                )
+                # Round the hole of a pad without a net lies its own copper.
+                if copper.nets[k] != net and (net or gap[k] > -diameter):
+                    yield (
+                        f"{copper.names[k]} must be {house.hole_to_copper:g} mm from {name} at "
+                        f"({x:.1f}, {y:.1f}) mm; got {gap[k]:.3f} mm"
+                    )
 
 
 def _apart(layout: Layout, faces: dict[str, _Copper]) -> Iterator[str]:

@@ -1,13 +1,16 @@
 """The routing template of the floating board, for chips anywhere, turned by any quarter.
 
 Every chip has the same module, with a ring of each net on the other face; a row's chips share five
-lines, and all rows meet five at one edge, which lead to a tab with the tail's lands. Sides on which
-lines pass their chips, and the edge, are tried in order.
+lines, and all rows meet five at one edge, which lead to a tab with the tail's lands. On a cone
+chips are parallel, and rows lie as generators do. Sides on which lines pass their chips, the same
+for all rows of a face and then any, and the edge are tried in order.
 """
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import combinations, pairwise, product
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -31,7 +34,7 @@ from smoskin.fabrication.boards.layout import (
     other,
     rounded,
 )
-from smoskin.fabrication.layout import chip_places, column_places, pillar_places
+from smoskin.fabrication.layout import chip_places, chip_rows, column_places, pillar_places
 from smoskin.origami.outline import board_box, circuit_thickness
 
 _RINGS: Final = {"TRIG": 2.4, "SDA": 3.0, "SCL": 3.6, "+3V3": 4.3, "GND": 4.95}
@@ -40,6 +43,15 @@ _TAPS: Final = {"TRIG": 1.7, "SDA": 2.35, "SCL": 3.0, "+3V3": 3.7, "GND": 4.4}
 """mm: where a ring is left for its line, from the middle of its side, clockwise."""
 _LINES: Final = {"TRIG": 5.65, "SDA": 6.3, "SCL": 6.95, "+3V3": 7.65, "GND": 8.35}
 """mm: from a row's middle to its lines."""
+_TILTED: Final = {
+    "TRIG": (2.7, 0.11),
+    "SDA": (3.5, 0.13),
+    "SCL": (4.3, 0.15),
+    "+3V3": (5.1, 0.17),
+    "GND": (5.9, 0.19),
+}
+"""mm: by how much every unit of a row's slope takes them nearer to vias beside them, and how much
+of that there is to spare."""
 _WIDTHS: Final = {"TRIG": 0.2, "SDA": 0.2, "SCL": 0.2, "+3V3": 0.4, "GND": 0.4}
 """mm: width of lines; rings and what leads to pins are 0.2."""
 _THIN: Final = 0.2
@@ -90,14 +102,51 @@ def skin_layout(design: SkinDesign) -> Layout:
             f"board.thickness must be at most {FLEXIBLE} mm, a flexible circuit, or at least "
             f"{THINNEST} mm, a rigid board; got {thickness:g} mm"
         )
+    if crowded := _crowded(design):
+        raise DesignError(f"the board of {design.name!r} has no room: {crowded}")
     circuit, first = skin_circuit(design), None
-    for up, down, side in product((-1, 1), (1, -1), (-1, 1)):
-        layout = _Router(design, circuit, {"F": up, "B": down}, side).layout(thickness)
+    for sides, edge in product(_sides(sorted(set(_rows(design)))), (-1, 1)):
+        layout = _Router(design, circuit, sides, edge).layout(thickness)
         found = layout_faults(layout)
         if not found:
             return layout
         first = first or found[0]
-    raise DesignError(f"the board of {design.name!r} has no room: {_crowded(design) or first}")
+    raise DesignError(f"the board of {design.name!r} has no room: {first}")
+
+
+class _Row(NamedTuple):
+    """A row of chips of a face that share their lines."""
+
+    face: Face
+    arc: float
+    """m: their developed y."""
+    slope: float
+    """Slope of its lines on the flat board."""
+
+    def line(self, net: str) -> float:
+        """Way from its middle to a line, mm."""
+        nearer, spare = _TILTED[net]
+        return _LINES[net] + max(0.0, nearer * abs(self.slope) - spare)
+
+
+def _rows(design: SkinDesign) -> list[_Row]:
+    """The row of each chip."""
+    faces: list[Face] = [
+        "F" if design.magnet(site.magnet).mount == "sheet" else "B" for site in design.halls
+    ]
+    places = zip(faces, chip_rows(design), strict=True)
+    return [_Row(face, arc, math.tan(turn)) for face, (arc, turn) in places]
+
+
+def _sides(rows: list[_Row]) -> Iterator[dict[_Row, int]]:
+    """Sides on which lines pass the chips of each row, those alike on a face first."""
+    alike = [
+        {row: up if row.face == "F" else down for row in rows}
+        for up, down in product((-1, 1), (1, -1))
+    ]
+    any_side = (dict(zip(rows, s, strict=True)) for s in product((-1, 1), repeat=len(rows)))
+    yield from alike
+    yield from (sides for sides in any_side if sides not in alike)
 
 
 def _crowded(design: SkinDesign) -> str:
@@ -174,10 +223,10 @@ class _Copper:
 
 
 class _Router:
-    """One choice of the template: on which side of its chips a face's lines pass, and the edge."""
+    """One choice of the template: on which side of its chips a row's lines pass, and the edge."""
 
     def __init__(
-        self, design: SkinDesign, circuit: Circuit, sides: dict[Face, int], edge: int
+        self, design: SkinDesign, circuit: Circuit, sides: dict[_Row, int], edge: int
     ) -> None:
         self._design, self._circuit, self._sides = design, circuit, sides
         box = board_box(design)
@@ -189,7 +238,7 @@ class _Router:
         self._by = {component.reference: component for component in circuit.components}
         self._copper = _Copper()
         self._placed: list[Placed] = []
-        self._lines: dict[tuple[Face, float], dict[str, list[float]]] = {}
+        self._lines: dict[_Row, dict[str, list[Point]]] = {}
         self._trunk: dict[str, list[float]] = {net: [] for net in _TRUNK}
 
     def _in(self, distance: float) -> float:
@@ -199,15 +248,14 @@ class _Router:
     def layout(self, thickness: float) -> Layout:
         """The board of this choice, whether or not it keeps the rules."""
         chips = chip_places(self._design) * 1e3
-        for k, site in enumerate(self._design.halls):
-            face: Face = "F" if self._design.magnet(site.magnet).mount == "sheet" else "B"
+        for k, (site, row) in enumerate(zip(self._design.halls, _rows(self._design), strict=True)):
             x, y = (round(float(c), 4) for c in chips[k, :2])
-            chip = Placed(
-                component=self._by[f"U{k + 1}"], x=x, y=y, face=face, turn=_basis(site, face)
-            )
-            self._module(chip, [self._by[f"C{2 * k + 1}"], self._by[f"C{2 * k + 2}"]])
-        for (face, row), taps in sorted(self._lines.items()):
-            self._row(face, row, taps)
+            part, turn = self._by[f"U{k + 1}"], _basis(site, row.face)
+            chip = Placed(component=part, x=x, y=y, face=row.face, turn=turn)
+            both = [self._by[f"C{2 * k + 1}"], self._by[f"C{2 * k + 2}"]]
+            self._module(chip, both, row)
+        for row, taps in sorted(self._lines.items()):
+            self._row(row, taps)
         middle = self._tab()
         for net, reach in self._trunk.items():
             x = self._in(_TRUNK[net])
@@ -229,8 +277,8 @@ class _Router:
             stiffeners=self._stiffeners(middle) if thickness <= FLEXIBLE else (),
         )
 
-    def _module(self, chip: Placed, capacitors: list[Component]) -> None:
-        """A chip, its capacitors, the rings and their taps."""
+    def _module(self, chip: Placed, capacitors: list[Component], row: _Row) -> None:
+        """A chip, its capacitors, the rings and their taps to the lines of a row."""
         face, nets = chip.face, chip.component.nets
         self._placed.append(chip)
         for component, (u, v, turns) in zip(capacitors, _CAPACITORS, strict=True):
@@ -249,45 +297,45 @@ class _Router:
         n = next(
             n
             for n in ((1, 0), (0, 1), (-1, 0), (0, -1))
-            if np.allclose(chip.to_board(*n), (chip.x, chip.y + self._sides[face]))
+            if np.allclose(chip.to_board(*n), (chip.x, chip.y + self._sides[row]))
         )
         t = n[1], -n[0]
         for net, half in _RINGS.items():
             tap, line = (
                 (n[0] * out + t[0] * _TAPS[net], n[1] * out + t[1] * _TAPS[net])
-                for out in (half, _LINES[net])
+                for out in (half, row.line(net))
             )
             used[net].append(tap)
             end = chip.to_board(*line)
             self._copper.way(net, face, [chip.to_board(*tap), end])
             self._copper.via(net, end)
-            self._lines.setdefault((face, chip.y), {}).setdefault(net, []).append(end[0])
+            self._lines.setdefault(row, {}).setdefault(net, []).append(end)
             for place in used[net]:
                 self._copper.via(net, chip.to_board(*place))
             ring = [chip.to_board(*point) for point in _ring(used[net], half)]
             self._copper.way(net, other(face), ring, 0.3 if _WIDTHS[net] > _THIN else _THIN)
 
-    def _row(self, face: Face, row: float, taps: dict[str, list[float]]) -> None:
-        """The lines of a row's chips of one face, and where they meet the trunk."""
+    def _row(self, row: _Row, taps: dict[str, list[Point]]) -> None:
+        """The lines of a row's chips, and where they meet the trunk."""
         for net, ends in taps.items():
-            y = round(row + self._sides[face] * _LINES[net], 6)
-            far = max(ends, key=lambda x: abs(x - self._edge))
-            trunk, change = self._in(_TRUNK[net]), self._in(_SWITCH[net])
-            if face == "F":
-                self._copper.way(net, "B", [(trunk, y), (far, y)], _WIDTHS[net])
+            far = max(ends, key=lambda end: abs(end[0] - self._edge))
+            trunk, change = (
+                (x, round(far[1] + row.slope * (x - far[0]), 6))
+                for x in (self._in(_TRUNK[net]), self._in(_SWITCH[net]))
+            )
+            if row.face == "F":
+                self._copper.way(net, "B", [trunk, far], _WIDTHS[net])
             else:
-                self._copper.way(net, "F", [(change, y), (far, y)], _WIDTHS[net])
-                self._copper.via(net, (change, y))
-                self._copper.way(net, "B", [(trunk, y), (change, y)], _WIDTHS[net])
-            self._copper.via(net, (trunk, y))
-            self._trunk[net].append(y)
+                self._copper.way(net, "F", [change, far], _WIDTHS[net])
+                self._copper.via(net, change)
+                self._copper.way(net, "B", [trunk, change], _WIDTHS[net])
+            self._copper.via(net, trunk)
+            self._trunk[net].append(trunk[1])
 
     def _tab_middle(self) -> float:
         """The tab's y: as near to the edge's middle as rows and chips allow, mm."""
         half = _TAB[1] / 2
-        bands = [
-            row + self._sides[face] * _LINES[net] for face, row in self._lines for net in _LINES
-        ]
+        bands = [y for reach in self._trunk.values() for y in reach]
         chips = [(p.x, p.y) for p in self._placed if p.component.part is parts.MLX90393]
         near = self._in(-_TAB_COLUMNS["R2"] + 1.5)
         middle = (self._low + self._high) / 2

@@ -6,12 +6,14 @@ Decides what the design leaves open of printed parts: frame, carrier shell and b
 from dataclasses import replace
 from typing import Any, Final
 
+import numpy as np
 import shapely
+import shapely.affinity
 from shapely import Polygon
 
 from smoskin.design.skin import Magnet, SkinDesign
 from smoskin.errors import DesignError
-from smoskin.fabrication.layout import column_places, magnet_height, pillar_places, pose
+from smoskin.fabrication.layout import columns_developed, magnet_height, pillar_places, pose
 from smoskin.fabrication.moulds.covers import covers, guide
 from smoskin.fabrication.moulds.holders import holders
 from smoskin.fabrication.moulds.roll import rolled
@@ -21,8 +23,10 @@ from smoskin.fabrication.pattern.flat import FlatSheet
 from smoskin.fabrication.workshop import Workshop
 from smoskin.origami.geometry import geometry
 from smoskin.origami.outline import (
-    at_level,
+    Box,
+    arcs_at,
     board_box,
+    boxed,
     circuit_thickness,
     frame_box,
     frame_level,
@@ -54,7 +58,7 @@ def columns(design: SkinDesign, workshop: Workshop) -> list[Part]:
     slab = Slab(disc((0.0, 0.0), design.columns.radius), foot, foot + cast_height(design, workshop))
     return [
         extruded(f"column_{k + 1}", "support column", slab, pose=pose(design, place))
-        for k, place in enumerate(column_places(design, 0.0))
+        for k, place in enumerate(columns_developed(design))
     ]
 
 
@@ -67,7 +71,8 @@ def frame(design: SkinDesign) -> Part:
         If a tooth between two rim columns of the zigzag would be too thin.
     """
     level = frame_level(design)
-    outline = Polygon(frame_box(design, level).corners).difference(frame_opening(design))
+    outer = Polygon(boxed(design, frame_box(design, level), level))
+    outline = outer.difference(frame_opening(design))
     slab = Slab(outline, -design.columns.height, level)
     part = extruded("frame", "constraint frame, on the board", slab, silicone=True)
     return rolled(design, part, level)
@@ -75,29 +80,32 @@ def frame(design: SkinDesign) -> Part:
 
 def frame_opening(design: SkinDesign) -> Any:
     """What the frame leaves free at its upper edge: the rim columns' zigzag and their clearance."""
-    skin = geometry(design)
-    places = skin.developed[skin.sheet.columns.ravel(), :2]
-    grid = laid_flat(design, places, frame_level(design)).reshape(*skin.sheet.columns.shape, 2)
-    reach = design.columns.radius + design.frame.clearance
-    pitch = float(grid[1, 0, 0] - grid[0, 0, 0])
-    half = pitch - design.columns.radius - 2 * design.frame.clearance
-    if half < design.columns.radius / 2:
+    skin, level = geometry(design), frame_level(design)
+    roll, rows = skin.roll, skin.developed[skin.sheet.columns, :2]
+    radius, clearance = design.columns.radius, design.frame.clearance
+    reach = radius + clearance
+    half = float(np.diff(rows[..., 0], axis=0).min()) - radius - 2 * clearance
+    if half < radius / 2:
         raise DesignError(
-            f"the frame's teeth must be at least {1e3 * design.columns.radius:.2f} mm wide to stop "
+            f"the frame's teeth must be at least {1e3 * radius:.2f} mm wide to stop "
             f"a column of the zigzag; got {2e3 * max(half, 0.0):.2f} mm between its neighbours"
         )
-    box_x = float(grid[0, 0, 0]) - reach, float(grid[-1, 0, 0]) + reach
-    inner = shapely.box(
-        box_x[0], float(grid[..., 1].min()) - reach, box_x[1], float(grid[..., 1].max()) + reach
-    )
+    (left, low), (right, high) = rows.min(axis=(0, 1)), rows.max(axis=(0, 1))
+    low, high = arcs_at(design, [low, high], 0.0, level).tolist()
+    middles = Box(left=float(left), low=low, right=float(right), high=high)
+    inner = Polygon(boxed(design, middles, level)).buffer(reach, join_style="mitre")
     teeth = []
-    for row, outward in ((grid[:, 0], -1.0), (grid[:, -1], 1.0)):
+    for row, outward in ((rows[:, 0], -1.0), (rows[:, -1], 1.0)):
         outermost = float((outward * row[:, 1]).max())
-        for x, y in row.tolist():
-            if outward * y < outermost - 1e-9:
-                ends = sorted((y + outward * reach, outward * (outermost + reach)))
-                left, right = max(x - half, box_x[0]), min(x + half, box_x[1])
-                teeth.append(shapely.box(left, ends[0], right, ends[1]))
+        for place in row:
+            back = outermost - outward * float(place[1])
+            if back > 1e-9:
+                back *= float(roll.stretch(level, place[0]))
+                ends = sorted((outward * reach, outward * (back + 2 * reach)))
+                tooth = shapely.box(-half, ends[0], half, ends[1])
+                turn = float(roll.flat_turn(place[1]))
+                tooth = shapely.affinity.rotate(tooth, turn, origin=(0, 0), use_radians=True)
+                teeth.append(shapely.affinity.translate(tooth, *laid_flat(design, place, level)))
     return inner.difference(shapely.union_all(teeth))
 
 
@@ -144,7 +152,10 @@ def _chip_poses(design: SkinDesign) -> list[Any]:
     """Pose of each chip's solid, over its magnet's place or under it."""
     skin = geometry(design)
     by_name = dict(zip([m.name for m in design.magnets], skin.magnet_places, strict=True))
-    return [pose(design, by_name[site.magnet]) for site in design.halls]
+    return [
+        np.concatenate([axes, pose(design, by_name[site.magnet])[:, 3:]], axis=1)
+        for site, axes in zip(design.halls, skin.chip_axes, strict=True)
+    ]
 
 
 def chips(design: SkinDesign) -> list[Part]:
@@ -179,7 +190,7 @@ def pillar_height(design: SkinDesign) -> float:
     layer = design.shear_layer
     if design.limb is None:
         return layer.height
-    inner = design.limb.skin_radius - design.columns.height - design.board.thickness
+    inner = min(design.limb.radii) - design.columns.height - design.board.thickness
     return layer.height - layer.radius**2 / (2 * inner) - _SOLDER
 
 
@@ -187,7 +198,7 @@ def pillars(design: SkinDesign) -> list[Part]:
     """The pillars of the shear layer, flat at both ends."""
     places, low = pillar_places(design), base_top(design)
     slab = Slab(disc((0.0, 0.0), design.shear_layer.radius), low, low + pillar_height(design))
-    places[:, 1] = at_level(design, places[:, 1], level_of(design), 0.0)
+    places = geometry(design).roll.from_flat(places, level_of(design))
     return [
         extruded(f"pillar_{k + 1}", "pillar of the shear layer", slab, pose=pose(design, place))
         for k, place in enumerate(places)
@@ -199,11 +210,13 @@ def base_top(design: SkinDesign) -> float:
     return -design.columns.height - design.board.thickness - design.shear_layer.height
 
 
-def base_inner_radius(design: SkinDesign, workshop: Workshop) -> float:
-    """Radius of a limb's base on its inner face, m."""
+def base_inner_radii(design: SkinDesign, workshop: Workshop) -> tuple[float, float]:
+    """Radii of a limb's base on its inner face, m, where the skin begins and where it ends."""
     [whole, *_] = base(design, workshop)
-    points = triangles_of(whole.solid)[0]
-    return 1.0 / design.curvature + float(geometry(design).roll.developed(points)[:, 2].min())
+    skin, (points, _) = geometry(design), triangles_of(whole.solid)
+    lowest = float(skin.roll.developed(points)[:, 2].min())
+    near, far = (float(skin.roll.stretch(lowest, x)) for x in (0.0, skin.extent[0]))
+    return near / design.curvature, far / design.curvature
 
 
 def base(design: SkinDesign, workshop: Workshop) -> list[Part]:

@@ -6,7 +6,7 @@ neighbours by nearly as much, so that no step on a bar would tell the pressed on
 """
 
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import shapely
@@ -20,7 +20,15 @@ from smoskin.fabrication.moulds.sheet import clear_of_ridge
 from smoskin.fabrication.moulds.solids import Part, Slab, disc, extruded, prism
 from smoskin.fabrication.workshop import Workshop
 from smoskin.origami.geometry import geometry
-from smoskin.origami.outline import FRAME_WALL, frame_box, frame_level, laid_flat
+from smoskin.origami.outline import (
+    FRAME_WALL,
+    Box,
+    arcs_at,
+    boxed,
+    cell_width,
+    frame_box,
+    frame_level,
+)
 
 PLAY: Final = 0.25e-3
 """m: of a bar in its bush on every side; covers that are not pressed move less, and stay free."""
@@ -47,11 +55,10 @@ def foot(design: SkinDesign, workshop: Workshop) -> float:
     return float(geometry(design).cell.height) + clear_of_ridge(design, workshop)
 
 
-def panel_size(design: SkinDesign, workshop: Workshop) -> tuple[float, float]:
-    """Extent of a cover, m: a cell's where the covers lie, less a gap."""
-    cell = geometry(design).cell
-    arc = float(cell.width) * (1 + design.curvature * foot(design, workshop))
-    return float(cell.length) - _GAP, arc - _GAP
+def panel_size(design: SkinDesign, workshop: Workshop, row: int = 0) -> tuple[float, float]:
+    """Extent of a cover in a row along x, m: a cell's where the covers lie, less a gap."""
+    arc = cell_width(design, row, foot(design, workshop))
+    return float(geometry(design).cell.length) - _GAP, arc - _GAP
 
 
 def bush_length(design: SkinDesign, workshop: Workshop) -> float:
@@ -62,7 +69,8 @@ def bush_length(design: SkinDesign, workshop: Workshop) -> float:
     Source: a force F at the arm a presses the bar on both ends of a bush of length L by F a / L; it
     slides while the friction of both, 2 mu F a / L, is less than F.
     """
-    return _FRICTION * float(np.hypot(*panel_size(design, workshop)))
+    sizes = [panel_size(design, workshop, row) for row in range(design.cells[0])]
+    return _FRICTION * max(float(np.hypot(*size)) for size in sizes)
 
 
 def covers(design: SkinDesign, workshop: Workshop) -> list[Part]:
@@ -70,15 +78,14 @@ def covers(design: SkinDesign, workshop: Workshop) -> list[Part]:
     low = foot(design, workshop)
     high = low + _GAP + bush_length(design, workshop) + STROKE
     thick = max(_PANEL, workshop.wall)
-    x, y = (side / 2 for side in panel_size(design, workshop))
-    slabs = (
-        Slab(disc((0.0, 0.0), _BAR), low, high + thick / 2),
-        Slab(shapely.box(-x, -y, x, y), high, high + thick),
-    )
-    return [
-        extruded(f"cover_{k + 1}", "cover panel on its bar", *slabs, pose=pose(design, place))
-        for k, place in enumerate(geometry(design).tops.reshape(-1, 2))
-    ]
+    bar = Slab(disc((0.0, 0.0), _BAR), low, high + thick / 2)
+    parts = []
+    for k, place in enumerate(geometry(design).tops.reshape(-1, 2)):
+        x, y = (side / 2 for side in panel_size(design, workshop, k // design.cells[1]))
+        panel = Slab(shapely.box(-x, -y, x, y), high, high + thick)
+        name, there = f"cover_{k + 1}", pose(design, place)
+        parts.append(extruded(name, "cover panel on its bar", bar, panel, pose=there))
+    return parts
 
 
 def guide(design: SkinDesign, workshop: Workshop) -> Part:
@@ -97,21 +104,24 @@ def guide(design: SkinDesign, workshop: Workshop) -> Part:
             f"{2e3 * around:.1f} mm wide; got {1e3 * room:.2f} mm: take larger cells"
         )
     wide, deep = _RIB
-    wall = frame_box(design, low)
-    rim = Polygon(wall.corners).difference(Polygon(wall.wider(-FRAME_WALL).corners))
-    places = laid_flat(design, skin.tops.reshape(-1, 2), low)
-    ribs: list[Any] = [rim]
-    for x in np.unique(places[:, 0].round(9)):
-        ribs.append(shapely.box(x - wide / 2, wall.low, x + wide / 2, wall.high))
-    for y in np.unique(places[:, 1].round(9)):
-        ribs.append(shapely.box(wall.left, y - wide / 2, wall.right, y + wide / 2))
-    (left, bottom, right, top), half = rim.bounds, _POST / 2
+    wall, half = frame_box(design, low), _POST / 2
+
+    def outline(box: Box) -> Polygon:
+        return Polygon(boxed(design, box, low))
+
+    rim = outline(wall).difference(outline(wall.wider(-FRAME_WALL)))
+    x, y = skin.lines
+    ribs = [rim]
+    ribs += [outline(replace(wall, left=a - wide / 2, right=a + wide / 2)) for a in x.tolist()]
+    arcs = arcs_at(design, y, 0.0, low).tolist()
+    ribs += [outline(replace(wall, low=a - wide / 2, high=a + wide / 2)) for a in arcs]
+    middle = (wall.left + wall.right) / 2, (wall.low + wall.high) / 2
     # On a limb it comes over the sheet from above: posts at its sides, which lean, would not pass.
-    columns = (left, (left + right) / 2, right) if design.limb is None else (left, right)
+    columns = (wall.left, *middle[: design.limb is None], wall.right)
     feet = [
-        shapely.box(x - half, y - half, x + half, y + half)
-        for x in columns
-        for y in (bottom, (bottom + top) / 2, top)
+        outline(Box(left=a - half, low=b - half, right=a + half, high=b + half))
+        for a in columns
+        for b in (wall.low, middle[1], wall.high)
     ]
     posts = shapely.union_all(feet).intersection(rim)
     frame = frame_level(design)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from smoskin.design.skin import SkinDesign
 from smoskin.fabrication.artifact import Artifact
-from smoskin.fabrication.layout import column_places
+from smoskin.fabrication.layout import columns_developed
 from smoskin.fabrication.moulds import assembly
 from smoskin.fabrication.moulds.holders import holders
 from smoskin.fabrication.moulds.solids import Part, laid, stl, three_mf
@@ -41,7 +41,7 @@ def solid_files(design: SkinDesign, workshop: Workshop) -> Solids:
     sheet = flat_sheet(design, workshop)
     parts = printed_parts(design, workshop)
     made = tools(design, workshop, sheet)
-    feet, files = column_places(design, 0.0), []
+    feet, files = columns_developed(design), []
     kept = {"column": feet, "foot": feet, "guide": geometry(design).tops.reshape(-1, 2)}
     for folder, solids in (("parts", parts), ("moulds", made)):
         pieces = []

@@ -8,12 +8,13 @@ from typing import Any, Final
 
 import numpy as np
 import shapely
+import shapely.affinity
 from shapely import Polygon
 
 from smoskin.arrays import Floats
 from smoskin.design.skin import Magnet, SkinDesign
 from smoskin.errors import DesignError
-from smoskin.fabrication.layout import column_places, magnet_height, pose
+from smoskin.fabrication.layout import columns_developed, magnet_height, pose
 from smoskin.fabrication.moulds.solids import Part, Slab, disc, extruded, hole
 from smoskin.fabrication.pattern.flat import fold_at_b
 from smoskin.fabrication.workshop import Workshop
@@ -99,15 +100,30 @@ def _outline(
         pieces.append(arm.buffer(reach + _WALL, cap_style="flat"))
     outline = shapely.union_all(pieces)
     near = outline.buffer(2 * reach)
-    for place in column_places(design, 0.0):
+    for place in columns_developed(design):
         ends, lean = _passing(design, place, there, heights)
         if near.contains(shapely.Point(ends[0])):
             notch = [hole(end, reach / lean) for end in ends]
             outline = outline.difference(shapely.union_all(notch).convex_hull)
+    for beyond in _beside(design, magnet, there):
+        outline = outline.difference(beyond) if outline.intersects(beyond) else outline
     # Slivers that no printer makes go; the piece that holds the magnet stays.
     outline = outline.buffer(-workshop.wall / 2).buffer(workshop.wall / 2)
     outline = max(getattr(outline, "geoms", [outline]), key=lambda piece: piece.area)
     return outline.simplify(_SLIVER / 10)
+
+
+def _beside(design: SkinDesign, magnet: Magnet, there: Floats) -> list[Any]:
+    """What is nearer to each other magnet on the sheet, a play from its holder; seen upright."""
+    skin, areas = geometry(design), []
+    for other, place in zip(design.magnets, skin.magnet_places, strict=True):
+        if other.mount == "sheet" and other.name != magnet.name:
+            way = ((pose(design, place)[:, 3] - there[:, 3]) @ there[:, :3])[:2]
+            far = float(np.hypot(*way))
+            begin, turn = (far - magnet.play) / 2, float(np.arctan2(way[1], way[0]))
+            half = shapely.box(begin, -far, begin + far, far)
+            areas.append(shapely.affinity.rotate(half, turn, (0.0, 0.0), use_radians=True))
+    return areas
 
 
 def _passing(

@@ -13,7 +13,7 @@ from smoskin.arrays import Floats, Ints
 from smoskin.design.skin import SkinDesign
 from smoskin.fabrication.moulds.solids import Part
 from smoskin.origami.geometry import geometry
-from smoskin.origami.outline import at_level, level_of
+from smoskin.origami.outline import level_of
 
 STRIP: Final = 2.5e-3
 """m: width of a strip on the developed surface; a facet lies 0.01 mm under the reference limb's."""
@@ -24,27 +24,39 @@ _ON: Final = 1e-10
 
 
 def rolled(design: SkinDesign, part: Part, level: float | None = None) -> Part:
-    """A part that was drawn flat, its y true at a level, as it lies on the limb."""
+    """A part that was drawn flat, its lengths true at a level, as it lies on the limb."""
     if design.limb is None:
         return part
     at, roll = level_of(design) if level is None else level, geometry(design).roll
     vertices, triangles = _mesh(part.solid)
-    vertices = vertices.copy()
-    vertices[:, 1] = at_level(design, vertices[:, 1], at, 0.0)
-    low, high = (float(f(vertices[:, 1])) - roll.middle for f in (np.min, np.max))
-    steps = np.arange(np.ceil(low / STRIP), np.floor(high / STRIP) + 1)
-    vertices, triangles = cut_across(vertices, triangles, roll.middle + STRIP * steps)
+    arcs = roll.from_flat(vertices[:, :2], at)[:, 1] - roll.middle
+    steps = STRIP * np.arange(np.ceil(arcs.min() / STRIP), np.floor(arcs.max() / STRIP) + 1)
+    vertices, triangles = cut_across(vertices, triangles, _generators(design, steps, at))
+    places = vertices.copy()
+    places[:, :2] = roll.from_flat(vertices[:, :2], at)
     # Between two edges of a strip points lie on the chord.
-    strip = np.floor((vertices[:, 1] - roll.middle) / STRIP)
-    share = (vertices[:, 1] - roll.middle) / STRIP - strip
+    strip = np.floor((places[:, 1] - roll.middle) / STRIP)
+    share = (places[:, 1] - roll.middle) / STRIP - strip
     ends = []
     for more in (0, 1):
-        places = vertices.copy()
         places[:, 1] = roll.middle + STRIP * (strip + more)
         ends.append(roll.places(places))
     on_chords = ends[0] + share[:, None] * (ends[1] - ends[0])
     solid = _solid(on_chords, triangles).simplify(_FLAT)
     return replace(part, solid=solid, slabs=(), pose=None)
+
+
+def _generators(design: SkinDesign, arcs: Floats, level: float) -> Floats:
+    """Lines (L, 3), m, that lie along the limb so far from the middle of y, of a flat layer.
+
+    Places (x, y) are ``a x + b y + c`` to the left of a line (a, b, c).
+    """
+    roll = geometry(design).roll
+    y = roll.middle + arcs
+    turn = roll.flat_turn(y)
+    place = roll.flat(np.stack([np.full(len(y), roll.along), y], axis=-1), level)
+    across = np.stack([-np.sin(turn), np.cos(turn)], axis=-1)
+    return np.concatenate([across, -(across * place).sum(axis=1)[:, None]], axis=1)
 
 
 def developed(design: SkinDesign, part: Part) -> Part:
@@ -56,10 +68,13 @@ def developed(design: SkinDesign, part: Part) -> Part:
     return replace(part, solid=solid, slabs=(), pose=None)
 
 
-def cut_across(vertices: Floats, triangles: Ints, levels: Floats) -> tuple[Floats, Ints]:
-    """A closed mesh with edges along planes of such y, m, its shape unchanged."""
-    for level in _halving(levels.tolist()):
-        away = vertices[:, 1] - level
+def cut_across(vertices: Floats, triangles: Ints, lines: Floats) -> tuple[Floats, Ints]:
+    """A closed mesh with edges along the upright planes of lines (L, 3), its shape unchanged.
+
+    Places to the left of a line (a, b, c), a^2 + b^2 = 1, lie ``a x + b y + c`` m from it.
+    """
+    for line in _halving(list(lines)):
+        away = vertices[:, :2] @ line[:2] + line[2]
         sides = np.where(np.abs(away) < _ON, 0, np.sign(away)).astype(int)
         own = sides[triangles]
         crossed = (own.min(axis=1) < 0) & (own.max(axis=1) > 0)
@@ -80,9 +95,9 @@ def cut_across(vertices: Floats, triangles: Ints, levels: Floats) -> tuple[Float
         edges, which = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
         which = which.reshape(-1) + len(vertices)
         start, end = vertices[edges[:, 0]], vertices[edges[:, 1]]
-        share = (level - start[:, 1]) / (end[:, 1] - start[:, 1])
+        from_start, from_end = away[edges].T
+        share = from_start / (from_start - from_end)
         new = start + share[:, None] * (end - start)
-        new[:, 1] = level
         m, n = which[: len(a)], which[len(a) :]
         lone = ~within
         pieces = [
@@ -97,12 +112,12 @@ def cut_across(vertices: Floats, triangles: Ints, levels: Floats) -> tuple[Float
     return vertices, triangles
 
 
-def _halving(levels: list[float]) -> list[float]:
-    """Levels in such an order that no triangle is cut by many: the middle one, then each half."""
-    middle = len(levels) // 2
-    if not levels:
+def _halving(lines: list[Floats]) -> list[Floats]:
+    """Lines in such an order that no triangle is cut by many: the middle one, then each half."""
+    middle = len(lines) // 2
+    if not lines:
         return []
-    return [levels[middle], *_halving(levels[:middle]), *_halving(levels[middle + 1 :])]
+    return [lines[middle], *_halving(lines[:middle]), *_halving(lines[middle + 1 :])]
 
 
 def _mesh(solid: Any) -> tuple[Floats, Ints]:

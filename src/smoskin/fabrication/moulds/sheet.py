@@ -17,7 +17,7 @@ from smoskin.fabrication.pattern.flat import FlatSheet, bend_allowance, fold_at_
 from smoskin.fabrication.pattern.sheets import panels
 from smoskin.fabrication.workshop import Workshop
 from smoskin.origami.geometry import geometry
-from smoskin.origami.outline import SCALE_BOSS, SCALE_GAP, SCALE_RISE
+from smoskin.origami.outline import SCALE_BOSS, SCALE_GAP, SCALE_RISE, cell_width
 
 
 def folded_panels(
@@ -100,11 +100,16 @@ def cast_height(design: SkinDesign, workshop: Workshop) -> float:
 
 def scales(design: SkinDesign, workshop: Workshop) -> list[Part]:
     """A scale over each cell, bonded to its top vertex by a small patch."""
-    skin = geometry(design)
-    slabs = _scale(design, workshop, float(skin.cell.height) + clear_of_ridge(design, workshop))
+    skin, over = geometry(design), clear_of_ridge(design, workshop)
+    tops = skin.developed[skin.sheet.loaded.ravel()]
     return [
-        extruded(f"scale_{k + 1}", "top scale", *slabs, pose=pose(design, place))
-        for k, place in enumerate(skin.tops.reshape(-1, 2))
+        extruded(
+            f"scale_{k + 1}",
+            "top scale",
+            *_scale(design, workshop, float(top[2]) + over, k // design.cells[1]),
+            pose=pose(design, top[:2]),
+        )
+        for k, top in enumerate(tops)
     ]
 
 
@@ -118,17 +123,20 @@ def clear_of_ridge(design: SkinDesign, workshop: Workshop) -> float:
     return max(float(over), 0.0) + workshop.fit
 
 
-def scale(design: SkinDesign, workshop: Workshop, open_by: float = 0.0) -> Any:
-    """One scale, its patch downward, the patch's face at z = 0; its pad thicker by `open_by`, m."""
-    return extruded("scale", "", *_scale(design, workshop, 0.0, open_by)).solid
+def scale(design: SkinDesign, workshop: Workshop, row: int = 0, *, open_by: float = 0.0) -> Any:
+    """A scale of a row along x, its patch downward, the patch's face at z = 0.
+
+    Its pad is thicker by `open_by`, m.
+    """
+    return extruded("scale", "", *_scale(design, workshop, 0.0, row, open_by)).solid
 
 
 def _scale(
-    design: SkinDesign, workshop: Workshop, foot: float, open_by: float = 0.0
+    design: SkinDesign, workshop: Workshop, foot: float, row: int, open_by: float = 0.0
 ) -> tuple[Slab, Slab]:
     """Patch and pad of a scale whose patch begins at such a height, m."""
-    cell = geometry(design).cell
-    wide = np.array([float(cell.length), float(cell.width)]) / 2 - SCALE_GAP / 2
+    length, width = float(geometry(design).cell.length), cell_width(design, row, 0.0)
+    wide = np.array([length, width]) / 2 - SCALE_GAP / 2
     low = foot + SCALE_RISE
     return (
         Slab(disc((0.0, 0.0), SCALE_BOSS), foot, low + workshop.scale_pad / 2),

@@ -4,6 +4,7 @@ Decides that every mould is open enough to be emptied: columns are pushed out of
 both ends, so that they need no taper, which would cost lateral stiffness.
 """
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Final
 
@@ -15,7 +16,7 @@ from shapely import MultiPoint, Polygon
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import DesignError
-from smoskin.fabrication.layout import chip_places, column_places
+from smoskin.fabrication.layout import chip_places, column_places, columns_developed
 from smoskin.fabrication.moulds.assembly import frame_opening, pillar_height
 from smoskin.fabrication.moulds.creasing import creasing_moulds
 from smoskin.fabrication.moulds.roll import rolled
@@ -34,7 +35,7 @@ from smoskin.fabrication.pattern.flat import FlatSheet
 from smoskin.fabrication.pattern.sheets import carrier_size, pin_places
 from smoskin.fabrication.workshop import MAGNET_TEMPERATURE, Workshop
 from smoskin.origami.geometry import geometry
-from smoskin.origami.outline import at_level, frame_box, frame_level, level_of
+from smoskin.origami.outline import Box, arcs_at, boxed, frame_box, frame_level, level_of
 
 _RIM: Final = 4e-3
 """m: mould round its outermost cavity."""
@@ -74,7 +75,7 @@ def column_mould(design: SkinDesign, workshop: Workshop) -> list[Part]:
     DesignError
         If the walls between columns are too thin.
     """
-    places, radius = column_places(design, 0.0), design.columns.radius
+    places, radius = columns_developed(design), design.columns.radius
     apart = np.linalg.norm(places[:, None] - places[None], axis=2)
     thin = float(apart[~np.eye(len(places), dtype=bool)].min()) - 2 * radius
     if thin < workshop.wall:
@@ -125,10 +126,9 @@ def foot_jig(design: SkinDesign, workshop: Workshop) -> list[Part]:
 
     On a limb it comes in strips, a row of columns each: no whole one would come off them.
     """
-    edge, own = frame_level(design), level_of(design)
+    edge, own, roll = frame_level(design), level_of(design), geometry(design).roll
     opening = shapely.transform(
-        frame_opening(design),
-        lambda at: np.stack([at[:, 0], at_level(design, at[:, 1], edge, own)], axis=-1),
+        frame_opening(design), lambda at: roll.flat(roll.from_flat(at, edge), own)
     )
     outline = opening.buffer(-workshop.fit, join_style="mitre")
     reach = design.columns.radius + workshop.fit
@@ -141,7 +141,7 @@ def foot_jig(design: SkinDesign, workshop: Workshop) -> list[Part]:
     rows = geometry(design).developed[geometry(design).sheet.columns][..., 1].mean(axis=0)
     between = (rows[1:] + rows[:-1]) / 2 if design.limb else np.empty(0)
     parts = []
-    for name, piece in _strips("foot_jig", outline, at_level(design, between, 0.0, own), workshop):
+    for name, piece in _strips(design, "foot_jig", outline, between, own, workshop):
         slab = Slab(_largest(piece), foot, foot + min(_FLOOR, design.columns.height / 3))
         parts.append(laid(rolled(design, extruded(name, title, slab, silicone=True))))
     return parts
@@ -152,17 +152,30 @@ def _largest(outline: Any) -> Any:
     return max(getattr(outline, "geoms", [outline]), key=lambda piece: piece.area)
 
 
-def _strips(name: str, outline: Any, levels: Floats, workshop: Workshop) -> list[tuple[str, Any]]:
-    """An outline cut along levels of y, m, each strip with its name; whole where there are none."""
-    if not len(levels):
+def _strips(
+    design: SkinDesign, name: str, outline: Any, rows: Floats, level: float, workshop: Workshop
+) -> list[tuple[str, Any]]:
+    """An outline at a level cut along rows, developed y, m, each strip with its name.
+
+    It stays whole where there are no rows.
+    """
+    if not len(rows):
         return [(name, outline)]
-    left, low, right, high = outline.bounds
-    ends = [low, *levels.tolist(), high]
-    gap = workshop.fit / 2
+    whole, gap = _box_round(design, outline, level).wider(1e-3), workshop.fit / 2
+    ends = [whole.low, *arcs_at(design, rows, 0.0, level).tolist(), whole.high]
+    strips = [replace(whole, low=a + gap, high=b - gap) for a, b in pairwise(ends)]
     return [
-        (f"{name}_{k}", outline.intersection(shapely.box(left, a + gap, right, b - gap)))
-        for k, (a, b) in enumerate(pairwise(ends), 1)
+        (f"{name}_{k}", outline.intersection(Polygon(boxed(design, strip, level))))
+        for k, strip in enumerate(strips, 1)
     ]
+
+
+def _box_round(design: SkinDesign, outline: Any, level: float) -> Box:
+    """The smallest box at a level round an outline that is laid flat there."""
+    places = geometry(design).roll.from_flat(shapely.get_coordinates(outline), level)
+    (left, low), (right, high) = places.min(axis=0).tolist(), places.max(axis=0).tolist()
+    low, high = arcs_at(design, [low, high], 0.0, level).tolist()
+    return Box(left=left, low=low, right=right, high=high)
 
 
 def fold_jig(design: SkinDesign, workshop: Workshop, sheet: FlatSheet) -> list[Part]:
@@ -172,25 +185,27 @@ def fold_jig(design: SkinDesign, workshop: Workshop, sheet: FlatSheet) -> list[P
     halves, which are slid round the limb until they are clear of the sheet.
     """
     roll, own = geometry(design).roll, geometry(design).developed
-    shadows = [Polygon(own[f, :2]) for f in geometry(design).sheet.facets]
+    shadows = [Polygon(roll.flat(own[f, :2], 0.0)) for f in geometry(design).sheet.facets]
     at_rim = np.asarray(np.isin(sheet.facets, sheet.rim).any(axis=1))
     for panel in folded_panels(design, sheet, workshop, only=at_rim):
         corners = roll.developed(triangles_of(panel.solid)[0])
-        shadows.append(MultiPoint(corners[:, :2]).convex_hull)
+        shadows.append(MultiPoint(roll.flat(corners[:, :2], 0.0)).convex_hull)
     room = shapely.union_all(shadows).buffer(workshop.fit, join_style="mitre")
     if design.limb is not None:  # straight at the sides along which its halves slide
-        left, _, right, _ = room.bounds
         rows = own[geometry(design).sheet.columns, 1]
-        room = room.union(shapely.box(left, rows[:, 0].max(), right, rows[:, -1].min()))
-    wall = frame_box(design, 0.0)
-    outer = Polygon(wall.wider(workshop.fit + 1.5e-3).corners)
-    lip = outer.difference(Polygon(wall.wider(workshop.fit).corners))
-    skirt = outer.difference(Polygon(wall.wider(-3e-3).corners))
+        low, high = float(rows[:, 0].max()), float(rows[:, -1].min())
+        clear = replace(_box_round(design, room, 0.0), low=low, high=high)
+        room = room.union(Polygon(boxed(design, clear, 0.0)))
+    outer, inner, wall = (
+        Polygon(boxed(design, frame_box(design, 0.0).wider(by), 0.0))
+        for by in (workshop.fit + 1.5e-3, workshop.fit, -3e-3)
+    )
+    lip, skirt = outer.difference(inner), outer.difference(wall)
     top, rest = float(own[:, 2].max()), frame_level(design)
     title = "jig that holds the folded sheet over its columns"
     parts = []
     halves = np.array([roll.middle] if design.limb else [])
-    for name, piece in _strips("fold_jig", outer, halves, workshop):
+    for name, piece in _strips(design, "fold_jig", outer, halves, 0.0, workshop):
         # Solids that are joined overlap: faces that only meet would stay two.
         slabs = (
             Slab(piece.difference(room), _OVER_DRIP, top),
@@ -216,26 +231,32 @@ def laminating_plate(workshop: Workshop, sheet: FlatSheet) -> Part:
 
 
 def scale_mould(design: SkinDesign, workshop: Workshop) -> Part:
-    """An open mould of scales, as many as fit the printer's bed or half a dozen pairs."""
-    shape, cavity = scale(design, workshop), scale(design, workshop, open_by=1e-3)
-    low, high = np.array(shape.bounding_box()).reshape(2, 3)
+    """An open mould of scales, as many as fit the printer's bed or half a dozen pairs.
+
+    On a cone every row along x has scales of its own width, one after the other.
+    """
+    kinds = range(design.cells[0] if geometry(design).roll.rise else 1)
+    cavities = [scale(design, workshop, row, open_by=1e-3) for row in kinds]
+    shapes = [np.array(scale(design, workshop, row).bounding_box()).reshape(2, 3) for row in kinds]
+    low, high = max(shapes, key=lambda ends: float(ends[1, 1]))
     pitch = high - low + workshop.wall + 1e-3
-    total = design.cells[0] * design.cells[1]
+    total, most = design.cells[0] * design.cells[1], max(_SCALES, len(kinds))
     across = max(1, min(3, int((workshop.bed[0] - _RIM) / pitch[0])))
     along = max(
-        1, min(-(-total // across), _SCALES // across, int((workshop.bed[1] - _RIM) / pitch[1]))
+        1, min(-(-total // across), -(-most // across), int((workshop.bed[1] - _RIM) / pitch[1]))
     )
     size_x, size_y = across * pitch[0] + _RIM, along * pitch[1] + _RIM
     deep = high[2] - low[2]
     solid = box(np.array([[0, 0], [size_x, 0], [size_x, size_y], [0, size_y]]), 0.0, deep + 2e-3)
     # Scales lie on their backs: pads at the open face, patches down.
-    for k in range(across):
-        for row in range(along):
-            middle = np.array([k + 0.5, row + 0.5]) * pitch[:2] + _RIM / 2
-            solid = solid - cavity.translate((float(middle[0]), float(middle[1]), 2e-3))
+    for k in range(across * along):
+        middle = np.array([k // along + 0.5, k % along + 0.5]) * pitch[:2] + _RIM / 2
+        cavity = cavities[k % len(kinds)]
+        solid = solid - cavity.translate((float(middle[0]), float(middle[1]), 2e-3))
+    widths = f" of {len(kinds)} widths" if len(kinds) > 1 else ""
     return Part(
         name="scale_mould",
-        title=f"open mould of {across * along} scales; {total} are needed",
+        title=f"open mould of {across * along} scales{widths}; {total} are needed",
         solid=solid,
         silicone=True,
     )

@@ -6,7 +6,7 @@ from smoskin.fabrication.drawing import dxf, pdf, svg
 from smoskin.fabrication.pattern.coupon import coupon, rows_on_stock
 from smoskin.fabrication.pattern.sheets import sheet_drawings
 from smoskin.fabrication.workshop import Workshop
-from smoskin.origami.surface.analytic import Cylinder, Plane
+from smoskin.origami.geometry import surface_of
 from smoskin.origami.tessellation import documents
 from smoskin.origami.tessellation.tessellate import tessellate
 
@@ -39,7 +39,7 @@ def pattern_files(design: SkinDesign, workshop: Workshop) -> list[Artifact]:
 def fold_files(design: SkinDesign, workshop: Workshop) -> list[Artifact]:
     """The sheet of ideal creases: flat, folded with frames of the way, and as a picture to fold."""
     made = tessellate(
-        Plane() if design.limb is None else Cylinder(design.limb.skin_radius),
+        surface_of(design),
         design.cell,
         design.cells,
         plate=workshop.plate(design),

@@ -16,6 +16,7 @@ from smoskin.fabrication.workshop import Workshop
 from smoskin.origami.cell import dihedral_angles
 from smoskin.origami.geometry import geometry
 from smoskin.origami.tessellation.hinges import fold_angles, frame_of
+from smoskin.origami.tessellation.unfold import by_lengths, unfold
 
 LEAST_PANEL: Final = 2e-3
 """m: width of a panel that can be handled and bonded."""
@@ -34,7 +35,7 @@ class Gaps(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlatSheet:
-    """A sheet laid flat, seen from above; y starts at the lowest vertex, x at the left ones."""
+    """A sheet laid flat, seen from above; x and y start at the lowest vertices."""
 
     vertices: Floats
     """(V, 2), m: crossings of the creases."""
@@ -148,19 +149,11 @@ def flat_sheet(design: SkinDesign, workshop: Workshop) -> FlatSheet:
     _check_panels(design, at_a, at_b)
     columns, rows = 2 * design.cells[0], 2 * design.cells[1]
     sheet = geometry(design).sheet
-    sides = [[(f[k], f[(k + 1) % 4]) for k in range(4)] for f in sheet.facets.tolist()]
-
-    def beside(of_creases: Floats) -> Floats:
-        """What creases have, at the four edges of each facet; nothing at the rim."""
-        by_crease = dict(zip(map(tuple, sheet.creases.tolist()), of_creases, strict=True))
-        return np.array(
-            [[by_crease.get((min(s), max(s)), 0.0) for s in four] for four in sides], dtype=float
-        )
-
     even = float(workshop.bend == "even")
     bent = [even * bend_allowance(design.creases.gap, f) / 2 for f in crease_folds(design)]
-    allowances = beside(np.array(bent))
-    vertices = _vertices(design, allowances)
+    allowances = beside_panels(sheet.facets, sheet.creases, np.array(bent))
+    lay = _in_strips if geometry(design).roll.rise == 0.0 else _by_lengths
+    vertices = lay(design, allowances)
     index = np.arange((columns + 1) * (rows + 1)).reshape(columns + 1, rows + 1)
     rim = [index[:, 0], index[-1, 1:], index[-2::-1, -1], index[0, -2:0:-1]]
     insets = []
@@ -168,7 +161,8 @@ def flat_sheet(design: SkinDesign, workshop: Workshop) -> FlatSheet:
         # A ridge opens above: the face towards which panels fold is the lower one.
         concave = sheet.mountain != upper
         a, b = (np.where(concave, gap.concave, gap.convex) / 2 for gap in (at_a, at_b))
-        insets.append(beside(np.where(sheet.along_a, a, b)))
+        widths = np.where(sheet.along_a, a, b)
+        insets.append(beside_panels(sheet.facets, sheet.creases, widths))
     return FlatSheet(
         vertices=vertices,
         facets=sheet.facets,
@@ -183,6 +177,13 @@ def flat_sheet(design: SkinDesign, workshop: Workshop) -> FlatSheet:
         at_a=at_a,
         at_b=at_b,
     )
+
+
+def beside_panels(facets: Ints, creases: Ints, values: Floats) -> Floats:
+    """What creases (C, 2) have, (C,), at the edges of each facet, (F, 4); nothing at the rim."""
+    by_crease = dict(zip(map(tuple, creases.tolist()), values.tolist(), strict=True))
+    edges = np.sort(np.stack([facets, np.roll(facets, -1, axis=1)], axis=-1), axis=-1)
+    return np.array([[by_crease.get((p, q), 0.0) for p, q in four] for four in edges.tolist()])
 
 
 def outlines(sheet: FlatSheet, insets: Floats) -> Floats:
@@ -202,7 +203,27 @@ def within_edges(corners: Floats, insets: Floats) -> Floats:
     return np.asarray(np.linalg.solve(lines, reaches[..., None])[..., 0])
 
 
-def _vertices(design: SkinDesign, allowances: Floats) -> Floats:
+def sides_of(facets: Ints, panels: Floats) -> tuple[Ints, Floats]:
+    """Pairs of vertices (6 F, 2) of panels (F, 4, 2), m: sides and diagonals, and their lengths."""
+    ends = np.array([[0, 1], [1, 2], [2, 3], [3, 0], [0, 2], [1, 3]])
+    spans = panels[:, ends[:, 0]] - panels[:, ends[:, 1]]
+    return facets[:, ends].reshape(-1, 2), np.linalg.norm(spans, axis=2).ravel()
+
+
+def _by_lengths(design: SkinDesign, allowances: Floats) -> Floats:
+    """Crossings of the creases, (V, 2), m, on a cone: nearest to the panels less their allowances.
+
+    No two panels along a generator are alike, so that less their allowances they no longer tile:
+    round a forearm that grows by 20 mm on 120, corners are off by 0.010 mm.
+    """
+    skin = geometry(design)
+    facets = skin.sheet.facets
+    whole, _ = unfold(skin.sheet.vertices, facets, skin.developed[:, :2])
+    places = by_lengths(whole, *sides_of(facets, within_edges(whole[facets], allowances)))
+    return np.asarray(places - places.min(axis=0))
+
+
+def _in_strips(design: SkinDesign, allowances: Floats) -> Floats:
     """Crossings of the creases, (V, 2), m, of the folded panels less their allowances.
 
     Panels hang together in straight strips: a-creases above each other lie on one line, as vertices

@@ -7,7 +7,7 @@ import numpy as np
 from smoskin.design.skin import SkinDesign
 from smoskin.fabrication.drawing import Drawing
 from smoskin.fabrication.layout import column_places, magnet_height
-from smoskin.fabrication.moulds.assembly import base_inner_radius, pillar_height
+from smoskin.fabrication.moulds.assembly import base_inner_radii, pillar_height
 from smoskin.fabrication.moulds.covers import PLAY, STROKE, bush_length
 from smoskin.fabrication.moulds.creasing import FOLD_STAGES
 from smoskin.fabrication.moulds.files import Solids
@@ -20,7 +20,7 @@ from smoskin.fabrication.process.pictures import Picture
 from smoskin.fabrication.workshop import MAGNET_TEMPERATURE, PRESS_TEMPERATURE, Workshop
 from smoskin.origami.cell import dihedral_angles
 from smoskin.origami.geometry import geometry
-from smoskin.origami.outline import board_box, circuit_thickness
+from smoskin.origami.outline import board_box, circuit_thickness, level_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -262,7 +262,7 @@ def _base(design: SkinDesign, workshop: Workshop, parts: list[Part]) -> Step:
         checks=("every chip answers at its address", "the board comes back from 0.3 mm aside"),
         picture=pictures.over(
             pictures.plan(pillars, under, "Pillars on the base with the board's outline"),
-            board_box(design, 0.0).corners,
+            geometry(design).roll.from_flat(board_box(design).corners, level_of(design)),
         ),
     )
 
@@ -272,13 +272,14 @@ def _carrier(design: SkinDesign, workshop: Workshop) -> list[str]:
     if design.limb is None:
         return []
     lower = [site.name for site in design.halls if design.magnet(site.magnet).mount == "base"]
-    inner = base_inner_radius(design, workshop)
+    near, far = (f"{1e3 * radius:.1f} mm" for radius in base_inner_radii(design, workshop))
+    radius = f"a radius of {near}" if near == far else f"radii from {near} to {far}"
     return [
         f"Lay the flexible circuit, {1e3 * circuit_thickness(design):g} mm, on the shell on a "
         f"film of adhesive, from the middle outward: {', '.join(lower) or 'no chip'} with its "
         "capacitors in the window, stiffeners of the upper chips in the flat pockets; its lengths "
         "are true on the shell, not on the skin.",
-        f"The limb under the base has a radius of {1e3 * inner:.1f} mm.",
+        f"The limb under the base has {radius}.",
     ]
 
 
@@ -357,12 +358,13 @@ def _top(design: SkinDesign, workshop: Workshop, parts: list[Part]) -> Step:
     )
     if workshop.top == "covers":
         return _covers(design, workshop, wet, picture)
+    widths = " in as many widths as rows of cells along x" if geometry(design).roll.rise else ""
     return Step(
         figure="(7)",
         title="Top scales",
         actions=(
-            "Cast scales in scale_mould, bond each by its patch alone to its top vertex. The "
-            "paper prints neither their size nor the patch's: both are this package's choice.",
+            f"Cast scales in scale_mould{widths}, bond each by its patch alone to its top vertex. "
+            "The paper prints neither their size nor the patch's: both are this package's choice.",
             wet,
         ),
         checks=("scales do not touch each other when one is pressed by 2 mm",),

@@ -31,7 +31,15 @@ def unfold(vertices: Floats, facets: Ints, towards: Floats) -> tuple[Floats, flo
     """
     pairs = lengths_of(facets)
     lengths = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
-    flat = _laid(vertices, facets)
+    flat = by_lengths(_laid(vertices, facets), pairs, lengths)
+    flat = _turned(flat - flat.mean(axis=0), towards - towards.mean(axis=0))
+    misfit = np.linalg.norm(flat[pairs[:, 0]] - flat[pairs[:, 1]], axis=1) - lengths
+    return flat, float(np.abs(misfit).max())
+
+
+def by_lengths(start: Floats, pairs: Ints, lengths: Floats) -> Floats:
+    """Flat places (V, 2), m, near others, that are nearest to lengths (B,), m, of pairs (B, 2)."""
+    flat = start
     for _ in range(_STEPS):
         spans = flat[pairs[:, 0]] - flat[pairs[:, 1]]
         now = np.linalg.norm(spans, axis=1)
@@ -48,9 +56,7 @@ def unfold(vertices: Floats, facets: Ints, towards: Floats) -> tuple[Floats, flo
         flat = flat + motion
         if np.abs(motion).max() < 1e-15:
             break
-    flat = _turned(flat - flat.mean(axis=0), towards - towards.mean(axis=0))
-    misfit = np.linalg.norm(flat[pairs[:, 0]] - flat[pairs[:, 1]], axis=1) - lengths
-    return flat, float(np.abs(misfit).max())
+    return flat
 
 
 def _turned(flat: Floats, towards: Floats) -> Floats:
