@@ -41,6 +41,8 @@ _FRESH: Final = 0.05
 """Time, s, for which it serves however they change."""
 _LIKE: Final = 1.25
 """Misfit over that of the search, likewise."""
+_LEAP: Final = 0.3
+"""Share of signals that is none of those before, past which what explained them leads nowhere."""
 _AGE: Final = 0.2
 """Time, s, for which what a single touch could say of signals bounds what it can say of later ones:
 noise, which widens meanwhile, is taken to be the same."""
@@ -248,8 +250,8 @@ class BayesEstimator(SignalEstimator):
         solve = self._solver.two if way == "two" else self._solver.one
         lead = leads.get(way)
         guess, enough = (lead.values, lead.enough(time, signals)) if lead else (None, 0.0)
-        if lead and not enough and lead.misfit > _DOUBT * len(signals):
-            guess = None  # It explained badly what was read, which has changed.
+        if lead and lead.is_left(signals, enough):
+            guess, enough = None, 0.0
         found = solve(signals, guess, *standing, enough=enough)
         if lead is None or found.misfit > enough:
             lead = Lead(time, found.guesses, signals, found.misfit)
@@ -306,6 +308,12 @@ class Lead(NamedTuple):
     """Signals that were searched, (C,), T."""
     misfit: float
     """Misfit that the search came to."""
+
+    def is_left(self, signals: Floats, enough: float) -> bool:
+        """Whether signals tell of other touches, or these explained badly what has changed."""
+        along = self.signals * (signals @ self.signals) / (self.signals @ self.signals)
+        leapt = np.linalg.norm(signals - along) > _LEAP * np.linalg.norm(signals)
+        return bool(leapt or (not enough and self.misfit > _DOUBT * len(signals)))
 
     def enough(self, time: float, signals: Floats) -> float:
         """Misfit up to which they are followed: the search's, if fresh or of like signals."""

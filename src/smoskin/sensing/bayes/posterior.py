@@ -18,8 +18,9 @@ from smoskin.sensing.response.table import ResponseTable
 
 _STEPS: Final = 15
 """Steps at most, where no others are asked for."""
-_SETTLED: Final = 1e-3
-"""Fall of half the squared residual at which steps end."""
+_SETTLED: Final = {1: 1e-3, 2: 1e-2}
+"""Fall of half the squared residual at which steps to K touches end. Two creep along a valley,
+where a tenth of their spread is a fall of 0.005."""
 _POOR: Final = 10.0
 """Cost a signal past which a fit is poor: there steps end at a fall as many times as large."""
 _REWEIGHED: Final = 6
@@ -102,7 +103,7 @@ class TouchProblem:
         misfit: Floats,
         priors: TouchPriors,
     ) -> None:
-        self._answer, self._count = answer, touches
+        self._answer, self._count, self._settled = answer, touches, _SETTLED[touches]
         self._drags = drags = touches == 1 and priors.drag_spread > 0
         self.rows = np.array([0, 1, 2, 3, 4] if drags else [0, 1, 4])
         """Which of (x, y, Fx, Fy, Fz) are unknown."""
@@ -180,7 +181,7 @@ class TouchProblem:
                 inner = rows * scale
                 misfit, cost = self._cost(inner[0], at, known)
             move, pull = self._step(inner, at, damping, known)
-            if 0.5 * float(move @ pull) < _SETTLED:
+            if 0.5 * float(move @ pull) < self._settled:
                 break
             move = np.minimum(np.maximum(move, -self._stride), self._stride)
             ahead = np.minimum(np.maximum(at + move, self._low), self._high)
@@ -193,7 +194,7 @@ class TouchProblem:
                     break
                 damping = max(damping * 10, 1e-3)
                 continue
-            settled = fell < _SETTLED * max(1.0, cost / self._poor)
+            settled = fell < self._settled * max(1.0, cost / self._poor)
             at, rows, inner, misfit, cost = ahead, rows_ahead, inner_ahead, misfit_ahead, cost_ahead
             damping = max(damping / 10, 1e-9)
             if settled:

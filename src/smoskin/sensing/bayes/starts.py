@@ -58,45 +58,48 @@ class Starts:
         curvature: Floats | None = None,
     ) -> None:
         self._sites, self._which, self._whiten = sites, which.T, whiten
-        self._places = places = sites[which]
         self._bend = None if curvature is None else Bend(curvature)
         self._least, count = least, answers.shape[2]
         loads = answers.shape[1]
         white = np.swapaxes(answers @ whiten.T, 1, 2)
-        ridges = np.broadcast_to(np.diag(ridge), (len(places), loads, loads))
+        ridges = np.broadcast_to(np.diag(ridge), (len(which), loads, loads))
         columns = np.concatenate([white, ridges], axis=1)
         bases, coordinates = np.linalg.qr(columns)
-        self._bases = np.moveaxis(bases[:, :count], 2, 0).reshape(-1, count)
+        self._bases = np.ascontiguousarray(np.moveaxis(bases[:, :count], 2, 0))
         self._loads = np.ascontiguousarray(np.moveaxis(np.linalg.inv(coordinates), 0, -1))
 
     def best(self, signals: Floats, count: int, standing: Standing | None) -> list[Floats]:
         """Touches (K, 5) to start from, the likeliest first."""
-        places = self._places
         if self._bend is not None:
             signals = self._bend.straightened(signals)
-        inside = (self._bases @ (self._whiten @ signals)).reshape(-1, len(places))
+        which, bases, by_inside = self._which, self._bases, self._loads
+        if standing is not None:
+            # Only those of which one touch is about there.
+            away = np.hypot(*(self._sites - standing.place).T)
+            about = np.flatnonzero((away <= APART)[which].any(axis=0))
+            which, bases, by_inside = which[:, about], bases[:, about], by_inside[..., about]
+            first = away[which].argmin(axis=0)
+        inside = bases @ (self._whiten @ signals)
         explained = (inside * inside).sum(axis=0)
-        loads = (self._loads * inside).sum(axis=1)
-        single = places.shape[1] == 1
+        loads = (by_inside * inside).sum(axis=1)
+        single = len(which) == 1
         presses = loads[-1:] if single else loads
         explained[presses.min(axis=0) <= self._least] = -np.inf
-        first = np.zeros(len(places), dtype=np.int64)
-        if standing is not None:
-            away = np.hypot(*np.moveaxis(places - standing.place, -1, 0))
-            first = away.argmin(axis=1)
-            explained[away.min(axis=1) > APART] = -np.inf
         out: list[Floats] = []
-        while len(out) < count and np.isfinite(explained[g := int(explained.argmax())]):
-            touches = np.zeros((places.shape[1], 5))
-            touches[:, :2], touches[:, 4] = places[g], -presses[:, g]
+        while len(out) < min(count, explained.size):
+            g = int(explained.argmax())
+            if not np.isfinite(explained[g]):
+                break
+            touches = np.zeros((len(which), 5))
+            touches[:, :2], touches[:, 4] = self._sites[which[:, g]], -presses[:, g]
             if single and len(loads) == 3:
                 touches[0, 2:4] = loads[:2, g]
             if standing is not None:
                 touches = touches[[first[g], 1 - first[g]]]
                 touches[0, :2] = standing.place
             out.append(touches)
-            near = np.ones(len(places), dtype=np.bool_)
-            for sites in self._which:
+            near = np.ones(explained.size, dtype=np.bool_)
+            for sites in which:
                 away = np.abs(self._sites - self._sites[sites[g]]).max(axis=1)
                 near &= (away < APART)[sites]
             explained[near] = -np.inf
