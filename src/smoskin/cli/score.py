@@ -12,11 +12,14 @@ from smoskin.outputs import check_output
 
 
 @app.command(
-    epilog=examples("score skin.table --skins 2 --out judged", "score network.safetensors --json")
+    epilog=examples("score planar --skins 2 --out judged", "score network.safetensors --json")
 )
 def score(
     file: Annotated[
-        Path, typer.Argument(help="A response table, a network, or another estimator's file.")
+        Path,
+        typer.Argument(
+            help="A response table (planar, curved: those shipped), a network, or another file."
+        ),
     ],
     out: Annotated[
         Path | None, typer.Option(help="Folder for score.json and the figures.", file_okay=False)

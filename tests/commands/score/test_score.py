@@ -24,7 +24,7 @@ from smoskin.mechanics.sheet.contact import CoverPanels
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.files import TensorFile
 from smoskin.sensing.network.model import Layer, NetworkModel
-from smoskin.sensing.response.table import load_response_table
+from smoskin.sensing.response.table import load_response_table, shipped_tables
 from smoskin.twin.reduced import ReducedTwin
 from smoskin.twin.world.worlds import HARD, PLAIN, world_of
 from tables_of_response import plain, reduced_table
@@ -276,6 +276,17 @@ def network(design, **other):
         "metrics": (),
     }
     return NetworkModel(**(whole | other))
+
+
+def test_shipped_tables_go_by_their_designs_names(planar):
+    pytest.importorskip("safetensors")
+    by_name, by_file = (
+        candidate(given, planar, Exam(touches=0))
+        for given in ("planar", shipped_tables()["planar"])
+    )
+    assert by_name.file_sha256 == by_file.file_sha256 != ""
+    with pytest.raises(ModelError, match="must be of the design"):
+        candidate("curved", planar, Exam(touches=0))
 
 
 def test_a_file_says_itself_what_it_is(skin, long_planar, tmp_path):

@@ -34,7 +34,7 @@ from smoskin.sensing.network.estimator import NetworkEstimator
 from smoskin.sensing.network.model import NetworkModel
 from smoskin.sensing.response.bound import bound_map
 from smoskin.sensing.response.calibrate import Target, TouchPlanner, calibrate_touches
-from smoskin.sensing.response.table import ResponseTable
+from smoskin.sensing.response.table import ResponseTable, shipped_tables
 from smoskin.sensing.signals.estimator import FOLLOWING, ON_AN_ARM
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.sensing.signals.zero import ZeroTracking
@@ -77,7 +77,8 @@ def score(
     Parameters
     ----------
     file_or_model : path, model or Estimator
-        A file of the package; a response table, a network or a learned model; or an estimator.
+        A file of the package, or the name of a design whose table is shipped; a response table, a
+        network or a learned model; or an estimator.
     design : SkinDesign or str
         Design of the skins that are pressed, or its name.
     skins, touches, places, chips, drag, pairs
@@ -188,7 +189,8 @@ def candidate(given: Scored, design: SkinDesign, exam: Exam) -> Candidate:
     """A file, model or estimator, ready for an exam; refused as `score` says."""
     digest = ""
     if isinstance(given, (Path, str)):
-        path, given = Path(given), load_estimator(given, design, uncalibrated=True)
+        path = shipped_tables().get(str(given), Path(given))
+        given = load_estimator(path, design, uncalibrated=True)
         if isinstance(given, BayesEstimator):
             given = given.table
         elif isinstance(given, NetworkEstimator):

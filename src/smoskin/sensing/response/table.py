@@ -370,19 +370,20 @@ def load_response_table(name_or_path: str | os.PathLike[str]) -> ResponseTable:
     >>> load_response_table("planar").chips
     (0, 1, 2)
     """
-    given = path_text(name_or_path)
-    folder = resources.files("smoskin.sensing.response")
-    shipped = {f.name[:-6]: f for f in folder.iterdir() if f.name.endswith(".table")}
-    names = (*_TENSORS, *_LINES, "exponents")
-    if given in shipped:
-        with resources.as_file(shipped[given]) as file:
-            return _FILE.read(file, names, _table, newer=_NEWER)
-    if not os.path.exists(given):
+    given, shipped = path_text(name_or_path), shipped_tables()
+    if given not in shipped and not os.path.exists(given):
         raise ModelError(
             f"table must be that of a shipped design ({', '.join(sorted(shipped))}) or the path of "
             f"a response table; got {given!r}"
         )
-    return _FILE.read(given, names, _table, newer=_NEWER)
+    names = (*_TENSORS, *_LINES, "exponents")
+    return _FILE.read(str(shipped.get(given, given)), names, _table, newer=_NEWER)
+
+
+def shipped_tables() -> dict[str, Path]:
+    """Files of the tables that are shipped with the package, by their designs' names."""
+    folder = Path(str(resources.files("smoskin.sensing.response")))
+    return {file.stem: file for file in folder.glob("*.table")}
 
 
 def _table(arrays: dict[str, Any], header: dict[str, Any]) -> ResponseTable:
