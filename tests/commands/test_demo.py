@@ -159,10 +159,13 @@ def test_the_page_shows_rig_and_press_and_changes_the_estimator(planar, monkeypa
             assert "A rig touches the skin: touch" in opened.text("sentence")
             opened.wait_until(lambda: opened.text("status") == "Touched", deadline=60.0)
             opened.dismiss_notices()
-            line = opened.text("touch")
-            x, y, force = map(float, re.findall(r"-?\d+\.\d+", line))
-            assert (x, y) == pytest.approx((73.0, 90.5), abs=1.2), line
-            assert force == pytest.approx(0.844, abs=0.05), line
+
+            def read() -> list[float]:
+                return list(map(float, re.findall(r"-?\d+\.\d+", opened.text("touch"))))
+
+            # The first reading may be drawn while the hand's force still grows.
+            opened.wait_until(lambda: read()[2] == pytest.approx(0.844, abs=0.05))
+            assert read()[:2] == pytest.approx([73.0, 90.5], abs=1.2)
             opened.page.wait_for_timeout(2500)  # the curves fill
             # SMOSKIN_PICTURES=docs renews the pictures of README and quick start.
             pictures = Path(os.environ.get("SMOSKIN_PICTURES", tmp_path))
