@@ -158,6 +158,24 @@ def test_a_chip_that_sticks_stops_the_arm_as_soon_as_it_is_told():
     assert not any(command.speeds.any() for command in commands[first:])
 
 
+def test_readings_that_come_again_to_the_bit_stop_a_moving_arm():
+    rig = Rig().moving()
+    last = rig.twin.sense(motion_under(0.8), time=0.0).field
+    rig.spoil = lambda reading: changed(reading, field=last)
+    assert all(command.speeds.any() for command in rig.turn(0.8, steps=5))
+    commands = rig.turn(0.8, steps=3)
+    assert rig.follow.fault is Reason.STALE
+    assert not commands[-1].speeds.any()
+    # One that stands is not stopped by a quiet skin.
+    rig = Rig()
+    rig.turn(steps=75)
+    rig.driver.arm()
+    rest = rig.twin.sense(motion_under(0.0), time=0.0).field
+    rig.spoil = lambda reading: changed(reading, field=rest)
+    rig.turn(steps=50)
+    assert rig.follow.state is State.STANDING
+
+
 def test_an_arm_that_throws_is_stopped_and_stays_so_until_reset():
     rig = Rig().moving()
     works = rig.arm.state

@@ -200,6 +200,18 @@ def test_the_switch_that_must_be_held_stops_it():
     assert bench.turn(PRESS)[0].speeds.any()
 
 
+def test_without_the_switch_it_does_not_give_way_either():
+    bench = Bench().ready()
+    commands = bench.turn(1.3 * PRESS, seconds=0.5, run=False)
+    assert not any(command.speeds.any() for command in commands)
+    assert (bench.path, bench.follow.fault) == (0.0, Reason.FORCE)
+    bench = Bench().ready()
+    assert bench.turn(1.3 * PRESS, seconds=0.1)[-1].state is State.RELEASING
+    (command,) = bench.turn(1.3 * PRESS, run=False)
+    assert (command.state, bench.follow.fault) == (State.FAULT, Reason.FORCE)
+    assert not command.speeds.any()
+
+
 def test_silence_and_a_late_loop_stop_it():
     bench = Bench().ready()
     assert bench.turn(PRESS, late=0.06)[0].reason is Reason.SILENT

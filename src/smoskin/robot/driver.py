@@ -11,6 +11,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Final, final
 
+import numpy as np
+
+from smoskin.arrays import Floats
 from smoskin.errors import SourceError
 from smoskin.records import Estimate, Pose, Reading
 from smoskin.robot.arm import Arm, ArmState
@@ -54,6 +57,7 @@ class Driver(Sink):
         self._on_command, self._held = on_command, held
         self._lock = threading.RLock()
         self._seen: Seen | None = None
+        self._field: Floats | None = None
         self._carriage = Carriage(arm.chain, follow.middle)
         self.newest: tuple[ArmState, Command] | None = None
         """Arm and command of the newest look that the arm answered."""
@@ -69,7 +73,11 @@ class Driver(Sink):
         """Take the newest estimate; the one before is forgotten."""
         if estimate is not None:
             with self._lock:
-                self._seen = Seen(estimate, self._clock())
+                now, before = self._clock(), self._seen
+                again = self._field is not None and np.array_equal(reading.field, self._field)
+                news = before.news if again and before is not None else now
+                self._field = reading.field
+                self._seen = Seen(estimate, now, news)
             self._news.set()
 
     def arm(self) -> None:

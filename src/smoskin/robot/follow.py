@@ -60,6 +60,9 @@ class Seen(NamedTuple):
     estimate: Estimate
     arrival: float
     """s."""
+    news: float | None = None
+    """s: when the first of the readings arrived that have been the same to the bit since; None
+    where nobody compares them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -178,7 +181,8 @@ class Follow:
     def step(self, now: float, seen: Seen | None, arm: ArmState, *, run: bool = True) -> Command:
         """What the arm is to do at this time, s, by the newest estimate and its own state.
 
-        `run` is whether the switch is held that lets it move.
+        `run` is whether the switch is held that lets it move; without it the arm does not give way
+        to an excessive force either.
         """
         elapsed, self._now = now - self._now, now
         posture = self._chain.posture(arm.angles)
@@ -193,6 +197,8 @@ class Follow:
         if hard and self.state is not State.RELEASING:
             self.state, self._way, self._since = State.RELEASING, 0.0, now
         if self.state is State.RELEASING:
+            if not run:
+                return self.fail(Reason.FORCE)
             return self._released(now, elapsed, touch, arm, posture)
         if reason is not None or touch is None:
             return self._stand(reason or Reason.UNTOUCHED, touch)
@@ -215,6 +221,10 @@ class Follow:
             return None, Reason.SILENT if self._armed else Reason.DISARMED
         if self._jumped(now, seen):
             return None, Reason.CLOCK
+        # While the arm moves no chip says the same twice: fields turn, and there is noise.
+        moves = self.state in (State.MOVING, State.RELEASING)
+        if moves and seen.news is not None and now - seen.news > limits.patience:
+            return None, Reason.STALE
         return self._of_estimate(seen.estimate, posture)
 
     def _of_arm(self, now: float, arm: ArmState, posture: Posture) -> Reason | None:

@@ -140,7 +140,7 @@ def test_an_operator_arms_holds_stops_and_resets():
     with operated() as (page, driver, follow, words), open_page(page.url) as opened:
 
         def feed(k):
-            driver.write(reading(0.02 * k), felt(forces[0]))
+            driver.write(reading(0.02 * k, 1e-6 * (k % 2)), felt(forces[0]))
 
         def press(name):
             opened.click(opened.page.get_by_role("button", name=name, exact=True))
