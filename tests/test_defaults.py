@@ -68,7 +68,7 @@ USUAL = {
     "sensing.signals.estimator.SignalEstimator.zero": {"force": False},
     "sensing.signals.signals.Signals": {"zeroed": True},
     "sensing.signals.signals.Signals.zero": {"force": False},
-    "sensing.signals.zero.IdleBand": {"field": 40e-6},
+    "sensing.signals.idle.IdleBand": {"field": 40e-6},
     "sensing.signals.zero.ZeroTracking": {
         "hold": 1.0, "time_constant": 10.0, "drift_bound": 500e-6, "widening_rate": 1e-6,
         "widening_limit": 40e-6,

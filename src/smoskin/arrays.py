@@ -123,6 +123,12 @@ def solve_definite(matrix: Floats, right: Floats) -> Floats:
     return np.asarray(np.linalg.solve(matrix, right) if refused else solution)
 
 
+def log_density(values: Floats, covariance: Floats) -> float:
+    """Logarithm of the normal density of values (C,) of mean 0 and a covariance (C, C)."""
+    misfit = float(values @ solve_definite(covariance, values))
+    return -0.5 * (misfit + float(np.linalg.slogdet(2 * np.pi * covariance)[1]))
+
+
 def cross(first: Floats, second: Floats) -> Floats:
     """Vector products of (..., 3) and (..., 3); numpy's own takes three times as long."""
     a, b, c = first[..., 0], first[..., 1], first[..., 2]

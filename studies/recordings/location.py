@@ -17,7 +17,8 @@ from smoskin.errors import ArgumentError
 from smoskin.sensing.learned.gaussian_process import Output
 from smoskin.sensing.learned.inputs import Encoding, Form
 from smoskin.sensing.learned.training import Examples
-from smoskin.sensing.signals.zero import IdleBand, Zero, ZeroTracking
+from smoskin.sensing.signals.idle import IdleBand
+from smoskin.sensing.signals.zero import Zero, ZeroTracking
 from studies.recordings.eflesh import ProbeRun
 from studies.recordings.scores import Score
 from studies.recordings.trial import Trial, joined

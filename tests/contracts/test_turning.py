@@ -1,24 +1,44 @@
 """A skin on an arm that turns it, with its own weight and in the Earth's field, and what drifts."""
 
+from dataclasses import dataclass
 from functools import cache
+from typing import final
 
 import numpy as np
 import pytest
 
 import smoskin as smo
+from smoskin.magnetics.arrangement import rotation_matrix
 from smoskin.mechanics.viscoelasticity import ELASTIC
 from smoskin.records import Contact, Motion, Status
 from smoskin.sensing.bayes.priors import TouchPriors
 from smoskin.sensing.signals.estimator import FOLLOWING, ON_AN_ARM
 from smoskin.twin.rig import drifting_readings
 from smoskin.twin.whole import Twin
-from smoskin.twin.world.arm import Gravity
+from smoskin.twin.world.arm import TURNING, Arm, Gravity
 from smoskin.twin.world.effect import World
 from smoskin.twin.world.fields import Earth
 
 pytest.importorskip("jax")
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Crank(Arm):
+    """Turns to and fro as usual once, then from one reading to the next about another axis."""
+
+    speed: float = 0.2
+
+    def turns(self, axis, times):
+        other = np.array([-axis[1], axis[0], 0.0])
+        late = np.maximum(times - TURNING.period, 0.0)[:, None]
+        again = rotation_matrix(self.speed * late * other)
+        return np.where(late[..., None] > 0, again, TURNING.turns(axis, times))
+
+
 PLACE, SEED = (0.05, 0.09), 31
 WORLD = World(name="arm", effects=(Earth(), Gravity()))
+CRANKED = World(name="crank", effects=(Earth(arm=Crank()), Gravity(arm=Crank())))
 
 
 @cache
@@ -83,6 +103,24 @@ def test_a_turning_board_makes_no_touch(planar, rate):
     times = np.arange(-2.0, 40.0, 1 / rate)
     readings = stream(planar, times, 0.0 * times)
     assert {one.status for one in told(planar, readings)} == {Status.NO_CONTACT}
+
+
+@pytest.mark.parametrize("rate", [10.0, 50.0])
+def test_a_board_that_turns_about_another_axis_at_once_makes_no_touch(planar, rate):
+    """Its zero knows by then what turns about the first change, and nothing else."""
+    times = np.arange(-2.0, 25.0, 1 / rate)
+    readings = stream(planar, times, 0.0 * times, world=CRANKED)
+    assert {one.status for one in told(planar, readings)} == {Status.NO_CONTACT}
+
+
+def test_a_light_touch_is_found_once_a_turn_was_seen(planar):
+    """0.1 N, each for 0.3 s, while the arm turns on: as loud as its weight in a tenth of that."""
+    times = np.arange(-2.0, 40.0, 0.1)
+    held = ((times > 20.95) & (times % 1.0 < 0.35)).astype(float)
+    estimates = told(planar, stream(planar, times, held, ((PLACE, 0.1),)))
+    statuses = np.array([one.status for one in estimates])
+    assert (statuses[held == 0] == Status.NO_CONTACT).all()
+    assert np.mean(statuses[held > 0] == Status.CONTACT) > 0.95
 
 
 def test_a_touch_on_a_turning_board_is_found_and_leaves_none(planar):

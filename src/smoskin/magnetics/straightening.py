@@ -11,10 +11,13 @@ import numpy as np
 from smoskin.arrays import Bools, Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.charges import charge_field, charge_field_and_gradient, point_charges
+from smoskin.magnetics.nonlinearity import cross_signals
 from smoskin.origami.geometry import geometry
 
 _STROKE: Final = 3e-3
 """Largest motion along an axis, m."""
+_BENT_AMISS: Final = 0.05
+"""Share of what motions add to each other's signals that straightening leaves of a made skin."""
 _STEPS: Final = 8
 """Most Newton steps."""
 _LAST: Final = 1e-6
@@ -84,3 +87,13 @@ class Straightening:
             if settled.all():
                 break
         return moved, np.asarray(settled)
+
+
+def bent_amiss(curvature: Floats, moved: Floats, felt: Floats) -> Floats:
+    """Deviations (..., C), T, of what two motions add to each other's linear signals (..., C).
+
+    Made skins differ so from the curvature (S, 3, 3, 3), 1/T, of the design's fields.
+    """
+    added = cross_signals(curvature, moved, felt).reshape(*felt.shape[:-1], -1, 3)
+    size = np.sqrt((added * added).sum(axis=-1) / 3)
+    return np.asarray(_BENT_AMISS * np.repeat(size, 3, axis=-1))

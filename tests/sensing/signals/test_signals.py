@@ -13,10 +13,11 @@ from smoskin.magnetics.temperature import temperature_factor
 from smoskin.mechanics.viscoelasticity import ELASTIC, Memory, Prony
 from smoskin.records import ChipFlag, Contact, Motion, Reading, Status
 from smoskin.sensing.closed_form.calibration import Calibration
+from smoskin.sensing.signals.idle import IdleBand, IdleNoise
 from smoskin.sensing.signals.loops import Loops
 from smoskin.sensing.signals.signals import Signals, signal_noise
 from smoskin.sensing.signals.thermometer import Thermometer
-from smoskin.sensing.signals.zero import IdleBand, IdleNoise, ZeroTracking
+from smoskin.sensing.signals.zero import ZeroTracking
 from smoskin.twin.manufacture import draw
 from smoskin.twin.readout import Readout
 from smoskin.twin.reduced import ReducedTwin

@@ -13,9 +13,10 @@ from smoskin.magnetics import mlx90393
 from smoskin.records import Reading, Status
 from smoskin.sensing.signals.course import scatter, turned
 from smoskin.sensing.signals.estimator import FOLLOWING, ON_AN_ARM
+from smoskin.sensing.signals.idle import IdleNoise
 from smoskin.sensing.signals.signals import Signals, rest_field, signal_noise
-from smoskin.sensing.signals.turning import turning
-from smoskin.sensing.signals.zero import IdleNoise, Zero, ZeroTracking
+from smoskin.sensing.signals.turning import TurnsSeen, turning
+from smoskin.sensing.signals.zero import Zero, ZeroTracking
 
 FORGETS, LASTS, STEADY = 2.0, 3.0, 2.0
 """s: time constants of what is known, of a speed and of an acceleration."""
@@ -107,6 +108,7 @@ def test_a_turn_goes_on_for_two_seconds_after_the_skin_was_seen_to_move(
     known.stirred(whole)
     zero._steady = None  # and it is believed at once
     seen, gone, turning_for = 0.0, 0.0, 0
+    axes, turned_about = [0.1], [whole]  # what is known before counts as 0.1 s of turning
     step = 0.13  # never two seconds sharp
     for k in range(1, 92):
         time = step * k
@@ -114,15 +116,35 @@ def test_a_turn_goes_on_for_two_seconds_after_the_skin_was_seen_to_move(
         read = gone * np.tile([1.0, -0.5, 0.0], 3)
         turns = time - seen <= 2.0
         turning_for += turns
-        known.go_on(step, whole if turns else 0 * whole)
+        along = np.average(turned_about, axis=0, weights=axes)
+        known.go_on(step, along if turns else 0 * whole)
         known.see(step, read)
         assert zero.step(time, read)
         if turns and known.moves > 3 * 9:
             seen = time
+            went, unsure = known.state[9:18], known.covariance[9:18, 9:18]
+            rate = went @ np.linalg.solve(whole, went)
+            axes.append(step)
+            turned_about.append((np.outer(went, went) + unsure) / rate)
         np.testing.assert_allclose(zero.offset, known.state[:9], rtol=1e-6, atol=1e-13)
         np.testing.assert_allclose(zero.covariance, known.covariance[:9, :9], rtol=1e-5, atol=1e-17)
     # About two seconds after the start, or after the skin stood still.
     assert turning_for in ((15, 16) if speed < 20e-6 else range(50, 60))
+
+
+def test_what_turns_of_a_skin_change_is_learned_from_how_fast_it_turns(planar, whole):
+    """Of a skin unlike the design, about two axes in turn: what both change, and no more."""
+    root = np.linalg.cholesky(whole)
+    axes, _ = np.linalg.qr(np.random.default_rng(5).normal(size=(9, 2)))
+    about, seen = root @ axes, TurnsSeen(turning(planar))
+    for angle in np.arange(0.0, 2 * np.pi, 0.05):
+        speed = 0.2 * about @ [np.cos(angle), np.sin(angle)]
+        seen.learn(0.1, speed, np.zeros((9, 9)))
+    likened = np.linalg.solve(root, np.linalg.solve(root, seen.whole).T)  # 1 if nothing was seen
+    # About either axis half of the time, and a tenth of a second in 12.7 s of what was known.
+    np.testing.assert_allclose(axes.T @ likened @ axes, 0.5 * np.eye(2), atol=0.01)
+    outside = np.eye(9) - axes @ axes.T
+    np.testing.assert_allclose(outside @ likened @ outside, 0.1 / 12.7 * outside, atol=1e-9)
 
 
 def test_a_zero_is_believed_up_to_six_radians_past_its_bound(planar, noise, whole):

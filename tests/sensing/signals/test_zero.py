@@ -5,9 +5,10 @@ import pytest
 from scipy.stats import chi2
 
 from smoskin.errors import ArgumentError
+from smoskin.sensing.signals.idle import IdleBand, IdleNoise
 from smoskin.sensing.signals.signals import signal_noise
 from smoskin.sensing.signals.turning import EARTH, turning, uniform_covariance
-from smoskin.sensing.signals.zero import IdleBand, IdleNoise, Zero, ZeroTracking
+from smoskin.sensing.signals.zero import Zero, ZeroTracking
 from studies.recordings.eflesh import read_eflesh
 
 NOISE = np.diag([1.0, 4.0, 9.0, 1.0, 1.0, 2.0]) * 1e-12

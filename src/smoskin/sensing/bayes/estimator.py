@@ -104,6 +104,7 @@ class BayesEstimator(SignalEstimator):
             most=table.forces[1],
             left=table.left,
             loops=table.loops,
+            touched=self._likelier_touched,
         )
         self.table = table
         self._unwarps = table.contact.inverse(table.warps[0], table.basis.extent)
@@ -135,9 +136,7 @@ class BayesEstimator(SignalEstimator):
         self._leads, self._rival, self._alone, self._lost = {}, None, None, None
 
     def _read(self, time: float, signals: Floats, temperature: float) -> Estimate:
-        if not abs(temperature - self._solved_at) < _WARMER:
-            self._solver.warm_to(temperature)
-            self._solved_at = temperature
+        self._warm_to(temperature)
         if self._is_lost(time, signals):
             return Estimate(time=time, status=Status.OUT_OF_RANGE)
         found = self._likeliest(time, signals)
@@ -152,6 +151,21 @@ class BayesEstimator(SignalEstimator):
             contacts=tuple(Contact(position=row[:2], force=row[2:]) for row in values),
             covariance=covariance,
         )
+
+    def _warm_to(self, temperature: float) -> None:
+        """Read a rubber of this temperature, degC."""
+        if not abs(temperature - self._solved_at) < _WARMER:
+            self._solver.warm_to(temperature)
+            self._solved_at = temperature
+
+    def _likelier_touched(self, signals: Floats, density: float) -> bool:
+        """Whether signals (C,), T, are likelier a touch's than those of a turn of this density."""
+        self._warm_to(self._signals.temperature)
+        nothing = self._priors.chances[0]
+        zero, amiss = self._signals.followed, self._signals.bent_amiss(signals)
+        self._solver.add_noise(zero.covariance + amiss)
+        one = self._solver.one(signals)
+        return one.evidence > density + math.log(nothing or 1e-300)
 
     def _is_lost(self, time: float, signals: Floats) -> bool:
         """Whether nothing explained signals like these a moment ago."""

@@ -25,7 +25,8 @@ from smoskin.sensing.closed_form.sheets import IdealSheet, Sheet
 from smoskin.sensing.closed_form.statics import StaticSheet
 from smoskin.sensing.response.table import ResponseTable
 from smoskin.sensing.signals.estimator import SignalEstimator
-from smoskin.sensing.signals.zero import IdleBand, ZeroTracking
+from smoskin.sensing.signals.idle import IdleBand
+from smoskin.sensing.signals.zero import ZeroTracking
 
 _HARDEST: Final = 20.0
 """Force, N, up to which theory is taken at its word; columns are crushed long before."""

@@ -21,8 +21,9 @@ from smoskin.roles import Estimator
 from smoskin.sensing.files import TensorFile, freeze_model
 from smoskin.sensing.learned.inputs import Encoding, Form, History, Past
 from smoskin.sensing.signals.guards import ChipGuard, Clock, check_chips
+from smoskin.sensing.signals.idle import IdleBand
 from smoskin.sensing.signals.signals import LET_GO
-from smoskin.sensing.signals.zero import IdleBand, Zero, ZeroTracking
+from smoskin.sensing.signals.zero import Zero, ZeroTracking
 
 _FILE: Final = TensorFile("a model file", "smoskin_model", 4, older=(3,))
 _ROWS: Final = 5  # of an estimate's covariance

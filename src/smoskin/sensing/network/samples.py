@@ -16,12 +16,12 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, ModelError
+from smoskin.magnetics.straightening import bent_amiss
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.sensing.learned.inputs import direction_and_strength
 from smoskin.sensing.network.model import Layer, NetworkModel, Singles
 from smoskin.sensing.response.table import ResponseTable
-from smoskin.sensing.signals.signals import bent_amiss
 
 _FLOOR: Final = 1e-6  # T; added to the signals' length in quadrature, a fraction of their noise
 _SKINS: Final = 128  # of each held-out set

@@ -21,9 +21,10 @@ from smoskin.mechanics.viscoelasticity import Prony, elastomer_prony
 from smoskin.origami.geometry import geometry
 from smoskin.records import Contact, Estimate, Pose, Reading, Status
 from smoskin.roles import Estimator
+from smoskin.sensing.signals.idle import IdleNoise, IdleTest
 from smoskin.sensing.signals.loops import Loops
 from smoskin.sensing.signals.signals import LET_GO, Signals, signal_noise
-from smoskin.sensing.signals.zero import IdleNoise, IdleTest, ZeroTracking
+from smoskin.sensing.signals.zero import TouchTest, ZeroTracking
 
 FOLLOWING: Final = ZeroTracking(
     hold=0.2, time_constant=2.0, widening_rate=0.1e-6, widening_limit=10e-6
@@ -64,6 +65,8 @@ class SignalEstimator(Estimator):
         Covariance of what a touch leaves in the signals, T^2; by default nothing.
     loops : Loops, optional
         Hysteresis of the signals, which is undone.
+    touched : TouchTest, optional
+        Decision between a touch and a turn about a new axis; by default it is a turn.
 
     Raises
     ------
@@ -85,6 +88,7 @@ class SignalEstimator(Estimator):
         zeroed: bool = False,
         left: Floats | None = None,
         loops: Loops | None = None,
+        touched: TouchTest | None = None,
     ) -> None:
         self.design = design
         self.creep = elastomer_prony(design.columns.material) if creep is None else creep
@@ -106,6 +110,7 @@ class SignalEstimator(Estimator):
             chips=chips,
             left=left,
             loops=loops,
+            touched=touched,
         )
 
     def carried_by(self, pose: Callable[[], Pose]) -> None:

@@ -16,19 +16,20 @@ from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393, sector
 from smoskin.magnetics.inversion import rest_cross_talk
-from smoskin.magnetics.nonlinearity import cross_signals, field_curvature
-from smoskin.magnetics.straightening import Straightening
+from smoskin.magnetics.nonlinearity import field_curvature
+from smoskin.magnetics.straightening import Straightening, bent_amiss
 from smoskin.magnetics.temperature import REFERENCE_TEMPERATURE, temperature_factor
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.origami.geometry import geometry
 from smoskin.records import Pose, Reading, Status
 from smoskin.sensing.signals.guards import ChipGuard, Clock, check_chips
+from smoskin.sensing.signals.idle import IdleTest
 from smoskin.sensing.signals.loops import Loops, Unlooping, no_loops
 from smoskin.sensing.signals.poses import Poses, Stand
 from smoskin.sensing.signals.settling import Settling
 from smoskin.sensing.signals.thermometer import Thermometer
 from smoskin.sensing.signals.turning import Turning, turning
-from smoskin.sensing.signals.zero import IdleTest, Zero, ZeroTracking
+from smoskin.sensing.signals.zero import TouchTest, Zero, ZeroTracking
 
 _LOUDER: Final = 3.0
 """Noise of a real chip over the one assumed, at most, where readings are said to be at rest."""
@@ -37,8 +38,6 @@ _UNLIKELY: Final = 1e-9
 _OFF: Final = 0.5
 """Share of its magnet's rest field by which a chip of a made skin may be off the design's: a wrong
 chip or axis is off by more, a touch by less than skins differ."""
-_BENT_AMISS: Final = 0.05
-"""Share of what motions add to each other's signals that straightening leaves of a made skin."""
 LET_GO: Final = "readings must be of a skin that nothing touches: let go first"
 """Beginning of what is said to a zero under a touch."""
 _AGAIN: Final = 3
@@ -98,6 +97,8 @@ class Signals:
         Covariance of what a touch leaves in their signals, T^2.
     loops : Loops, optional
         Hysteresis of their signals, which is undone.
+    touched : TouchTest, optional
+        Decision between a touch, by its signals, and a turn, as `Zero` takes it.
     """
 
     def __init__(
@@ -112,6 +113,7 @@ class Signals:
         chips: Sequence[int] | None = None,
         left: Floats | None = None,
         loops: Loops | None = None,
+        touched: TouchTest | None = None,
     ) -> None:
         self.rest_field = rest_field(design)
         """Field of each untouched chip's own magnet, (S, 3), T."""
@@ -137,6 +139,7 @@ class Signals:
         self._turning: Turning | None = turning(design, self._chips, weight=self._tracking.arm)
         self._poses: Poses | None = None
         self._left = np.zeros_like(self.noise) if left is None else left
+        self._touched = touched
         self._looped = loops is not None
         self._unlooping = Unlooping(loops or no_loops(len(self.noise)))
         self.reset()
@@ -288,6 +291,11 @@ class Signals:
             poses.learn(linear)
         return idle
 
+    def _likelier_touched(self, change: Floats, density: float) -> bool:
+        """Whether a change (C,), T, of linear signals is likelier a touch's than a turn's."""
+        signals = self.straightening.bent(self._of_all(change))[self._chips].ravel()
+        return self._touched is not None and self._touched(signals, density)
+
     def _begin(self, offset: Floats) -> None:
         """Start from an offset, (S, 3), T, of the chips turned as designed; the skin has rested."""
         # At reference temperature: nearly all of it is what a made skin's magnets differ from the
@@ -308,6 +316,7 @@ class Signals:
             self.noise,
             turning=self._turning,
             left=self._left,
+            touched=self._touched and self._likelier_touched,
         )
         self._rest()
 
@@ -407,16 +416,6 @@ def rest_field(design: SkinDesign) -> Floats:
             for site, rest in zip(design.halls, geometry(design).rest, strict=True)
         ]
     )
-
-
-def bent_amiss(curvature: Floats, moved: Floats, felt: Floats) -> Floats:
-    """Deviations (..., C), T, of what two motions add to each other's linear signals (..., C).
-
-    Made skins differ so from the curvature (S, 3, 3, 3), 1/T, of the design's fields.
-    """
-    added = cross_signals(curvature, moved, felt).reshape(*felt.shape[:-1], -1, 3)
-    size = np.sqrt((added * added).sum(axis=-1) / 3)
-    return np.asarray(_BENT_AMISS * np.repeat(size, 3, axis=-1))
 
 
 def chip_noise(design: SkinDesign) -> Floats:

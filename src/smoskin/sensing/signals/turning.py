@@ -20,6 +20,8 @@ EARTH: Final = 100e-6
 field of 25 to 65 uT turned over changes by twice as much."""
 _UNLIKE: Final = 0.2
 """Share of the change by its weight in which a made skin's chip differs from the designed one."""
+_KNOWN: Final = 0.1
+"""Time, s, of turning that what is known before of turns counts for."""
 
 
 class Turning(NamedTuple):
@@ -29,6 +31,45 @@ class Turning(NamedTuple):
     """Earth's field alone, of a skin that its weight does not move."""
     whole: Floats
     """Both, with the skin's weight."""
+
+    @property
+    def weighs(self) -> bool:
+        """Whether its weight takes part."""
+        return self.whole is not self.field
+
+
+class TurnsSeen:
+    """What a turn by a radian changes of one skin, learned from how fast its zero goes.
+
+    A made skin's chips differ from the designed ones, and an arm turns it about few axes: its zero
+    is followed along what these change.
+
+    Parameters
+    ----------
+    turning : Turning
+        What is known before, with the skin's weight.
+
+    Notes
+    -----
+    A speed v of covariance P is of a turn at ``w = (v^T W^-1 v)^(1/2)`` rad/s, W what is known
+    before, so that ``(v v^T + P) / w^2`` is what a radian about its axis changes. The mean of these
+    over time is learned, W counting for a tenth of a second ("The zero" in `docs/derivations.md`).
+    """
+
+    def __init__(self, turning: Turning) -> None:
+        self.before = turning.whole
+        """W, (C, C), T^2."""
+        self.whole = turning.whole
+        """Covariance of what a turn by a radian changes, by all that was seen, (C, C), T^2."""
+        self._precision = np.linalg.inv(turning.whole)
+        self._sum, self._time = _KNOWN * turning.whole, _KNOWN
+
+    def learn(self, elapsed: float, speed: Floats, spread: Floats) -> None:
+        """Take in that the zero went at a speed (C,), T/s, of covariance (C, C), for so long, s."""
+        rate = float(speed @ self._precision @ speed)
+        self._sum = self._sum + elapsed / rate * (np.outer(speed, speed) + spread)
+        self._time += elapsed
+        self.whole = self._sum / self._time
 
 
 def uniform_covariance(axes: Floats, spread: float) -> Floats:

@@ -12,10 +12,11 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from smoskin.arrays import Floats, solve_definite
+from smoskin.arrays import Floats, log_density, solve_definite
 from smoskin.errors import ArgumentError
 from smoskin.sensing.signals.course import Course, burst, scatter, turned
-from smoskin.sensing.signals.turning import Turning
+from smoskin.sensing.signals.idle import IdleTest
+from smoskin.sensing.signals.turning import Turning, TurnsSeen
 
 _CALM: Final = 0.8
 """Share of an idle reading's limit past which a turn is looked for."""
@@ -79,67 +80,9 @@ class ZeroTracking:
                 raise ArgumentError(f"{name} must be >= 0; got {getattr(self, name)}")
 
 
-IdleTest: TypeAlias = Callable[[Floats, Floats], float]
-"""How near a change (C,) from a zero of this covariance (C, C), T and T^2, is to the largest of an
-idle sensor, which is 1."""
-
-
-class IdleBand:
-    """Takes for idle what changes by less than a field, T, on every axis.
-
-    A zero of covariance P widens the band b along P's own axes by their standard deviations: of a
-    change d, ``(I + P^(1/2) / b)^-1 d`` must stay below b.
-
-    Raises
-    ------
-    ArgumentError
-        If the field is not positive, or above 1 T.
-    """
-
-    def __init__(self, field: float = 40e-6) -> None:
-        if not 0 < field <= 1:
-            raise ArgumentError(f"idle_field must be positive and at most 1 T; got {field} T")
-        self._field = field
-
-    def __call__(self, change: Floats, unsure: Floats) -> float:
-        """Largest share of the band over the chips' axes."""
-        variances, axes = np.linalg.eigh(unsure)
-        wider = self._field + np.sqrt(np.maximum(variances, 0.0))
-        return float(np.abs(axes @ ((axes.T @ change) / wider)).max())
-
-
-class IdleNoise:
-    """Takes for idle what the chips' noise explains.
-
-    Parameters
-    ----------
-    noise : Floats, shape (C, C)
-        Covariance N of an idle sensor's signals, T^2.
-    false_alarms : float
-        Chance of an idle reading not to be taken for one.
-
-    Raises
-    ------
-    ArgumentError
-        If the chance does not lie in (0, 1).
-
-    Notes
-    -----
-    Idle where d^T (N + P)^-1 d, P the covariance of the zero, is below the quantile of chi-square
-    that only `false_alarms` exceed.
-    """
-
-    def __init__(self, noise: Floats, false_alarms: float) -> None:
-        if not 0.0 < false_alarms < 1.0:
-            raise ArgumentError(f"false_alarms must lie in (0, 1); got {false_alarms}")
-        # Here, so that whoever only imports the package does not wait for it.
-        from scipy.stats import chi2
-
-        self._noise, self._limit = noise, float(chi2.isf(false_alarms, len(noise)))
-
-    def __call__(self, change: Floats, unsure: Floats) -> float:
-        """Share of the limit that a change comes to."""
-        return float(change @ solve_definite(self._noise + unsure, change)) / self._limit
+TouchTest: TypeAlias = Callable[[Floats, float], bool]
+"""Whether a change (C,), T, is likelier a touch's than a turn's, given the logarithm of the density
+of such changes by a turn."""
 
 
 def _never(change: Floats, unsure: Floats) -> float:
@@ -176,6 +119,9 @@ class Zero:
         What a turn of the skin changes; by default nothing.
     left : Floats, shape (C, C), optional
         Covariance L of what a touch leaves, T^2; by default nothing.
+    touched : TouchTest, optional
+        Decision between a touch and a turn about an axis about which the skin has not turned yet;
+        by default it is a turn.
 
     Notes
     -----
@@ -202,12 +148,15 @@ class Zero:
         *,
         turning: Turning | None = None,
         left: Floats | None = None,
+        touched: TouchTest | None = None,
     ) -> None:
         self.tracking = tracking
         self.believed = True
         """Whether it has stayed within its bound."""
         self._idle: IdleTest = idle or _never
         self._noise, self._turning = noise, turning
+        self._seen = TurnsSeen(turning) if turning is not None and turning.weighs else None
+        self._likelier_touched = touched
         self.left = np.zeros_like(noise) if left is None else left
         """Covariance L of what a touch leaves, T^2."""
         bound = tracking.drift_bound**2 * np.eye(len(noise))
@@ -329,7 +278,12 @@ class Zero:
         if (steady := self._steady) is not None:
             steady.course = steady.course.later(elapsed)
             if steady.turn is not None:
-                steady.course = steady.course.wider(scatter(elapsed), steady.turn)
+                steady.course = steady.course.wider(scatter(elapsed), self._along(steady.turn))
+
+    def _along(self, turn: Floats) -> Floats:
+        """What a turn that goes on changes, by all that was seen of it."""
+        seen = self._seen
+        return turn if seen is None or turn is not seen.before else seen.whole
 
     def _keep(self, began: float, course: Course | None = None) -> None:
         """Remember the zero from before a turn, until that is believed."""
@@ -368,18 +322,20 @@ class Zero:
         if time - self._turn_seen > _GOES_ON:
             self._turn = None
         if self._turn is not None:
-            self._course = still.wider(scatter(elapsed), self._turn)
+            self._course = still.wider(scatter(elapsed), self._along(self._turn))
         if share < _CALM or self._turning is None:
             return share < 1.0
         share = self._idle(change, self.covariance)
         course, turn = self._course, self._turn
         jerk = burst(_JERK, min(max(elapsed, _JERKS[0]), _JERKS[1]))
-        for before, of in self._turns(self._turning, still):
+        for before, of, whole in self._turns(self._turning, still):
             if share < _CALM:
                 break
-            now = self._idle(change, before.zero + jerk[0, 0] * of + self._louder)
-            if now < share:
-                course, turn, share = before.wider(jerk, of), of, now
+            unsure = before.zero + jerk[0, 0] * of + self._louder
+            now = self._idle(change, unsure)
+            if now < min(share, 1.0) and self._turns_so(change, unsure, of):
+                course, share = before.wider(jerk, of), now
+                turn = self._turning.whole if whole else of
         if share < 1.0 and turn is not None:
             if self._turn is None:
                 self._keep(time, still)
@@ -388,15 +344,27 @@ class Zero:
                 self._turn = turn
         return share < 1.0
 
-    def _turns(self, turning: Turning, still: Course) -> Iterator[tuple[Course, Floats]]:
+    def _turns(self, turning: Turning, still: Course) -> Iterator[tuple[Course, Floats, bool]]:
         """What may turn with a jerk and so explain a change, from which zero, the likeliest first.
 
-        A turn starts or stops, in the Earth's field alone or with the skin's weight; or the skin is
-        handed over, which may leave it in any pose.
+        A turn starts or stops, in the Earth's field alone or with the skin's weight, about the axes
+        that were seen; or the skin is handed over, which may leave it in any pose; or it turns
+        about another axis. With each comes whether its weight takes part.
         """
-        for turn in turning:
-            yield self._course, turn
-        yield still.unsure(turning.field), turning.field
+        yield self._course, turning.field, False
+        yield self._course, self._along(turning.whole), True
+        yield still.unsure(turning.field), turning.field, False
+        yield self._course, turning.whole, True
+
+    def _turns_so(self, change: Floats, unsure: Floats, turn: Floats) -> bool:
+        """Whether a change that such a turn explains is not likelier a touch's.
+
+        That is asked of turns about another axis, once some axis is known.
+        """
+        seen, touched = self._seen, self._likelier_touched
+        if seen is None or touched is None or turn is not seen.before or turn is seen.whole:
+            return True
+        return not touched(change, log_density(change, self._noise + unsure))
 
     def _leave(self, elapsed: float) -> None:
         """Be less sure of a zero that nothing idle showed."""
@@ -423,6 +391,8 @@ class Zero:
             moves = speed @ solve_definite(spread + _SLOW * self._noise, speed)
             if moves > _MOVES * len(speed):
                 self._turn_seen = time
+                if self._seen is not None:
+                    self._seen.learn(elapsed, speed, spread)
         drift = self.drift
         self.believed = float(drift @ self._bound @ drift) <= 1.0
 
