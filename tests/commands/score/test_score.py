@@ -230,6 +230,21 @@ def test_people_see_every_force_region_and_target(sheet):
     assert "…" not in text
 
 
+def test_a_skin_out_of_range_untouched_is_sent_back_and_named(planar):
+    """Of the hard world's skin 7003 a chip reads the end of its range in the cold."""
+    exam = Exam(skins=(7003, 7004), touches=0, count=1, pairs=0, world=world_of("hard"))
+    subject = candidate(load_response_table("planar"), planar, exam)
+    found = examine(planar, subject, exam)
+    assert found.sent_back == (7003,)
+    assert found.as_json()["sent_back"] == [7003]
+    assert len(found.case("straight").answers.count) == 10
+    title = found.tables()[0].title
+    assert title == "straight: 1 unseen skins, hard world (out of range untouched, sent back: 7003)"
+    alone = replace(exam, skins=(7003,))
+    with pytest.raises(ArgumentError, match="skins must read within their chips' range untouched"):
+        examine(planar, subject, alone)
+
+
 def test_exams_that_cannot_be_held_are_refused():
     for options, said in (
         ({"skins": ()}, "skins must be at least 1"),

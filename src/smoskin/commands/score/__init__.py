@@ -18,7 +18,15 @@ import numpy as np
 from smoskin.arguments import typed
 from smoskin.arrays import Floats
 from smoskin.commands.score.errors import Answers, together
-from smoskin.commands.score.evaluate import Exam, Session, grid_sessions, judge, label, pair_session
+from smoskin.commands.score.evaluate import (
+    Exam,
+    Session,
+    grid_sessions,
+    judge,
+    label,
+    pair_session,
+    starts_in_range,
+)
 from smoskin.commands.score.report import ScoreSheet, case_of, grid_places
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, ModelError
@@ -112,8 +120,8 @@ def score(
     ModelError
         If the file cannot be examined, or is of another design.
     ArgumentError
-        If a number is out of its range, the file does not read the chips, or there is no such world
-        or effect.
+        If a number is out of its range, no skin's chips are within theirs, the file does not read
+        the chips, or there is no such world or effect.
     ContractError
         If the contact law breaks its role.
     FileError
@@ -245,14 +253,20 @@ def examine(
 ) -> ScoreSheet:
     """The sheet that a candidate fills on skins of a design.
 
-    `make` makes the skin of a seed; by default the exam's world does.
+    `make` makes the skin of a seed; by default the exam's world does. A skin of which a chip is at
+    the end of its range untouched is no skin yet: it is sent back, and the sheet names it.
     """
     answers: dict[str, list[Answers]] = {}
+    sent_back: list[int] = []
     whole, done = len(exam.skins) * exam.sessions, 0
     noise = signal_noise(design, subject.chips)
     for seed in exam.skins:
         progress(f"skin {seed}: calibration", done / whole)
         twin = make(seed) if make else exam.world.skin(design, seed, exam.contact)
+        if not starts_in_range(twin):
+            sent_back.append(seed)
+            done += exam.sessions
+            continue
         table, estimators = subject.enter(twin, np.random.default_rng([seed, 0]), exam.world)
         for case, session in _sessions(twin, exam, seed):
             progress(f"skin {seed}: {case}", done / whole)
@@ -263,8 +277,11 @@ def examine(
                 part = replace(part, bound=_bounds(table, noise, exam, session, drags=drags))
             answers.setdefault(case, []).append(part)
             done += 1
+    if not answers:
+        raise ArgumentError(f"skins must read within their chips' range untouched; got {sent_back}")
     return ScoreSheet(
         design=design,
+        sent_back=tuple(sent_back),
         kind=subject.kind,
         file_sha256=subject.file_sha256,
         chips=subject.chips,

@@ -19,7 +19,7 @@ from smoskin.errors import ArgumentError
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.mechanics.viscoelasticity import elastomer_prony
 from smoskin.origami.geometry import geometry, places_to_the_rim
-from smoskin.records import Contact, Estimate, Motion, Pose, Reading, Status
+from smoskin.records import ChipFlag, Contact, Estimate, Motion, Pose, Reading, Status
 from smoskin.roles import ContactLaw, Estimator
 from smoskin.sensing.response.calibrate import LabelledTouches, Target
 from smoskin.sensing.response.labels import Labeller, labelled_touches
@@ -198,6 +198,13 @@ def pair_session(
     push = np.zeros((count, 2, 3))
     push[..., 2] = -rng.uniform(0.3, 1.0, (count, 2))
     return press(twin, Touches(position=position, force=push), 25.0, world, seed)
+
+
+def starts_in_range(twin: Twin) -> bool:
+    """Whether all chips of the untouched skin are within their range, as its maker reads first."""
+    rest, cold = Motion.rest(len(twin.design.magnets)), _TEMPERATURES[0]
+    sample = twin.sample(rest, np.random.default_rng(0), temperature=cold)
+    return bool((sample.flags == int(ChipFlag.GOOD)).all())
 
 
 class Heard(NamedTuple):

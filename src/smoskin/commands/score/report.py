@@ -218,6 +218,8 @@ class ScoreSheet:
     chips: tuple[int, ...]
     exam: Exam
     cases: tuple[Case, ...]
+    sent_back: tuple[int, ...] = ()
+    """Seeds of skins of which a chip is at the end of its range untouched; none is judged."""
 
     @property
     def met(self) -> bool:
@@ -289,13 +291,17 @@ class ScoreSheet:
             "design": {"name": self.design.name, "sha256": self.design.content_hash},
             "file": {"kind": self.kind, "sha256": self.file_sha256, "chips": list(self.chips)},
             "exam": self.exam.as_json(),
+            "sent_back": list(self.sent_back),
             "targets": [target._asdict() | {"met": target.met} for target in self.targets()],
             "cases": [case.as_json() for case in self.cases],
         }
 
     def tables(self) -> "list[Table]":
         """Figures of each case, and the targets, for people."""
-        of = f"{len(self.exam.skins)} unseen skins, {self.exam.world.name} world"
+        judged = len(self.exam.skins) - len(self.sent_back)
+        of = f"{judged} unseen skins, {self.exam.world.name} world"
+        if self.sent_back:
+            of += f" (out of range untouched, sent back: {', '.join(map(str, self.sent_back))})"
         return [
             *(
                 _table(
