@@ -9,8 +9,9 @@ speed limit. Both write a figure or numbers beside the documentation's page.
 import argparse
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, final
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.feasibility import load_design
 from smoskin.mechanics.sheet.touches import Touches
 from smoskin.origami.geometry import geometry
+from smoskin.records import Motion
 from smoskin.robot import law
 from smoskin.robot.arm import ArmState
 from smoskin.robot.chain import Carriage, Chain
@@ -32,11 +34,44 @@ from smoskin.sensing.estimators import ZeroFirst
 from smoskin.sensing.response.table import ResponseTable, load_response_table
 from smoskin.sensing.signals.estimator import ON_AN_ARM
 from smoskin.twin.carried import CarriedSkin
+from smoskin.twin.readout import Readout
 from smoskin.twin.rig import VirtualRig
+from smoskin.twin.surroundings import Ambience, Neighbour, Surroundings
 from smoskin.twin.whole import Twin
-from smoskin.twin.world.effect import World
+from smoskin.twin.world.effect import Effect, World
 from smoskin.twin.world.fields import Steel
 from smoskin.twin.world.worlds import HARD, PLAIN
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SkinBeside(Effect):
+    """Another skin of the design on the same limb, whose magnets presses move at once."""
+
+    gap: float = 5e-3
+    """From edge to edge along x, m."""
+    sinks: float = 1e-3
+    """How far its magnets sink under a press, m."""
+    period: float = 1.3
+    """Time from press to press, half of which each lasts, s."""
+
+    def ambience(self, twin: Twin, rng: np.random.Generator, times: Floats) -> Ambience:
+        """As `Effect.ambience`."""
+        rest, away = Motion.rest(len(twin.design.magnets)), geometry(twin.design).extent[0]
+        alone, beside, pressed = (
+            Readout(twin.design, surroundings=Surroundings(neighbours=skins)).field(rest)
+            for skins in (
+                (),
+                (Neighbour(place=(away + self.gap, 0.0, 0.0)),),
+                (Neighbour(place=(away + self.gap, 0.0, -self.sinks)),),
+            )
+        )
+        held = (times % self.period > self.period / 2)[:, None, None]
+        none = Ambience.none(len(times), len(twin.design.halls))
+        return none + Ambience(
+            field=np.where(held, pressed, beside) - alone, magnets=none.magnets, chips=none.chips
+        )
+
 
 FORCES: Final = (0.30, 0.35, 0.40, 0.45, 0.50, 0.55, 0.60, 0.65, 0.70)
 """Sizes of the true forces, N."""
@@ -129,11 +164,12 @@ def carried(
 
     Whether it was to move, whether it was stopped by a fault, and the largest force felt, N. The
     carrying joints turn along sines whose fastest part moves at the limit, in the Earth's field,
-    beside a piece of steel, with gravity and acceleration on the skin's mass, while all warms.
+    beside a piece of steel and a skin that is pressed, with gravity and acceleration on the skin's
+    mass, while all warms.
     """
     twin, table = calibrated(design, PLAIN, seed, 15)
-    steel = World(name="steel", effects=(Steel(),)).run(twin, (seed, 5))
-    skin = CarriedSkin(twin, seed=seed, run=steel)
+    around = World(name="around", effects=(Steel(), SkinBeside())).run(twin, (seed, 5))
+    skin = CarriedSkin(twin, seed=seed, run=around)
     with SimulatedArm(design, lambda: 0.0) as arm:
         chain, start = arm.chain, arm.state().angles
     path = trajectory(chain, start, np.random.default_rng([seed, 4]), count, seconds)

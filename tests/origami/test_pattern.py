@@ -29,7 +29,11 @@ def rules(pattern):
     return [(one.vertex, one.rule) for one in broken_rules(pattern)]
 
 
-@given(st.floats(0.2, 1.3), st.floats(0.2, 1.3), st.floats(-0.15, 0.15))
+# At the tolerance itself rounding decides.
+OFF = st.floats(-0.15, 0.15).filter(lambda off: abs(abs(off) - 1e-4) > 1e-9)
+
+
+@given(st.floats(0.2, 1.3), st.floats(0.2, 1.3), OFF)
 def test_four_creases_fold_flat_where_opposite_sectors_add_up_to_half_a_turn(one, other, off):
     sectors = np.array([one, other, np.pi - one, np.pi - other])
     # The odd one out is beside the smallest sector.

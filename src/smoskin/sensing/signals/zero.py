@@ -131,6 +131,7 @@ class Zero:
 
     Examples
     --------
+    >>> from smoskin.sensing.signals.idle import IdleBand
     >>> tracking = ZeroTracking(hold=0.0, time_constant=1.0)
     >>> zero = Zero(tracking, IdleBand(), np.zeros(3), 1e-12 * np.eye(3))
     >>> [zero.step(float(t), np.full(3, 2e-5)) for t in range(9)] == [True] * 9
