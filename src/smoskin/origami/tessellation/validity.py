@@ -164,7 +164,7 @@ def coverage(surface: Surface, layers: Floats, facets: Ints, asked: Floats) -> f
     """Share of the asked patch that a sheet covers, by its corners moved down to the surface.
 
     Where a chart makes the patch larger than the planar sheet, as a saddle's does, that sheet's
-    area counts as all of it: cells of their own size cover no more.
+    area counts as all of it: cells of their own size cover no more. A sphere's makes it smaller.
 
     Parameters
     ----------
