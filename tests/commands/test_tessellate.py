@@ -102,7 +102,10 @@ def test_elsewhere_there_is_geometry_alone_and_an_older_design_goes(planar, tmp_
     assert report.made.holds
     assert {file.name for file in tmp_path.iterdir()} == SOUND
     told = json.loads((tmp_path / "validity.json").read_text())["sensing"]
-    assert told == "geometry alone: skins are sensed on planes, cylinders and cones"
+    assert told == (
+        "geometry alone: skins are sensed on planes, cylinders and cones; film and circuit are "
+        "flat and cannot lie on a surface that is bent two ways"
+    )
     assert told in (tmp_path / "report.html").read_text()
 
 

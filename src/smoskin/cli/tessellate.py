@@ -48,9 +48,10 @@ def tessellate(
     """Lay a folded sheet on a surface and write its flat pattern.
 
     report.html tells every gate's value, and fold.html shows the sheet from flat to folded to
-    attached. On a plane or cylinder, whose radius is that of the bottom vertices, design.toml is
-    the skin for table, score, demo and fabricate. No pattern is written of a sheet that fails a
-    gate; validity.json tells which, and what would fit. The exit code is then 1.
+    attached. On a plane, cylinder or cone, whose radii are those of the bottom vertices,
+    design.toml is the skin for table, score, demo and fabricate. On surfaces bent two ways film and
+    circuit cannot lie: there is geometry alone. No pattern is written of a sheet that fails a gate;
+    validity.json tells which, and what would fit. The exit code is then 1.
     """
     from smoskin.commands.tessellate import numbers, tessellate_surface
 

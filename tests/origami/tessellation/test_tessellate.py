@@ -39,8 +39,6 @@ PASSING = [
     "wide sphere",
     "sphere",
     "wide saddle",
-    "saddle",
-    "saddle of small cells",
     "bump",
     "bump of small cells",
     "noisy sphere",
@@ -50,7 +48,12 @@ BENT_TOO_MUCH = {
     "sphere of small cells": "with 6 x 6 of these cells a surface 1.7 times as wide would fit",
     "sphere of many cells": "6 x 6 of these cells would fit",
 }
-"""The others, and what is said of them."""
+"""Those that are refused before the search, and what is said of them."""
+FAILING = {
+    "saddle": ("largest_sector_angle", "a surface 1.7 times as wide would fit"),
+    "saddle of small cells": ("crease_gap", "a surface 2.5 times as wide would fit"),
+}
+"""Those whose search ends at sheets that fail: a gate that does, and what is said of them."""
 QUICK = ["cylinder", "forearm", "wide sphere"]
 
 
@@ -93,6 +96,8 @@ def faults(made, name):
         found.append(made.advice)
     if name in FOLDING and not made.folds:
         found.append("it is locked")
+    if np.abs(made.layers[:, :2].mean(axis=0)).max() >= 2e-3:
+        found.append("it lies beside its patch")
     if made.folding is not None and made.folding.strain >= 0.005:
         found.append(f"strained by {made.folding.strain:.3g}")
     if made.folding is not None and refolding_error(made) >= 0.2e-3:
@@ -116,9 +121,19 @@ def test_all_cylinders_and_cones_and_most_others_pass_every_gate(planar, name):
 
 
 def test_before_the_search_none_is_refused_but_those_that_fail(planar):
-    assert {*FOLDING, *PASSING, *BENT_TOO_MUCH} == {*SURFACES}
+    assert {*FOLDING, *PASSING, *BENT_TOO_MUCH, *FAILING} == {*SURFACES}
     held = {name: fold_range(*patch(name, planar)).holds for name in SURFACES}
     assert [name for name, holds in held.items() if not holds] == [*BENT_TOO_MUCH]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FAILING)
+def test_a_saddle_bent_too_much_fails_where_it_was_asked(planar, name):
+    made = on(name, planar, refold=False)
+    gate, advice = FAILING[name]
+    assert gate in [measure.name for measure in made.gates if not measure.holds]
+    assert advice in made.advice
+    assert np.abs(made.layers[:, :2].mean(axis=0)).max() < 1e-3
 
 
 @pytest.mark.slow
@@ -155,18 +170,18 @@ def test_a_surface_too_tight_fails_with_its_reason(planar):
 
 @pytest.mark.slow
 def test_a_search_goes_on_until_all_gates_hold(planar):
-    """Neighbours of the saddle that must pass, for which no weight was drawn."""
-    cell = replace(
-        planar.cell, panel_a=0.6 * planar.cell.panel_a, panel_b=0.6 * planar.cell.panel_b
-    )
-    assert tessellate(Saddle(0.145), cell, (12, 12), refold=False).holds
+    """A sphere for which no weight was drawn, and whose sheets are all but sound at first."""
+    sphere = Sphere(0.129)
+    with mock.patch("smoskin.origami.tessellation.tessellate._ROUNDS", 0):
+        assert not tessellate(sphere, planar.cell, (6, 6), refold=False).holds
+    assert faults(tessellate(sphere, planar.cell, (6, 6), refold=False), "") == []
 
 
 @pytest.mark.slow
 def test_other_weights_lead_to_sheets_on_surfaces_bent_more_strongly(planar):
-    # 0.09 m holds on some processors and not on others: by rounding the search ends elsewhere.
-    for radius in (0.08, 0.11):
-        assert tessellate(Saddle(radius), planar.cell, (6, 6), refold=False).holds
+    for radius in (0.12, 0.13):
+        made = tessellate(Saddle(radius), planar.cell, (6, 6), refold=False)
+        assert faults(made, "") == []
 
 
 def test_a_plane_gives_back_the_regular_sheet(planar):
@@ -241,6 +256,9 @@ def test_what_no_sheet_can_lie_on_is_refused(planar):
         tessellate(Plane(), planar.cell, (1, 1), time_limit=0.0)
     with pytest.raises(DesignError, match=r"radius of 25 mm at .* take cells 0\.75 times as large"):
         tessellate(Cylinder(0.025), planar.cell, (2, 1))
+    for surface in (Cylinder(0.01), Sphere(0.02)):  # they end under the sheet too
+        with pytest.raises(DesignError, match=r"is too tight for a cell 26\.7 mm wide"):
+            tessellate(surface, planar.cell, (6, 6))
     line = np.linspace(-0.05, 0.05, 11)
     with pytest.raises(ArgumentError, match="must reach under the whole sheet"):
         tessellate(HeightField(line, line, np.zeros((11, 11))), planar.cell, (6, 6))

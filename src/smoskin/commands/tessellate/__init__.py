@@ -134,8 +134,8 @@ def tessellate_surface(
 ) -> TessellationReport:
     """Tessellate a surface with a design's cells and write the sheet's files into a folder.
 
-    On a plane or a cylinder, whose radius is that on which the bottom vertices lie, the design of
-    a skin on the sheet is among them.
+    On a plane, a cylinder or a cone, whose radii are those on which the bottom vertices lie, the
+    design of a skin on the sheet is among them.
 
     Parameters
     ----------

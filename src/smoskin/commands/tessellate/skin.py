@@ -25,7 +25,10 @@ def skin_on(
 ) -> tuple[SkinDesign | None, str]:
     """The design of a sheet on a surface of this name, or None and why there is none."""
     if not isinstance(surface, Plane | Cylinder | Cone):
-        return None, "geometry alone: skins are sensed on planes, cylinders and cones"
+        return None, (
+            "geometry alone: skins are sensed on planes, cylinders and cones; film and circuit are "
+            "flat and cannot lie on a surface that is bent two ways"
+        )
     if np.abs(made.lifts).max() > _LEVEL:
         return None, "geometry alone: columns of a skin that is sensed on are all equal"
     cells = (made.sheet.loaded.shape[0], made.sheet.loaded.shape[1])

@@ -16,7 +16,7 @@ from smoskin.arrays import Floats
 from smoskin.design.skin import MiuraCell
 from smoskin.errors import ArgumentError, DesignError
 from smoskin.origami.cell import fold_angle, size
-from smoskin.origami.surface.surface import Surface, curvatures, forms
+from smoskin.origami.surface.surface import Forms, Surface, curvatures, forms
 from smoskin.origami.tessellation.validity import DEPTH
 
 _TIGHTEST: Final = 0.8
@@ -40,20 +40,13 @@ def survey(surface: Surface, cell: MiuraCell, cells: tuple[int, int]) -> tuple[f
     x = np.linspace(-0.5, 0.5, 2 * cells[0] + 1) * cells[0] * length
     y = np.linspace(-0.5, 0.5, 2 * cells[1] + 1) * cells[1] * width
     grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
-    if not surface.holds(grid).all():
+    known = surface.holds(grid)
+    _refuse_tight(forms(surface, grid[known]), width, height)
+    if not known.all():
         raise ArgumentError("the surface must reach under the whole sheet; take fewer cells")
     at = forms(surface, grid)
     principal = curvatures(at)
     largest = np.abs(principal).max(axis=-1)
-    tight = np.maximum(largest * width, 2 * principal[..., 1] * height)
-    if tight.max() > _TIGHTEST:
-        worst = np.unravel_index(int(np.argmax(tight)), tight.shape)
-        place = ", ".join(f"{1e3 * v:.0f}" for v in at.places[worst])
-        share = _TIGHTEST / float(tight.max())
-        raise DesignError(
-            f"the surface's radius of {1e3 / float(largest[worst]):.3g} mm at ({place}) mm is too "
-            f"tight for a cell {1e3 * width:.3g} mm wide; take cells {share:.2f} times as large"
-        )
     gauss = np.median(np.abs(principal.prod(axis=-1)))
     one_way = bool(gauss <= _ONE_WAY * np.median(largest) ** 2)
     along, bend = (-float(np.mean(at.second[..., k, k] / at.metric[..., k, k])) for k in (0, 1))
@@ -63,6 +56,22 @@ def survey(surface: Surface, cell: MiuraCell, cells: tuple[int, int]) -> tuple[f
             "turned otherwise a sheet does not fold: turn the direction by 90 degrees"
         )
     return (1 / bend if abs(bend) * height > 1e-9 else np.inf), one_way
+
+
+def _refuse_tight(at: Forms, width: float, height: float) -> None:
+    """Raise where a surface is bent more tightly than a cell can follow, at the tightest place."""
+    principal = curvatures(at)
+    largest = np.abs(principal).max(axis=-1)
+    tight = np.maximum(largest * width, 2 * principal[..., 1] * height)
+    if tight.max(initial=0.0) <= _TIGHTEST:
+        return
+    worst = int(np.argmax(tight))
+    place = ", ".join(f"{1e3 * v:.0f}" for v in at.places[worst])
+    share = _TIGHTEST / float(tight[worst])
+    raise DesignError(
+        f"the surface's radius of {1e3 / float(largest[worst]):.3g} mm at ({place}) mm is too "
+        f"tight for a cell {1e3 * width:.3g} mm wide; take cells {share:.2f} times as large"
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,7 +3,7 @@
 Decides what is measured and how far it may go; whether a sheet folds is told beside it.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
@@ -25,6 +25,10 @@ DISTANCE: Final = 0.05e-3
 SECTORS: Final = (float(np.radians(25)), float(np.radians(155)))
 """rad."""
 COVERAGE: Final = 0.95
+_SAMPLES: Final = 100
+"""Points each way on the asked patch, at least, by which what is covered is counted."""
+_AWAY: Final = 1e-3
+"""m: way of a sheet's middle from its patch's that is told."""
 DEPTH: Final = 0.2
 COLUMNS: Final = 0.1
 GAP: Final = 0.25
@@ -75,8 +79,8 @@ class Candidate:
 class Nominal:
     """Measures of a sheet by the planar cell."""
 
-    area: float
-    """m^2: part of the surface to be covered."""
+    asked: Floats
+    """(V, 2), m: parameters of the planar sheet's vertices, the patch to be covered."""
     depth: float
     """m: height of top vertices."""
     plate: float
@@ -112,7 +116,7 @@ def _gates(sheet: Candidate, nominal: Nominal) -> Iterator[Gate]:
     least, most = (float(np.degrees(bound)) for bound in SECTORS)
     yield _least("least_sector_angle", np.degrees(angles), least, "deg")
     yield _most("largest_sector_angle", np.degrees(angles), most, "deg")
-    covered = footprint(sheet.surface, sheet.layers, net.facets) / nominal.area
+    covered = coverage(sheet.surface, sheet.layers, net.facets, nominal.asked)
     yield _least("coverage", np.array([covered]), COVERAGE, "1")
     deviation = np.where(sheet.bottom, 0.0, heights / nominal.depth - 1)
     yield _most("depth_deviation", deviation, DEPTH, "1")
@@ -120,6 +124,25 @@ def _gates(sheet: Candidate, nominal: Nominal) -> Iterator[Gate]:
     gap = 2 * nominal.plate * np.tan(np.abs(folds) / 2)
     room = GAP * float(_least_heights(sheet.vertices, net.facets).min())
     yield _most("crease_gap", 1e3 * gap, 1e3 * room, "mm")
+
+
+def reason(sheet: Candidate, failed: Sequence[Gate]) -> str:
+    """What of a sheet's failed gates tells the most, and where: sector angles before others."""
+    sectors = [gate for gate in failed if "sector_angle" in gate.name]
+    worst = (sectors or failed)[0]
+    unit = "" if worst.unit == "1" else f" {worst.unit}"
+    told = f"{worst.name} is {worst.value:.4g}{unit}, its limit {worst.limit:.4g}"
+    if worst in sectors and worst.where is not None:
+        told += f", at {_millimetres(sheet.vertices[sheet.net.corners.at[worst.where]])}"
+    away = sheet.layers[:, :2].mean(axis=0)
+    if worst.name == "coverage" and np.abs(away).max() > _AWAY:
+        told += f"; the sheet's middle lies {_millimetres(away)} away from the patch's"
+    return told
+
+
+def _millimetres(place: Floats) -> str:
+    """Coordinates of a place or a way, in whole mm."""
+    return f"({', '.join(str(round(1e3 * float(value))) for value in place)}) mm"
 
 
 def _most(name: str, values: Floats, limit: float, unit: str) -> Gate:
@@ -137,13 +160,46 @@ def _least(name: str, values: Floats, limit: float, unit: str) -> Gate:
     return Gate(name=name, value=value, limit=limit, unit=unit, holds=value >= limit, where=where)
 
 
-def footprint(surface: Surface, layers: Floats, facets: Ints) -> float:
-    """Area of the surface under a sheet, m^2, by its panels' corners moved down to it."""
-    p, q, r, s = (layers[facets[:, k], :2] for k in range(4))
+def coverage(surface: Surface, layers: Floats, facets: Ints, asked: Floats) -> float:
+    """Share of the asked patch that a sheet covers, by its corners moved down to the surface.
+
+    Where a chart makes the patch larger than the planar sheet, as a saddle's does, that sheet's
+    area counts as all of it: cells of their own size cover no more. A sphere's makes it smaller.
+
+    Parameters
+    ----------
+    asked : array, shape (V, 2)
+        Parameters of the planar sheet's vertices, of the same panels, m.
+    """
+    count = int(np.ceil(_SAMPLES / np.sqrt(len(facets)))) + 1
+    steps = (np.arange(count) + 0.5) / count
+    x, y = (grid.ravel()[:, None, None] for grid in np.meshgrid(steps, steps, indexing="ij"))
+    p, q, r, s = (asked[facets[:, k]] for k in range(4))
+    points = (1 - x) * (1 - y) * p + x * (1 - y) * q + x * y * r + (1 - x) * y * s
     first, second = r - p, s - q
-    areas = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
-    metric = forms(surface, (p + q + r + s) / 4).metric
-    return float((areas * np.sqrt(np.linalg.det(metric))).sum())
+    planar = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / (2 * count**2)
+    areas = planar * np.sqrt(np.linalg.det(forms(surface, points).metric))
+    under = _windings(points.reshape(-1, 2), layers[_rim(facets), :2]) != 0
+    whole = min(float(areas.sum()), float(planar.sum()) * count**2)
+    return min(float(areas.ravel()[under].sum()) / whole, 1.0)
+
+
+def _rim(facets: Ints) -> Ints:
+    """Edges (E, 2) of one panel alone, each in that panel's direction."""
+    edges = np.stack([facets, np.roll(facets, -1, axis=1)], axis=-1).reshape(-1, 2)
+    count = int(edges.max()) + 1
+    alone = ~np.isin(edges @ [count, 1], edges @ [1, count])
+    return np.asarray(edges[alone])
+
+
+def _windings(points: Floats, rim: Floats) -> Ints:
+    """How often a rim of edges (E, 2, 2) goes round each point (P, 2)."""
+    start, way = rim[:, 0], rim[:, 1] - rim[:, 0]
+    off = points[:, None] - start
+    left = way[:, 0] * off[..., 1] - way[:, 1] * off[..., 0]
+    begun, ended = off[..., 1] >= 0.0, off[..., 1] >= way[:, 1]
+    up, down = begun & ~ended & (left > 0.0), ended & ~begun & (left < 0.0)
+    return np.asarray(up.sum(axis=1) - down.sum(axis=1))
 
 
 def _least_heights(vertices: Floats, facets: Ints) -> Floats:
