@@ -18,6 +18,7 @@ from smoskin.twin.whole import Twin
 from smoskin.twin.world.arm import TURNING, Arm, Gravity
 from smoskin.twin.world.effect import World
 from smoskin.twin.world.fields import Earth
+from smoskin.twin.world.worlds import HARD
 
 pytest.importorskip("jax")
 
@@ -110,6 +111,14 @@ def test_a_board_that_turns_about_another_axis_at_once_makes_no_touch(planar, ra
     """Its zero knows by then what turns about the first change, and nothing else."""
     times = np.arange(-2.0, 25.0, 1 / rate)
     readings = stream(planar, times, 0.0 * times, world=CRANKED)
+    assert {one.status for one in told(planar, readings)} == {Status.NO_CONTACT}
+
+
+@pytest.mark.slow
+def test_an_hour_on_an_arm_in_the_hard_world_makes_no_touch(planar):
+    """It turns by a quarter and back in 20 s beside a motor and steel, and loses as it moves."""
+    times = np.arange(-2.0, 3600.0, 0.1)
+    readings = stream(planar, times, 0.0 * times, world=HARD)
     assert {one.status for one in told(planar, readings)} == {Status.NO_CONTACT}
 
 
