@@ -129,6 +129,33 @@ def stopped(program, number, again=0.0, before=""):
     return running.returncode, out, err
 
 
+LATE = """
+    real, calls = signal.signal, 0
+    def late(number, handler):
+        global calls
+        calls += 1
+        if calls == {call}:
+            signal.raise_signal({number:d})
+        return real(number, handler)
+    def work():
+        if {number:d} == signal.SIGALRM:
+            exec("raise_signal(SIGHUP)", vars(signal) | dict(__name__="jax"))
+        signal.signal = late
+    print("works", flush=True)
+    time.sleep(0.1)
+    sys.exit(run_to_end(work))
+"""
+
+
+@pytest.mark.parametrize("call", [1, 2, 3])
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGALRM])
+def test_a_signal_as_the_work_ends_leaves_no_traceback(number, call):
+    """The signal itself, or the next try of one that waited."""
+    code, _, said = stopped(LATE.format(number=number, call=call), 0)
+    heard = (128 + signal.SIGHUP, "Stopped by SIGHUP: the terminal is closed.\n")
+    assert (code, said) == heard or (number, code, said) == (signal.SIGHUP, -signal.SIGHUP, "")
+
+
 WORK = """
     def work():
         with if_stopped(lambda: "half is kept"):

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 def main() -> None:
     """Run the command line; the console script's entry."""
     begun = time.monotonic()
-    heed_signals()
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # what a terminal cannot show must not end the program
             stream.reconfigure(errors="replace")
@@ -29,7 +28,8 @@ def main() -> None:
 
 
 def _run(begun: float) -> None:
-    """Run a command, told when the program began."""
+    """Run a command, told when the program began; signals are heard from here on."""
+    heed_signals()
     app = _app()
     keep_compiled()
     app(prog_name="smoskin", obj=begun)

@@ -85,18 +85,26 @@ def if_stopped(kept: Callable[[], str]) -> Iterator[None]:
 def run_to_end(work: Callable[[], object]) -> int:
     """The exit code of the work, whatever it raises, said in one line on standard error."""
     code: object = 0
-    try:
+    with suppress(KeyboardInterrupt):  # a signal may come, or a waiting one, as the work ends
         with suppress(KeyboardInterrupt):
             code = _code_of(work)
-    finally:
-        for number in (*_SIGNALS, signal.SIGALRM) if _heard else ():
-            signal.signal(number, signal.SIG_IGN)
+        _go_deaf()
+    _go_deaf()
     if _heard:
         _say(f"Stopped by {'; '.join((_SIGNALS[signal.Signals(_heard[0])], *_kept))}.")
         code = 128 + _heard[0]
     for stream in (sys.stdout, sys.stderr):
         _let_go(stream)
     return code if isinstance(code, int) else 0
+
+
+def _go_deaf() -> None:
+    """Ignore signals once one was heard, else give them back to the system: the work is over."""
+    for number in (*_SIGNALS, signal.SIGALRM):
+        if _heard:
+            signal.signal(number, signal.SIG_IGN)
+        elif signal.getsignal(number) is _hear:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def _code_of(work: Callable[[], object]) -> object:
