@@ -92,17 +92,17 @@ def test_a_touch_that_is_gone_leaves_none(skin):
     assert bayes.drift.ravel() == pytest.approx(left, abs=0.02 * np.abs(left).max())
 
 
-def test_what_a_touch_leaves_is_noise_of_the_next(skin):
+def test_three_tenths_of_what_a_touch_leaves_is_noise_of_the_next(skin):
     known = replace(reduced_table(skin), residue=2e-2)
     bayes, plain = estimator(skin, known), estimator(skin)
     touch = known.signals(WHERE[:1], FORCE[:1])[0]
     stated = [one.step(raised(skin, 1.0, touch)).covariance[0] for one in (bayes, plain)]
     # The zero is of 20 readings.
     chips = np.repeat([np.trace(known.newton[k : k + 3, k : k + 3]) / 3 for k in (0, 3, 6)], 3)
-    noise = signal_noise(skin) * 1.05 + 4e-4 * (known.newton + np.diag(chips)) / 2
+    noise = signal_noise(skin) * 1.05 + 0.3 * 4e-4 * (known.newton + np.diag(chips)) / 2
     expected = TouchSolver(known, noise).one(touch).covariance[0]
     assert stated[0] == pytest.approx(expected, rel=5e-3, abs=1e-10)
-    assert stated[0][0, 0] > 1.5 * stated[1][0, 0]
+    assert stated[0][0, 0] > 1.2 * stated[1][0, 0]
 
 
 def test_creep_of_the_columns_is_undone_by_default(skin):

@@ -42,6 +42,10 @@ _HEARD: Final = 200
 """Idle readings over which louder noise is averaged."""
 _LONG: Final = 20.0
 """Time constants after which nothing is known any more."""
+_STAYS: Final = 0.3
+"""Share of what a touch leaves by which the zero is unsure under the next. Touches of a rig on five
+made skins are as likely with any share up to it, and less with more: what loops add under a touch
+counts as what the table misses."""
 _WILD: Final = 1e5
 """Seconds without a reading after which none is taken for a zero's pace: a clock has jumped."""
 
@@ -189,11 +193,12 @@ class Zero:
 
     @property
     def covariance(self) -> Floats:
-        """Covariance of a reading untouched besides the chips' noise, (C, C), T^2.
+        """Covariance of what is read under a touch besides its own and the chips' noise, T^2.
 
-        That of the zero, P, of what a touch has left, and of noise that is not the chips'.
+        (C, C): that of the zero, P, of what touches leave under others, and of noise that is not
+        the chips'.
         """
-        return self._unsure(self._course)
+        return self._unsure(self._course, _STAYS)
 
     def rest(self) -> None:
         """Forget when readings came, as their clock starts again; the zero stays."""
@@ -228,10 +233,13 @@ class Zero:
         unnoticed = min(self._last_time - self._idle_until, _UNNOTICED)
         return self._course.wider(turned(unnoticed), self._turning.whole)
 
-    def _unsure(self, course: Course) -> Floats:
-        """Covariance of a reading untouched besides the chips' noise, if the zero goes this way."""
+    def _unsure(self, course: Course, stays: float = 1.0) -> Floats:
+        """Covariance of a reading besides the chips' noise, if the zero goes this way.
+
+        Of what a touch leaves so much stays: untouched all of it.
+        """
         unsure = course.zero + self._louder + self._posed
-        return unsure + self.left if self._touched else unsure
+        return unsure + stays * self.left if self._touched else unsure
 
     def carried(self, posed: Floats, jolted: Floats) -> None:
         """Take what is not known of an arm's pose into account, and what jolts may add, untouched.
@@ -319,14 +327,15 @@ class Zero:
 
     def _explained(self, time: float, elapsed: float, change: Floats) -> bool:
         """Whether a change is idle; a turn that explains it makes the zero less sure."""
-        still, share = self._course, self._idle(change, self.covariance + self._jolted)
+        still = self._course
+        share = self._idle(change, self._unsure(still) + self._jolted)
         if time - self._turn_seen > _GOES_ON:
             self._turn = None
         if self._turn is not None:
             self._course = still.wider(scatter(elapsed), self._along(self._turn))
         if share < _CALM or self._turning is None:
             return share < 1.0
-        share = self._idle(change, self.covariance)
+        share = self._idle(change, self._unsure(self._course))
         course, turn = self._course, self._turn
         jerk = burst(_JERK, min(max(elapsed, _JERKS[0]), _JERKS[1]))
         for before, of, whole in self._turns(self._turning, still):
