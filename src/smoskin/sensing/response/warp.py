@@ -28,6 +28,8 @@ _GRID: Final = 0.5e-3
 """Step of the places at which a warp is undone first, m."""
 _LEVEL: Final = 0.35
 """Slope of a warp below which it counts as level."""
+_WIDER: Final = 1.5
+"""Variance of a place over that which the slope there gives, past which other places may be it."""
 _NEWTON: Final = 3
 """Newton's steps from there."""
 
@@ -154,7 +156,7 @@ class Unwarp:
             place = float(chance @ self._places)
             spread = float(chance @ (self._places - place) ** 2)
             _, slope = self._warp.point(place, self._coefficients)
-            if slope < _LEVEL or spread > blurred / _LEVEL**2:
+            if slope < _LEVEL or spread > _WIDER * blurred / slope**2:
                 return place, spread
         slope = 1.0
         for _ in range(_NEWTON):
