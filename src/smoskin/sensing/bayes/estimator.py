@@ -19,6 +19,7 @@ from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.origami.geometry import middles_of_fields
 from smoskin.records import Contact, Estimate, Status
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
+from smoskin.sensing.bayes.resting import Resting
 from smoskin.sensing.bayes.solver import TouchSolver
 from smoskin.sensing.bayes.starts import TYPICAL
 from smoskin.sensing.response.table import ResponseTable
@@ -80,7 +81,7 @@ class BayesEstimator(SignalEstimator):
     p(s | K) p(K); see `smoskin.sensing.bayes.posterior.TouchProblem`. How unsure the zero is joins
     the noise ("The zero" in `docs/derivations.md`). Two touches are taken as straight. One that was
     alone before the other came is taken to stand about where it stood (`TouchPriors.slide`) and
-    comes first.
+    comes first. A single one that rests is where it was known best (`TouchPriors.wander`).
     """
 
     @typed
@@ -116,6 +117,7 @@ class BayesEstimator(SignalEstimator):
         )
         if self._priors.chances[2] > 0:
             self._solver.ready_for_two()
+        self._resting = Resting(self._priors.wander)
         self._solved_at = np.nan
         self._leads: dict[str, Lead] = {}
         self._rival: Rival | None = None
@@ -134,6 +136,7 @@ class BayesEstimator(SignalEstimator):
 
     def _forget(self) -> None:
         self._leads, self._rival, self._alone, self._lost = {}, None, None, None
+        self._resting.forget()
 
     def _read(self, time: float, signals: Floats, temperature: float) -> Estimate:
         self._warm_to(temperature)
@@ -145,12 +148,32 @@ class BayesEstimator(SignalEstimator):
             self._lost = time, signals
             return Estimate(time=time, status=Status.OUT_OF_RANGE)
         values, covariance = self._touches(found)
+        if len(values) == 1:
+            self._rest(time, values[0], covariance[0])
+        else:
+            self._resting.forget()
         return Estimate(
             time=time,
             status=Status.CONTACT,
             contacts=tuple(Contact(position=row[:2], force=row[2:]) for row in values),
             covariance=covariance,
         )
+
+    def _rest(self, time: float, touch: Floats, spread: Floats) -> None:
+        """Let a touch (5,) and its covariance (5, 5) know its place from earlier readings too.
+
+        Its force follows by how it depends on the place.
+        """
+        read, own = touch[:2].copy(), spread[:2, :2].copy()
+        place, spread_there = self._resting.joined(time, read, own)
+        if place is read:
+            return
+        touch[:2], spread[:2, :2] = place, spread_there
+        slope = np.linalg.solve(own, spread[:2, 2:]).T
+        touch[2:] += slope @ (touch[:2] - read)
+        spread[2:, 2:] += slope @ (spread[:2, :2] - own) @ slope.T
+        spread[2:, :2] = slope @ spread[:2, :2]
+        spread[:2, 2:] = spread[2:, :2].T
 
     def _warm_to(self, temperature: float) -> None:
         """Read a rubber of this temperature, degC."""

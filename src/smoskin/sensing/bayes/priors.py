@@ -31,12 +31,16 @@ class TouchPriors:
     slide: float = 5e-3
     """Standard deviation along each axis, m, by which a touch moves in a second after another has
     joined it; infinite: its place while it was alone is not used."""
+    wander: float = 1e-3
+    """Standard deviation along each axis, m, by which a touch that rests moves in a second;
+    infinite: every reading of it stands for itself."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.drag_spread < math.inf:
             raise ArgumentError(f"drag_spread must be finite and >= 0 N; got {self.drag_spread}")
-        if not self.slide > 0:
-            raise ArgumentError(f"slide must be positive; got {self.slide} m")
+        for name in ("slide", "wander"):
+            if not getattr(self, name) > 0:
+                raise ArgumentError(f"{name} must be positive; got {getattr(self, name)} m")
         if min(self.chances) < 0 or abs(sum(self.chances) - 1) > 1e-9:
             raise ArgumentError(f"chances must add up to 1; got {self.chances}")
 
