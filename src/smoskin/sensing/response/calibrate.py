@@ -136,7 +136,7 @@ def calibrate_touches(
     After the touches the modes' weights are ``N(w, P)``: ``P = (1 + sum_n M_n R_n^-1 M_n^T)^-1``
     and ``w = P sum_n M_n R_n^-1 (y_n - s_n)``, with ``R_n = N + J_n L J_n^T + |F_n|^2 D E D``. The
     diagonal D >= 1 makes the mean square of what each signal misses, and of what is open of it,
-    what R says. Laws of contact are off by as much of their prior deviation, a quarter, a half or
+    what R says, where a mean is taken over N - 2: that of the variances that N touches may be of. Laws of contact are off by as much of their prior deviation, a quarter, a half or
     all of it, as makes the touches likeliest. The table is ``mean + sum_k w_k modes_k``, with modes
     ``sqrt(P) modes``; the coupling grows as the squares of single touches' signals do, and the
     curvature of the field of a chip that has none moves as far as that of single touches does.
@@ -234,7 +234,7 @@ def _linear_posterior(
         # What the fit leaves, and what it would leave of touches that it has not seen.
         still_open = np.einsum("nkc,kl,nlc->nc", modes, covariance, modes, optimize=True)
         expected = np.einsum("ncc->nc", noise) + squared[:, None] * np.diag(misfit)
-        ratio = ((missed**2 + still_open) / expected).mean(axis=0)
+        ratio = ((missed**2 + still_open) / expected).sum(axis=0) / max(len(y) - 2, 1)
         stretch = np.maximum(stretch * np.sqrt(np.maximum(ratio, _LEAST)), 1.0)
     volume = np.linalg.slogdet(precision)[1].sum() + np.linalg.slogdet(covariance)[1]
     away = np.einsum("nc,ncd,nd->", residual, precision, residual)
