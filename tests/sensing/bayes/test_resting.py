@@ -66,8 +66,9 @@ def test_the_best_reading_counts_at_any_rate(rate):
     without = math.hypot(0.7, 6 * 0.5)
     size = 1e3 * np.sqrt(np.mean(np.square(last)))
     assert 1e3 * np.sqrt(np.mean(np.square(first))) * 0.95 < size < 0.5 * without
-    # The wander that is allowed for did not take place here.
-    assert 0.88 < np.mean(stated) < 0.99
+    # Wander and luck, which are allowed for, did not take place here.
+    assert np.mean(stated) > 0.9
+    assert 1e6 * joined.trace() / 2 < 0.5 * without**2
 
 
 @pytest.mark.parametrize("speed", [0.02, 0.1])

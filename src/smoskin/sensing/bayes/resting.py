@@ -15,6 +15,8 @@ _SLID: Final = 9.0
 """Squared distance, in standard deviations, past which a touch has slid; of one that rests 1 %."""
 _OWN: Final = 0.1
 """Share of a place's covariance by which readings of a touch that rests differ on a still skin."""
+_LUCK: Final = 1.4
+"""Factor on the covariance of what is joined: the surest of many readings is so by luck as well."""
 _SOON: Final = 1e-4
 """Shortest time between two readings, s."""
 _SHARES: Final = np.linspace(0.0, 1.0, 11)[:, None, None]
@@ -52,7 +54,7 @@ class Resting:
     >>> place, _ = resting.joined(0.0, np.array([0.030, 0.040]), sure)
     >>> place, spread = resting.joined(0.3, np.array([0.033, 0.040]), unsure)
     >>> place.round(4).tolist(), round(1e3 * float(spread[0, 0]) ** 0.5, 2)
-    ([0.03, 0.04], 1.14)
+    ([0.03, 0.04], 1.35)
     >>> resting.joined(0.4, np.array([0.060, 0.040]), unsure)[0].tolist()
     [0.06, 0.04]
     """
@@ -94,4 +96,5 @@ def _intersected(
     k = int(np.einsum("kii->k", joined).argmin())
     share = float(_SHARES[k, 0, 0])
     told = share * (sure_before @ before) + (1 - share) * (sure @ place)
-    return joined[k] @ told, joined[k]
+    luck = min(_LUCK, float(spread.trace() / joined[k].trace()))
+    return joined[k] @ told, luck * joined[k]

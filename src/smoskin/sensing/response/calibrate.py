@@ -136,8 +136,9 @@ def calibrate_touches(
     After the touches the modes' weights are ``N(w, P)``: ``P = (1 + sum_n M_n R_n^-1 M_n^T)^-1``
     and ``w = P sum_n M_n R_n^-1 (y_n - s_n)``, with ``R_n = N + J_n L J_n^T + |F_n|^2 D E D``. The
     diagonal D >= 1 makes the mean square of what each signal misses, and of what is open of it,
-    what R says, where a mean is taken over N - 2: that of the variances that N touches may be of. Laws of contact are off by as much of their prior deviation, a quarter, a half or
-    all of it, as makes the touches likeliest. The table is ``mean + sum_k w_k modes_k``, with modes
+    what R says, where a mean is taken over N - 2: that of the variances that N touches may be of.
+    Laws of contact are off by as much of their prior deviation, a quarter, a half or all of it, as
+    makes the touches likeliest. The table is ``mean + sum_k w_k modes_k``, with modes
     ``sqrt(P) modes``; the coupling grows as the squares of single touches' signals do, and the
     curvature of the field of a chip that has none moves as far as that of single touches does.
     """
