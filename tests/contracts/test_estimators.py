@@ -9,9 +9,7 @@ from scipy.stats import chi2
 
 from networks import tiny_network
 from skins import unlike_a_turn
-from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError
-from smoskin.feasibility import load_design
 from smoskin.magnetics import mlx90393
 from smoskin.mechanics.viscoelasticity import ELASTIC, elastomer_prony
 from smoskin.origami.geometry import geometry
@@ -82,12 +80,6 @@ def both(estimators):
         for slow in [name == "curved" and make is network_estimator]
     ]
     return pytest.mark.parametrize(("make", "design"), cases, indirect=True)
-
-
-@pytest.fixture(params=["planar", pytest.param("curved", marks=pytest.mark.slow)])
-def design(request) -> SkinDesign:
-    """A skin of three chips, or of four whose axes turn round a limb."""
-    return load_design(request.param)
 
 
 @pytest.fixture(params=ESTIMATORS, ids=lambda make: make.__name__)
