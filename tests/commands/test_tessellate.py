@@ -20,6 +20,7 @@ from smoskin.errors import ArgumentError, FileError
 from smoskin.feasibility import load_design
 from smoskin.mechanics.sheet.foldability import fold_shares
 from smoskin.mechanics.sheet.lattice import springs_of
+from smoskin.mechanics.sheet.touches import Frictionless, Touches
 from smoskin.origami.geometry import geometry
 from smoskin.origami.surface.analytic import Bump, Cone, Cylinder, Plane, Sphere
 from smoskin.origami.surface.surface import curvatures, forms
@@ -114,6 +115,17 @@ FIXED = [
 ]
 
 
+CHOSEN = {
+    "wide cylinder": 6e-4,
+    "cylinder of small cells": 6e-4,
+    "cone of small cells": 6e-4,
+    "tight cylinder": 3.8e-4,
+    "cylinder of many cells": 3.8e-4,
+    "cone of many cells": 3.8e-4,
+}
+"""The thickest plates that do it, m, where they are not of half a millimetre."""
+
+
 @pytest.mark.parametrize(
     "case",
     [
@@ -123,7 +135,7 @@ FIXED = [
     ids=[case["name"] for case in FIXED],
 )
 def test_a_press_folds_its_cell_on_every_cylinder_and_cone_as_on_a_plane(planar, case):
-    """By four fifths of what it does with the same panels, with the plates that are chosen."""
+    """By 0.85 of what it does with the same panels, with the plates that are chosen."""
     assert len(FIXED) == 9
     scale, cells = case.get("scale", 1.0), tuple(case["cells"])
     edges = {name: scale * getattr(planar.cell, name) for name in ("panel_a", "panel_b")}
@@ -133,23 +145,20 @@ def test_a_press_folds_its_cell_on_every_cylinder_and_cone_as_on_a_plane(planar,
         tessellate(each, cell, cells, plate=6e-4, refold=False) for each in (surface, Plane())
     )
     chosen = panels_for(planar, made, flat)
-    assert chosen.relative >= 0.8
+    assert chosen.relative >= 0.85
     plate = chosen.design.panels.thickness / 2
     assert plate in (6e-4, *PLATES)
     assert made.with_plate(plate).holds
-    thicker = [sold for sold in PLATES if plate < sold < 6e-4]
-    assert thicker == [], "the thickest that do it are taken"
     own = springs_of(planar)
-    assert chosen.fold_share >= 0.8 * fold_shares(flat.sheet, flat.normals, own).mean()
+    assert chosen.fold_share >= 0.85 * fold_shares(flat.sheet, flat.normals, own).mean()
+    assert plate == CHOSEN.get(case["name"], 5e-4)
 
 
-def test_stiff_panels_give_way_to_thinner_ones_on_a_tight_cylinder_and_files_say_so(
-    planar, tmp_path
-):
-    report = tessellate_surface("cylinder:60", planar, (6, 6), tmp_path)
+def test_stiff_panels_give_way_to_thinner_ones_on_a_cylinder_and_files_say_so(planar, tmp_path):
+    report = tessellate_surface("cylinder:100", planar, (6, 6), tmp_path)
     told = json.loads((tmp_path / "validity.json").read_text())
     assert told["panels_mm"] == 1.0
-    assert told["fold_share"] >= 0.8 * told["planar_fold_share"]
+    assert told["fold_share"] >= 0.85 * told["planar_fold_share"]
     assert told["panels_reason"].startswith("plates of 0.5 mm, as with 0.6 mm a press folds its")
     assert told["panels_reason"] in (tmp_path / "report.html").read_text()
     skin = read_design(tmp_path / "design.toml")
@@ -159,6 +168,39 @@ def test_stiff_panels_give_way_to_thinner_ones_on_a_tight_cylinder_and_files_say
     gap = next(gate for gate in told["gates"] if gate["name"] == "crease_gap")
     assert gap["holds"]
     assert gap["value"] == pytest.approx(report.made.with_plate(6e-4).gates[-1].value / 1.2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("surface", ["cylinder:53.4", "cone:60,80,150"])
+def test_a_newton_folds_its_cell_and_moves_magnets_as_on_a_plane_with_the_same_panels(
+    planar, tmp_path, surface
+):
+    """By the whole model: with the frame's stops, the board on its pillars, and large motions."""
+    pytest.importorskip("jax")
+    from smoskin.mechanics.sheet.model import BarHinge
+    from smoskin.twin.whole import Twin
+
+    skin = tessellate_surface(surface, planar, (6, 6), tmp_path).skin
+    shares, moved = [], []
+    for design in (skin, replace(planar, panels=skin.panels)):
+        own, model = geometry(design), BarHinge(design, grip=Frictionless())
+        places = own.tops.reshape(-1, 1, 2)
+        force = np.broadcast_to([0.0, 0.0, -1.0], (len(places), 1, 3))
+        pressed = model.press(Touches(position=places, force=force))
+        sunk = np.moveaxis(pressed.displacements, 0, -1)
+        tops = model.lattice.at_tops(sunk)[:, 2].diagonal()
+        normals = own.axes[own.sheet.columns][..., 2]
+        feet = np.einsum("nmib,nmi->bnm", sunk[own.sheet.columns], normals)
+        cells = [
+            feet[k, 2 * n : 2 * n + 3, m : m + 2].mean()
+            for k, (n, m) in enumerate(np.ndindex(own.sheet.loaded.shape))
+        ]
+        shares.append(np.mean(1 - np.array(cells) / tops))
+        motion = Twin(design).motions(Touches(position=places, force=force))
+        on_sheet = [k for k, magnet in enumerate(design.magnets) if magnet.mount == "sheet"]
+        moved.append(np.linalg.norm(motion.magnets[:, on_sheet, :3], axis=-1).mean())
+    assert shares[0] >= 0.8 * shares[1]
+    assert moved[0] >= 0.7 * moved[1]
 
 
 def test_panels_of_a_sheet_that_is_locked_are_kept(planar):
