@@ -264,6 +264,16 @@ def test_a_cylinder_across_the_sheet_is_refused_with_the_way_out(planar):
         tessellate(across, planar.cell, (3, 3))
 
 
+def test_a_saddle_that_ends_beside_the_sheet_is_judged_as_it_lies(planar):
+    """It could not be turned there."""
+    x, y = np.linspace(-0.045, 0.045, 31), np.linspace(-0.075, 0.075, 31)
+    saddle = HeightField(x, y, (x[:, None] ** 2 - y**2) / 0.2)
+    made = tessellate(saddle, planar.cell, (4, 5), time_limit=1e-3)
+    assert not made.holds
+    assert made.turn == 0.0
+    assert made.advice.startswith("the search came 0 % of the way")
+
+
 def test_a_hollow_takes_a_sheet_too(planar):
     made = tessellate(Bump(-0.01, 0.05), planar.cell, (3, 3), refold=False)
     assert made.holds, made.advice

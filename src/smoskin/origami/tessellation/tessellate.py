@@ -32,7 +32,7 @@ from smoskin.origami.tessellation.solve import (
     settle_further,
 )
 from smoskin.origami.tessellation.survey import TooBentError, fold_range, largest_share, survey
-from smoskin.origami.tessellation.trials import TRIALS, Order, Trial, ways
+from smoskin.origami.tessellation.trials import TRIALS, Order, Trial
 from smoskin.origami.tessellation.unfold import unfold
 from smoskin.origami.tessellation.validity import (
     GAP,
@@ -211,17 +211,28 @@ class _Judged:
 
 
 def _sought(order: Order) -> _Judged:
-    """The first sheet that passes all gates, of all ways, or what the first way came to."""
-    tried: list[_Judged] = []
-    for way in ways(order):
-        try:
-            tried.append(_thickest(order.plates, _best(way)))
-        except ArgumentError:  # the surface ends under a sheet that is turned
-            if not tried:
-                raise
-        if not tried[-1].failed or time.monotonic() > order.deadline:
-            break
-    return tried[0] if tried[-1].failed else tried[-1]
+    """The first sheet of all ways that passes all gates, or what the way that is asked came to."""
+    asked = _thickest(order.plates, _best(order))
+    if asked.failed and (turned := _turned(order)) is not None and not turned.failed:
+        return turned
+    asked = _thickest(order.plates, _better(order, asked))
+    if asked.failed and len(order.plates) > 1:
+        thin = order.thinnest
+        if not (thinner := _thickest(order.plates, _better(thin, _best(thin)))).failed:
+            return thinner
+    return asked
+
+
+def _turned(order: Order) -> _Judged | None:
+    """The sheet with the thinnest plates along a saddle's straight line, if it reaches so far."""
+    turned = order.thinnest.turned
+    _, one_way = survey(order.surface, order.cell, order.cells)
+    if one_way or not turned.turn:
+        return None
+    try:
+        return _thickest(order.plates, _best(turned, TRIALS[::-1]))
+    except SmoskinError:
+        return None
 
 
 def _thickest(plates: tuple[float, ...], judged: _Judged) -> _Judged:
@@ -250,8 +261,7 @@ def _best(order: Order, trials: tuple[Trial, ...] = TRIALS) -> _Judged:
                 break
     if not tried:
         raise ArgumentError("the surface must reach under the whole sheet; take fewer cells")
-    best = min(tried, key=lambda judged: judged.excess)
-    return _better(order, best) if len(attempts) > 1 else best
+    return min(tried, key=lambda judged: judged.excess)
 
 
 def _refuse_beyond(order: Order) -> None:

@@ -1,10 +1,9 @@
 """What is asked of a sheet, and the ways in which it is sought, one after the other.
 
-Decides in which directions and with which plates, and what weighs how much in each trial: in the
-attachment, in fairness, and of the room for creases.
+Decides how a sheet is turned, and what weighs how much in each trial: in the attachment, in
+fairness, and of the room for creases.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -14,7 +13,6 @@ from smoskin.design.skin import MiuraCell
 from smoskin.origami.surface.surface import Surface, Turned, straight_way
 from smoskin.origami.tessellation.attachment import Stiffness
 from smoskin.origami.tessellation.solve import Listener, Weights
-from smoskin.origami.tessellation.survey import survey
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,6 +36,17 @@ class Order:
         """Thickness that is sought with, m."""
         return self.plates[0]
 
+    @property
+    def thinnest(self) -> "Order":
+        """The same with the thinnest plates."""
+        return replace(self, plates=self.plates[-1:])
+
+    @property
+    def turned(self) -> "Order":
+        """The same with the sheet's x along a line in which a saddle's middle is straight."""
+        turn = straight_way(self.surface)
+        return replace(self, surface=Turned(self.surface, turn), turn=turn)
+
     def scaled(self, share: float) -> "Order":
         """The same of a sheet so many times as large in all its parts."""
         a, b = share * self.cell.panel_a, share * self.cell.panel_b
@@ -48,17 +57,6 @@ class Order:
             column=share * self.column,
             progress=None,
         )
-
-
-def ways(order: Order) -> Iterator[Order]:
-    """Directions and plates in turn: as asked, then with the thinnest plates, on saddles turned."""
-    yield order
-    thin = replace(order, plates=order.plates[-1:])
-    _, one_way = survey(order.surface, order.cell, order.cells)
-    if not one_way and (turn := straight_way(order.surface)):
-        yield replace(thin, surface=Turned(order.surface, turn), turn=turn)
-    if thin.plate < order.plate:
-        yield thin
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
