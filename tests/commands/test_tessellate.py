@@ -1,6 +1,9 @@
 """The command over the tessellation: which files, which refusals."""
 
 import json
+import tomllib
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,14 +12,21 @@ from typer.testing import CliRunner
 from chromium import open_file
 from smoskin.cli import app
 from smoskin.commands.tessellate import numbers, tessellate_surface
+from smoskin.commands.tessellate.panels import panels_for
 from smoskin.commands.tessellate.surfaces import named_surface
 from smoskin.design.document import read_design
+from smoskin.design.materials import PLATES
 from smoskin.errors import ArgumentError, FileError
 from smoskin.feasibility import load_design
+from smoskin.mechanics.sheet.foldability import fold_shares
+from smoskin.mechanics.sheet.lattice import springs_of
+from smoskin.mechanics.sheet.touches import Frictionless, Touches
 from smoskin.origami.geometry import geometry
-from smoskin.origami.surface.analytic import Bump, Cone, Cylinder, Plane
+from smoskin.origami.surface.analytic import Bump, Cone, Cylinder, Plane, Sphere
 from smoskin.origami.surface.surface import curvatures, forms
 from smoskin.origami.tessellation.hinges import laid_onto
+from smoskin.origami.tessellation.survey import TooBentError
+from smoskin.origami.tessellation.tessellate import tessellate
 from triangle_meshes import meshed
 
 RUN = CliRunner()
@@ -94,6 +104,137 @@ def test_the_design_of_a_cone_has_the_sheet_that_was_laid_on_it(planar, tmp_path
     # The sheet begins at the skin's corner, and was laid round the surface's middle.
     assert np.ptp(apart, axis=0) == pytest.approx(0.0, abs=1e-9)
     assert apart[0, 2] == pytest.approx(0.0, abs=1e-12)
+
+
+FIXED = [
+    case
+    for case in tomllib.loads(
+        (Path(__file__).parents[1] / "origami/tessellation/surfaces.toml").read_text()
+    )["surface"]
+    if case["kind"].startswith("c") and not case.get("noisy")
+]
+
+
+CHOSEN = {
+    "wide cylinder": 6e-4,
+    "cylinder of small cells": 6e-4,
+    "cone of small cells": 6e-4,
+    "tight cylinder": 3.8e-4,
+    "cylinder of many cells": 3.8e-4,
+    "cone of many cells": 3.8e-4,
+}
+"""The thickest plates that do it, m, where they are not of half a millimetre."""
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(case, marks=[pytest.mark.slow] if case["cells"] == [24, 24] else [])
+        for case in FIXED
+    ],
+    ids=[case["name"] for case in FIXED],
+)
+def test_a_press_folds_its_cell_on_every_cylinder_and_cone_as_on_a_plane(planar, case):
+    """By 0.85 of what it does with the same panels, with the plates that are chosen."""
+    assert len(FIXED) == 9
+    scale, cells = case.get("scale", 1.0), tuple(case["cells"])
+    edges = {name: scale * getattr(planar.cell, name) for name in ("panel_a", "panel_b")}
+    cell = replace(planar.cell, **edges)
+    surface, _ = named_surface(case["kind"], cell, cells, (0, 0, 0), (1, 0, 0))
+    made, flat = (
+        tessellate(each, cell, cells, plate=6e-4, refold=False) for each in (surface, Plane())
+    )
+    chosen = panels_for(planar, made, flat)
+    assert chosen.relative >= 0.85
+    plate = chosen.design.panels.thickness / 2
+    assert plate in (6e-4, *PLATES)
+    assert made.with_plate(plate).holds
+    own = springs_of(planar)
+    assert chosen.fold_share >= 0.85 * fold_shares(flat.sheet, flat.normals, own).mean()
+    assert plate == CHOSEN.get(case["name"], 5e-4)
+
+
+def test_stiff_panels_give_way_to_thinner_ones_on_a_cylinder_and_files_say_so(planar, tmp_path):
+    report = tessellate_surface("cylinder:100", planar, (6, 6), tmp_path)
+    told = json.loads((tmp_path / "validity.json").read_text())
+    assert told["panels_mm"] == 1.0
+    assert told["fold_share"] >= 0.85 * told["planar_fold_share"]
+    assert told["panels_reason"].startswith("plates of 0.5 mm, as with 0.6 mm a press folds its")
+    assert told["panels_reason"] in (tmp_path / "report.html").read_text()
+    skin = read_design(tmp_path / "design.toml")
+    assert skin == report.skin
+    assert skin.panels.thickness == 1e-3
+    assert skin.provenance["panels.thickness"].reason == told["panels_reason"]
+    gap = next(gate for gate in told["gates"] if gate["name"] == "crease_gap")
+    assert gap["holds"]
+    assert gap["value"] == pytest.approx(report.made.with_plate(6e-4).gates[-1].value / 1.2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("surface", ["cylinder:53.4", "cone:60,80,150"])
+def test_a_newton_folds_its_cell_and_moves_magnets_as_on_a_plane_with_the_same_panels(
+    planar, tmp_path, surface
+):
+    """By the whole model: with the frame's stops, the board on its pillars, and large motions."""
+    pytest.importorskip("jax")
+    from smoskin.mechanics.sheet.model import BarHinge
+    from smoskin.twin.whole import Twin
+
+    skin = tessellate_surface(surface, planar, (6, 6), tmp_path).skin
+    shares, moved = [], []
+    for design in (skin, replace(planar, panels=skin.panels)):
+        own, model = geometry(design), BarHinge(design, grip=Frictionless())
+        places = own.tops.reshape(-1, 1, 2)
+        force = np.broadcast_to([0.0, 0.0, -1.0], (len(places), 1, 3))
+        pressed = model.press(Touches(position=places, force=force))
+        sunk = np.moveaxis(pressed.displacements, 0, -1)
+        tops = model.lattice.at_tops(sunk)[:, 2].diagonal()
+        normals = own.axes[own.sheet.columns][..., 2]
+        feet = np.einsum("nmib,nmi->bnm", sunk[own.sheet.columns], normals)
+        cells = [
+            feet[k, 2 * n : 2 * n + 3, m : m + 2].mean()
+            for k, (n, m) in enumerate(np.ndindex(own.sheet.loaded.shape))
+        ]
+        shares.append(np.mean(1 - np.array(cells) / tops))
+        motion = Twin(design).motions(Touches(position=places, force=force))
+        on_sheet = [k for k, magnet in enumerate(design.magnets) if magnet.mount == "sheet"]
+        moved.append(np.linalg.norm(motion.magnets[:, on_sheet, :3], axis=-1).mean())
+    assert shares[0] >= 0.8 * shares[1]
+    assert moved[0] >= 0.7 * moved[1]
+
+
+def test_panels_of_a_sheet_that_is_locked_are_kept(planar):
+    made, flat = (
+        tessellate(surface, planar.cell, (2, 2), plate=6e-4, refold=False)
+        for surface in (Sphere(0.267), Plane())
+    )
+    chosen = panels_for(planar, made, flat)
+    assert chosen.design is planar
+    assert chosen.reason == "plates of 0.6 mm, as in planar"
+    thin = panels_for(planar, made.with_plate(5e-4), flat)
+    assert thin.design.panels.thickness == 1e-3
+    assert thin.reason == "plates of 0.5 mm, as creases leave no room for 0.6 mm"
+
+
+@pytest.mark.parametrize(
+    ("surface", "name", "unit"),
+    [("sphere:100", "fold_angle_inside", "deg"), ("cylinder:15", "curvature_times_cell", "1")],
+)
+def test_a_surface_that_is_refused_leaves_the_bound_and_no_sheet(
+    planar, tmp_path, surface, name, unit
+):
+    for file in {*SOUND, "design.toml"}:
+        (tmp_path / file).write_text("of another sheet")
+    with pytest.raises(TooBentError) as refused:
+        tessellate_surface(surface, planar, (12, 12), tmp_path, scale=0.6, force=True)
+    assert {file.name for file in tmp_path.iterdir()} == {"validity.json"}
+    told = json.loads((tmp_path / "validity.json").read_text())
+    assert told["holds"] is False
+    assert told["advice"] == str(refused.value)
+    [gate] = told["gates"]
+    assert (gate["name"], gate["unit"], gate["holds"]) == (name, unit, False)
+    assert gate["value"] > gate["limit"] > 0
+    assert gate.keys() == {"name", "value", "limit", "unit", "holds"}
 
 
 def test_elsewhere_there_is_geometry_alone_and_an_older_design_goes(planar, tmp_path):

@@ -24,8 +24,8 @@ EARTH, RATE = 60e-6, 100.0
 @cache
 def skin_table(design):
     """A table calibrated by five touches of the skin that is made by seed 3."""
-    skin = smo.calibrate(smo.load_response_table("planar"), smo.VirtualRig(design, seed=3), count=5)
-    return skin.table
+    shipped, rig = smo.load_response_table(design.name), smo.VirtualRig(design, seed=3)
+    return smo.calibrate(shipped, rig, design=design, count=5).table
 
 
 ESTIMATORS = {
@@ -61,13 +61,23 @@ def turning(design, count, rng):
         yield Reading(time=k / RATE, field=field[k], temperature=degrees[k], flags=sample.flags[k])
 
 
-@pytest.mark.parametrize("count", [2_000, pytest.param(100_000, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("kind", ESTIMATORS)
-def test_an_untouched_skin_on_a_turning_arm_is_never_touched(planar, kind, count):
-    estimator = ZeroFirst(ESTIMATORS[kind](planar))
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    ("design", "kind", "count"),
+    [
+        *(pytest.param("planar", kind, 2_000) for kind in ESTIMATORS),
+        *(pytest.param("planar", kind, 100_000, marks=SLOW) for kind in ESTIMATORS),
+        pytest.param("curved", "table", 2_000, marks=SLOW),
+    ],
+    indirect=["design"],
+)
+def test_an_untouched_skin_on_a_turning_arm_is_never_touched(design, kind, count):
+    estimator = ZeroFirst(ESTIMATORS[kind](design))
     told = [
         estimator.step(reading).status
-        for reading in turning(planar, count, np.random.default_rng(7))
+        for reading in turning(design, count, np.random.default_rng(7))
     ]
     assert set(told[:20]) == {Status.NOT_CALIBRATED}
     assert set(told[-count // 2 :]) == {Status.NO_CONTACT}
@@ -83,14 +93,22 @@ def refused(estimator, readings) -> str:
     return ""
 
 
-@pytest.mark.parametrize("cycles", [5, pytest.param(50, marks=pytest.mark.slow)])
-def test_a_zero_asked_for_at_any_moment_makes_no_touch(planar, cycles):
+@pytest.mark.parametrize(
+    ("design", "cycles"),
+    [
+        ("planar", 5),
+        pytest.param("planar", 50, marks=SLOW),
+        pytest.param("curved", 5, marks=SLOW),
+    ],
+    indirect=["design"],
+)
+def test_a_zero_asked_for_at_any_moment_makes_no_touch(design, cycles):
     """A hand touches for a second and is away for three; in each cycle someone asks for a zero."""
     rng = np.random.default_rng(11)
-    twin = Twin(planar, seed=3, manufactured=True)
-    rest = Motion.rest(len(planar.magnets))
+    twin = Twin(design, seed=3, manufactured=True)
+    rest = Motion.rest(len(design.magnets))
     places = rng.uniform(0.1, 0.9, (cycles, 2)) * [0.12, 0.16]
-    estimator = ZeroFirst(smo.BayesEstimator(planar, skin_table(planar), creep=ELASTIC))
+    estimator = ZeroFirst(smo.BayesEstimator(design, skin_table(design), creep=ELASTIC))
     time, latest, refusals, phantoms, missed = 0.0, [], 0, 0, 0
     for place in places:
         motion = twin.motion([Contact(position=place, force=(0.0, 0.0, -0.5))])

@@ -46,7 +46,7 @@ CRANKED = World(name="crank", effects=(Earth(arm=Crank()), Gravity(arm=Crank()))
 def known(design):
     """The made skin and its table, by eight touches of it."""
     rig = smo.VirtualRig(design, seed=SEED)
-    table = smo.calibrate(smo.load_response_table("planar"), rig, count=8).table
+    table = smo.calibrate(smo.load_response_table(design.name), rig, design=design, count=8).table
     return Twin(design, seed=SEED, manufactured=True), table
 
 
@@ -99,44 +99,45 @@ def errors(estimates):
 
 
 @pytest.mark.parametrize("rate", [10.0, 50.0])
-def test_a_turning_board_makes_no_touch(planar, rate):
+def test_a_turning_board_makes_no_touch(design, rate):
     """A quarter turn to and fro in 20 s: 60 uT and a board that slides by 1.3 mm."""
     times = np.arange(-2.0, 40.0, 1 / rate)
-    readings = stream(planar, times, 0.0 * times)
-    assert {one.status for one in told(planar, readings)} == {Status.NO_CONTACT}
+    readings = stream(design, times, 0.0 * times)
+    assert {one.status for one in told(design, readings)} == {Status.NO_CONTACT}
 
 
 @pytest.mark.parametrize("rate", [10.0, 50.0])
-def test_a_board_that_turns_about_another_axis_at_once_makes_no_touch(planar, rate):
+def test_a_board_that_turns_about_another_axis_at_once_makes_no_touch(design, rate):
     """Its zero knows by then what turns about the first change, and nothing else."""
     times = np.arange(-2.0, 25.0, 1 / rate)
-    readings = stream(planar, times, 0.0 * times, world=CRANKED)
-    assert {one.status for one in told(planar, readings)} == {Status.NO_CONTACT}
+    readings = stream(design, times, 0.0 * times, world=CRANKED)
+    assert {one.status for one in told(design, readings)} == {Status.NO_CONTACT}
 
 
 @pytest.mark.slow
-def test_an_hour_on_an_arm_in_the_hard_world_makes_no_touch(planar):
+@pytest.mark.parametrize("design", ["planar"], indirect=True)
+def test_an_hour_on_an_arm_in_the_hard_world_makes_no_touch(design):
     """It turns by a quarter and back in 20 s beside a motor and steel, and loses as it moves."""
     times = np.arange(-2.0, 3600.0, 0.1)
-    readings = stream(planar, times, 0.0 * times, world=HARD)
-    assert {one.status for one in told(planar, readings)} == {Status.NO_CONTACT}
+    readings = stream(design, times, 0.0 * times, world=HARD)
+    assert {one.status for one in told(design, readings)} == {Status.NO_CONTACT}
 
 
-def test_a_light_touch_is_found_once_a_turn_was_seen(planar):
+def test_a_light_touch_is_found_once_a_turn_was_seen(design):
     """0.1 N, each for 0.3 s, while the arm turns on: as loud as its weight in a tenth of that."""
     times = np.arange(-2.0, 40.0, 0.1)
     held = ((times > 20.95) & (times % 1.0 < 0.35)).astype(float)
-    estimates = told(planar, stream(planar, times, held, ((PLACE, 0.1),)))
+    estimates = told(design, stream(design, times, held, ((PLACE, 0.1),)))
     statuses = np.array([one.status for one in estimates])
     assert (statuses[held == 0] == Status.NO_CONTACT).all()
     assert np.mean(statuses[held > 0] == Status.CONTACT) > 0.95
 
 
-def test_a_touch_on_a_turning_board_is_found_and_leaves_none(planar):
+def test_a_touch_on_a_turning_board_is_found_and_leaves_none(design):
     """Each held for 0.3 s, ten readings a second: found to a millimetre, and to 2 % of force."""
     times = np.arange(-2.0, 20.0, 0.1)
     held = ((times > 0.95) & (times % 1.0 < 0.35)).astype(float)
-    estimates = told(planar, stream(planar, times, held))
+    estimates = told(design, stream(design, times, held))
     statuses = np.array([one.status for one in estimates])
     assert (statuses[held > 0] == Status.CONTACT).all()
     assert (statuses[held == 0] == Status.NO_CONTACT).all()
@@ -146,13 +147,13 @@ def test_a_touch_on_a_turning_board_is_found_and_leaves_none(planar):
 
 
 @pytest.mark.parametrize("rate", [10.0, 50.0])
-def test_the_earths_field_moves_a_touch_by_less_than_a_third_of_a_millimetre(planar, rate):
+def test_the_earths_field_moves_a_touch_by_less_than_a_third_of_a_millimetre(design, rate):
     """Where it were read for still, 20 uT would move this touch by three."""
     times = np.arange(-2.0, 12.0, 1 / rate)
     held = ((times > 0.95) & (times % 1.0 < 0.301)).astype(float)
     where = []
     for world in (World(name="plain"), World(name="earth", effects=(Earth(),))):
-        estimates = told(planar, stream(planar, times, held, world=world), tracking=FOLLOWING)
+        estimates = told(design, stream(design, times, held, world=world), tracking=FOLLOWING)
         found = [one for one, there in zip(estimates, held, strict=True) if there]
         places = np.array([one.contacts[0].position for one in found])
         where.append(places.reshape(11, -1, 2).mean(axis=1))
@@ -161,35 +162,35 @@ def test_the_earths_field_moves_a_touch_by_less_than_a_third_of_a_millimetre(pla
     assert moved.max() < 0.6
 
 
-def test_a_board_that_begins_to_turn_under_a_touch_is_followed(planar):
+def test_a_board_that_begins_to_turn_under_a_touch_is_followed(design):
     """For 1.7 s; what the weight then moves looks like the touch."""
     times = np.arange(-2.0, 12.0, 0.1)
     held = ((times > 0.95) & (times < 3.75)).astype(float)
-    estimates = told(planar, stream(planar, times, held, begin=2.0))
+    estimates = told(design, stream(design, times, held, begin=2.0))
     statuses = np.array([one.status for one in estimates])
     assert (statuses[held > 0] == Status.CONTACT).all()
     assert (statuses[held == 0] == Status.NO_CONTACT).all()
 
 
-def test_a_zero_taken_on_a_board_that_hangs_askew_serves(planar):
+def test_a_zero_taken_on_a_board_that_hangs_askew_serves(design):
     """As an arm stands when the skin is switched on: a quarter turned, at rest for a moment."""
     times = np.arange(0.0, 20.0, 0.1)
     held = ((times > 4.95) & (times % 1.0 < 0.35)).astype(float)
-    askew = stream(planar, times, held, begin=-10.0)
-    estimates = told(planar, askew, zeros=4)
+    askew = stream(design, times, held, begin=-10.0)
+    estimates = told(design, askew, zeros=4)
     statuses = np.array([one.status for one in estimates])
     assert (statuses[held > 0] == Status.CONTACT).all()
     assert (statuses[held == 0] == Status.NO_CONTACT).all()
 
 
-def test_a_long_touch_that_warms_stays_where_it_is(planar):
+def test_a_long_touch_that_warms_stays_where_it_is(design):
     """0.3 N for half an hour, while the skin warms by 5 degrees; then nothing is left."""
     times = np.arange(-20.0, 1830.0, 1.0)
     held = ((times > 0.0) & (times <= 1800.0)).astype(float)
     forces = ((PLACE, 0.3),)
     plain = World(name="plain")
     estimates = told(
-        planar, stream(planar, times, held, forces, world=plain, warm=5.0, drift=0.05e-6)
+        design, stream(design, times, held, forces, world=plain, warm=5.0, drift=0.05e-6)
     )
     away, force = errors([one for one, there in zip(estimates, held, strict=True) if there])
     assert away[:100].mean() < 1.0
@@ -202,20 +203,20 @@ def test_a_long_touch_that_warms_stays_where_it_is(planar):
 
 
 @pytest.mark.parametrize("place", [PLACE, (0.06, 0.08), (0.02, 0.14), (0.11, 0.02)])
-def test_a_light_touch_of_a_still_board_is_found_at_ten_readings_a_second(planar, place):
+def test_a_light_touch_of_a_still_board_is_found_at_ten_readings_a_second(design, place):
     times = np.arange(-2.0, 4.0, 0.1)
     held = ((times > 0.95) & (times < 2.95)).astype(float)
-    readings = stream(planar, times, held, ((place, 0.1),), world=World(name="plain"))
-    statuses = np.array([one.status for one in told(planar, readings)])
+    readings = stream(design, times, held, ((place, 0.1),), world=World(name="plain"))
+    statuses = np.array([one.status for one in told(design, readings)])
     assert (statuses[held > 0] == Status.CONTACT).all()
     assert (statuses[held == 0] == Status.NO_CONTACT).all()
 
 
-def test_two_touches_of_a_turning_board_are_two(planar):
+def test_two_touches_of_a_turning_board_are_two(design):
     times = np.arange(-2.0, 12.0, 0.1)
     held = ((times > 0.95) & (times % 1.0 < 0.35)).astype(float)
     forces = (((0.03, 0.04), 0.6), ((0.09, 0.12), 0.6))
-    estimates = told(planar, stream(planar, times, held, forces))
+    estimates = told(design, stream(design, times, held, forces))
     counts = np.array([len(one.contacts) for one in estimates])
     assert (counts[held == 0] == 0).all()
     assert np.mean(counts[held > 0] == 2) > 0.9

@@ -28,7 +28,7 @@ def tessellate(
     cells: Annotated[tuple[int, int], Option(help="Cells along the axis and round it.")],
     out: Annotated[Path, Option(help="Folder of the files.", file_okay=False)],
     design: Annotated[
-        str, Option(help="Design whose cell, panels and columns are used.")
+        str, Option(help="Design whose cell and columns are used, and panels no thicker than its.")
     ] = "planar",
     scale: Annotated[float, Option(help="Factor on the cell's edges.")] = 1.0,
     at: Annotated[str, Option(help="x,y,z of a mesh under the sheet's middle, mm.")] = "0,0,0",
@@ -51,7 +51,8 @@ def tessellate(
     attached. On a plane, cylinder or cone, whose radii are those of the bottom vertices,
     design.toml is the skin for table, score, demo and fabricate. On surfaces bent two ways film and
     circuit cannot lie: there is geometry alone. No pattern is written of a sheet that fails a gate;
-    validity.json tells which, and what would fit. The exit code is then 1.
+    validity.json tells which, and what would fit. The exit code is then 1, as for a surface that is
+    refused, of which there is no other file.
     """
     from smoskin.commands.tessellate import numbers, tessellate_surface
 

@@ -79,6 +79,10 @@ FILMS: Final[Mapping[str, Film]] = MappingProxyType(
     }
 )
 
+PLATES: Final = (2e-3, 1.5e-3, 1e-3, 0.8e-3, 0.5e-3, 0.38e-3, 0.25e-3)
+"""m: thicknesses of plates that are sold, of panels on one face of the film. Assumed, as usual of
+acrylic sheets and films."""
+
 DENSITY: Final[Mapping[str, float]] = MappingProxyType(
     {
         "acrylic": 1190.0,

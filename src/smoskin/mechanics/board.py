@@ -17,7 +17,7 @@ from smoskin.mechanics.masses import GRAVITY, mass_on_pillars
 from smoskin.origami.geometry import geometry
 
 _POINTS = 12
-"""Points a side of the rule that adds up the pillars of a limb's skin; far past rounding."""
+"""Points a side of the rule that adds up the pillars; far past rounding on limbs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,17 +84,11 @@ def board_of(design: SkinDesign) -> Board:
     across, along = layer.pillars * unit * float(held.value), layer.pillars * pillar.axial
     depth = -design.columns.height - design.board.thickness
     middle = skin.roll.places([*skin.extent / 2, depth])
-    if design.curvature == 0.0:
-        x, y = skin.extent
-        turns = [along * y**2 / 12, along * x**2 / 12, across * (x**2 + y**2) / 12]
-        whole = np.diag([across, across, along, *turns])
-    else:
-        local, share = _pillars(design, depth, middle)
-        whole = np.einsum("pq,pqds,d,pqde->se", share, local, [across, across, along], local)
+    local, share = _pillars(design, depth, middle)
+    whole = np.einsum("pq,pqds,d,pqde->se", share, local, [across, across, along], local)
     modes, stiffness = _apart(whole)
     softening = np.zeros((6, 6, 6))
     if layer.load_share:
-        local, share = _pillars(design, depth, middle)
         x, y, z = np.moveaxis(local @ modes, 2, 0)
         part = layer.load_share * along * float(held.slope) / layer.height
         once = -part * sum(np.einsum("pq,pqi,pqj,pqk->ijk", share, z, u, u) for u in (x, y))

@@ -13,7 +13,7 @@ from smoskin.origami.surface.analytic import (
     Saddle,
     Sphere,
 )
-from smoskin.origami.surface.surface import curvatures, forms
+from smoskin.origami.surface.surface import Turned, curvatures, forms, straight_way
 
 LINE = np.linspace(-0.1, 0.1, 21)
 SURFACES = [
@@ -23,6 +23,7 @@ SURFACES = [
     Sphere(0.1),
     Saddle(0.1),
     Bump(0.01, 0.05),
+    Turned(Cone(0.06, 0.08, 0.15), 0.3),
     HeightField(LINE, LINE, np.sin(10 * LINE)[:, None] * LINE**2),
 ]
 PLACES = np.random.default_rng(0).uniform(-0.05, 0.05, (7, 2))
@@ -64,6 +65,26 @@ def test_curvatures_are_the_textbooks():
         np.testing.assert_allclose(found, np.broadcast_to(values, found.shape), atol=1e-6)
     np.testing.assert_allclose(curvatures(forms(Saddle(0.1), np.zeros(2))), [-10.0, 10.0])
     np.testing.assert_allclose(curvatures(forms(Bump(0.01, 0.05), np.zeros(2))), [-4.0, -4.0])
+
+
+def test_a_chart_that_is_turned_tells_the_same_surface():
+    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+    ours, other = (
+        forms(Turned(Cylinder(0.05), np.pi / 2), PLACES),
+        forms(Cylinder(0.05), PLACES @ turn.T),
+    )
+    np.testing.assert_allclose(ours.places, other.places, atol=1e-15)
+    np.testing.assert_allclose(ours.normals, other.normals, atol=1e-15)
+    np.testing.assert_allclose(ours.second[:, 0, 0], other.second[:, 1, 1], atol=1e-12)
+
+
+def test_saddles_are_straight_along_two_lines_in_their_middle_and_others_are_not():
+    for surface in (Saddle(0.1), Turned(Saddle(0.1), 0.3)):
+        way = straight_way(surface)
+        line = [np.cos(way), np.sin(way)]
+        assert line @ forms(surface, np.zeros(2)).second @ line == pytest.approx(0.0, abs=1e-12)
+    assert abs(way) == pytest.approx(np.pi / 4 - 0.3)  # the lesser of two
+    assert [straight_way(surface) for surface in SURFACES[:4]] == [0.0] * 4
 
 
 def test_places_lie_on_the_surface_that_is_named():

@@ -18,6 +18,7 @@ from smoskin.origami.tessellation.validity import (
     gates,
     intersections,
     reason,
+    thinned,
 )
 
 CELLS = (3, 3)
@@ -92,6 +93,15 @@ def test_a_fault_fails_its_gate(regular):
     assert failing(candidate, replace(nominal, depth=nominal.depth * 1.3)) == {"depth_deviation"}
     flat = replace(candidate, vertices=candidate.vertices * [1.0, 3.0, 1.0])
     assert {"least_sector_angle", "largest_sector_angle"} <= failing(flat, nominal)
+
+
+def test_thinner_plates_change_the_gaps_alone(regular):
+    candidate, nominal = regular
+    thin = thinned(gates(candidate, replace(nominal, plate=2e-3)), 0.25)
+    assert {g.name: g.value for g in thin} == pytest.approx(
+        {g.name: g.value for g in gates(candidate, nominal)}
+    )
+    assert all(gate.holds for gate in thin)
 
 
 def test_what_is_not_finite_does_not_hold(regular):

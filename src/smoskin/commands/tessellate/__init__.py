@@ -4,6 +4,7 @@ Decides which files come out, and that no pattern is written of a sheet that fai
 should cut it.
 """
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from io import BytesIO
@@ -14,17 +15,16 @@ import numpy as np
 
 from smoskin.arguments import typed
 from smoskin.commands.tessellate.pages import fold_page, report_page
+from smoskin.commands.tessellate.panels import Panelled, panels_for, thinner_plates
 from smoskin.commands.tessellate.skin import skin_on
 from smoskin.commands.tessellate.surfaces import named_surface
 from smoskin.design.document import format_design
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, require
-from smoskin.mechanics.sheet.foldability import fold_shares
-from smoskin.mechanics.sheet.lattice import springs_of
 from smoskin.origami.surface.analytic import Plane
 from smoskin.origami.surface.mesh import format_stl, halved
-from smoskin.origami.surface.surface import Surface
 from smoskin.origami.tessellation import documents
+from smoskin.origami.tessellation.survey import TooBentError
 from smoskin.origami.tessellation.tessellate import Tessellation, tessellate
 from smoskin.outputs import check_output, write_output
 from smoskin.roles import Progress
@@ -46,10 +46,8 @@ class TessellationReport:
     surface: str
     cells: tuple[int, int]
     made: Tessellation
-    fold_share: float
-    """Mean share of a small press that folds the pressed cell."""
-    planar_fold_share: float
-    """The same of the planar sheet of the same cells."""
+    panels: Panelled
+    """The panels that were chosen, and how a press folds its cell with them."""
     roughness: float
     """m: what a mesh departs from its chart; 0 for closed forms."""
     skin: SkinDesign | None
@@ -67,8 +65,11 @@ class TessellationReport:
             "holds": made.holds,
             "folds": made.folds,
             "gates": [gate.as_json() for gate in made.gates],
-            "fold_share": self.fold_share,
-            "planar_fold_share": self.planar_fold_share,
+            "turned_deg": float(np.degrees(made.turn)),
+            "panels_mm": 1e3 * self.panels.design.panels.thickness,
+            "panels_reason": self.panels.reason,
+            "fold_share": self.panels.fold_share,
+            "planar_fold_share": self.panels.planar_fold_share,
             "mesh_roughness_mm": 1e3 * self.roughness,
             "advice": made.advice,
             "sensing": self.without_skin or _DESIGN,
@@ -78,7 +79,7 @@ class TessellationReport:
     @property
     def sections(self) -> list[tuple[str, list[list[str]]]]:
         """Tables with their titles, the first row of each its head: gates, and how it folds."""
-        made = self.made
+        made, panels = self.made, self.panels
         gates = [["gate", "value", "limit", "unit", "holds"]]
         for gate in made.gates:
             holds = "yes" if gate.holds else "NO"
@@ -90,9 +91,12 @@ class TessellationReport:
             ["lowest singular values", lowest],
             [
                 "share of a press that folds its cell",
-                f"{self.fold_share:.3f}, planar {self.planar_fold_share:.3f}",
+                f"{panels.fold_share:.3f}, planar {panels.planar_fold_share:.3f}",
             ],
+            ["panels", panels.reason],
         ]
+        if made.turn:
+            rows.append(["turned to where it fits, deg", f"{np.degrees(made.turn):.3g}"])
         if made.folding is not None:
             twist = np.degrees(made.folding.twist)
             rows.append(["largest strain from flat to folded", f"{made.folding.strain:.2g}"])
@@ -152,11 +156,51 @@ def tessellate_surface(
     ------
     ArgumentError
         If the surface is unknown, does not reach under the sheet, or is no surface.
-    DesignError
-        If it is bent more tightly than a cell can follow.
+    TooBentError
+        If it is bent more tightly than such cells can follow; validity.json says by how much.
     FileError
         If files exist already and `force` is not given, or cannot be written.
     """
+    _check(cells, scale, out, force=force)
+    a, b = scale * design.cell.panel_a, scale * design.cell.panel_b
+    cell = replace(design.cell, panel_a=a, panel_b=b)
+    shape, roughness = named_surface(surface, cell, cells, at, along)
+    plate = design.panels.thickness / 2
+    try:
+        made = tessellate(
+            shape,
+            cell,
+            cells,
+            plate=plate,
+            thinner=thinner_plates(plate),
+            column=design.columns.height,
+            own_columns=own_columns,
+            time_limit=time_limit,
+            progress=progress,
+        )
+    except TooBentError as error:
+        _write_refusal(error, surface, cells, out)
+        raise
+    panels = panels_for(design, made, tessellate(Plane(), cell, cells, refold=False))
+    made = made.with_plate(panels.design.panels.thickness / 2)
+    skin, without = skin_on(shape, surface, panels.design, cell, made)
+    sound = (*_SOUND, *((_DESIGN,) if skin else ())) if made.holds else ()
+    report = TessellationReport(
+        surface=surface,
+        cells=cells,
+        made=made,
+        panels=panels,
+        roughness=roughness,
+        skin=skin,
+        without_skin=without,
+        files=tuple(out / name for name in (*_ALWAYS, *sound)),
+    )
+    _write(report, out)
+    return report
+
+
+def _check(cells: tuple[int, int], scale: float, out: Path, *, force: bool) -> None:
+    """Refuse sizes and folders that nothing can be made of."""
     if not (np.isfinite(scale) and scale > 0.0):
         raise ArgumentError(f"scale must be finite and > 0; got {scale}")
     if min(cells) < 1:
@@ -165,32 +209,6 @@ def tessellate_surface(
     check_output(out, folder=True)
     for name in (*_ALWAYS, *_SOUND, _DESIGN):
         check_output(out / name, force=force)
-    cell = replace(
-        design.cell, panel_a=scale * design.cell.panel_a, panel_b=scale * design.cell.panel_b
-    )
-    shape, roughness = named_surface(surface, cell, cells, at, along)
-    plate, column = design.panels.thickness / 2, design.columns.height
-    arguments: dict[str, Any] = {"plate": plate, "column": column, "time_limit": time_limit}
-    made = tessellate(shape, cell, cells, own_columns=own_columns, progress=progress, **arguments)
-    planar = tessellate(Plane(), cell, cells, refold=False, **arguments)
-    shares = [_share(sheet, design) for sheet in (made, planar)]
-    skin, without = skin_on(shape, surface, design, cell, made)
-    if not made.holds:
-        skin, without = None, "geometry alone: the sheet fails a gate"
-    sound = (*_SOUND, *((_DESIGN,) if skin else ())) if made.holds else ()
-    report = TessellationReport(
-        surface=surface,
-        cells=cells,
-        made=made,
-        fold_share=shares[0],
-        planar_fold_share=shares[1],
-        roughness=roughness,
-        skin=skin,
-        without_skin=without,
-        files=tuple(out / name for name in (*_ALWAYS, *sound)),
-    )
-    _write(report, out, shape, plate)
-    return report
 
 
 def numbers(name: str, text: str) -> list[float]:
@@ -203,24 +221,33 @@ def numbers(name: str, text: str) -> list[float]:
         ) from error
 
 
-def _share(made: Tessellation, design: SkinDesign) -> float:
-    """Mean share of a small press that folds the pressed cell."""
-    return float(fold_shares(made.sheet, made.normals, springs_of(design)).mean())
+def _write_refusal(error: TooBentError, surface: str, cells: tuple[int, int], out: Path) -> None:
+    """Write what a surface that is refused asks too much of, and take away any older sheet."""
+    for name in (*_ALWAYS, *_SOUND, _DESIGN):
+        (out / name).unlink(missing_ok=True)
+    told = {
+        "holds": False,
+        "gates": [error.gate.as_json()],
+        "surface": surface,
+        "cells": list(cells),
+        "advice": str(error),
+    }
+    write_output(out / "validity.json", json.dumps(told, indent=1).encode())
 
 
-def _write(report: TessellationReport, out: Path, shape: Surface, plate: float) -> None:
+def _write(report: TessellationReport, out: Path) -> None:
     """Write the files of a report, and take away those of an older one that no longer hold."""
     made = report.made
     title = f"{report.cells[0]} x {report.cells[1]} cells on {report.surface}"
-    told = ("surface", "cells", "fold_share", "planar_fold_share", "mesh_roughness_mm", "sensing")
     values = report.as_json()
+    told = [name for name in values if name not in ("holds", "folds", "gates", "advice", "files")]
     picture = _picture(made, title)
     verdict = f"This sheet must not be cut: {made.advice}." if made.advice else "Every gate holds."
     names = [file.name for file in report.files]
     contents: dict[str, bytes | str] = {
         "validity.json": documents.validity(made, **{name: values[name] for name in told}),
         "report.html": report_page(title, verdict, report.sections, names, picture),
-        "fold.html": fold_page(made, shape, plate, title),
+        "fold.html": fold_page(made, title),
         "sheet.svg": picture,
     }
     if made.holds:

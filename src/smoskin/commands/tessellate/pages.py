@@ -13,7 +13,7 @@ import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.origami.surface.mesh import halved
-from smoskin.origami.surface.surface import Surface, forms
+from smoskin.origami.surface.surface import forms
 from smoskin.origami.tessellation.hinges import fold_angles, frame_of, laid_onto
 from smoskin.origami.tessellation.tessellate import Tessellation
 from smoskin.space import Body, Shade, page
@@ -59,16 +59,11 @@ def report_page(
     return "\n".join([*out, f"<p>Files: {files}</p></body></html>\n"]).encode()
 
 
-def fold_page(made: Tessellation, surface: Surface, plate: float, title: str) -> bytes:
+def fold_page(made: Tessellation, title: str) -> bytes:
     """The sheet on its surface with a slider from flat to folded to attached.
 
     Before it is attached it is shown over the surface. Panels may be coloured by their strain, by
     the gap that their creases need over the room there is, and by how far they are off the surface.
-
-    Parameters
-    ----------
-    plate : float
-        Thickness of the panels on one face of the film, m.
     """
     frames = _frames(made)
     facets = made.sheet.facets
@@ -83,12 +78,12 @@ def fold_page(made: Tessellation, surface: Surface, plate: float, title: str) ->
             Shade(name=name, unit=unit, top=top, values=np.repeat(values, 4, axis=1))
             for name, unit, top, values in (
                 ("strain", "%", _STRAIN, 100 * _strains(made, frames)),
-                ("gap of creases over its room", "", 1.0, _gaps(made, frames, plate)),
+                ("gap of creases over its room", "", 1.0, _gaps(made, frames)),
                 ("distance from the surface, attached", "mm", *_distances(made, len(frames))),
             )
         ],
     )
-    return page([sheet, _ground(made, surface)], title, "fold", start=1.0)
+    return page([sheet, _ground(made)], title, "fold", start=1.0)
 
 
 def _frames(made: Tessellation) -> Floats:
@@ -119,13 +114,13 @@ def _strains(made: Tessellation, frames: Floats) -> Floats:
     return np.asarray(np.abs(lengths(frames) / lengths(made.pattern) - 1).max(axis=-1))
 
 
-def _gaps(made: Tessellation, frames: Floats, plate: float) -> Floats:
+def _gaps(made: Tessellation, frames: Floats) -> Floats:
     """Gap that each panel's creases need over the room that the sheet's panels leave, (S, F)."""
     facets, creases = made.sheet.facets, made.sheet.creases
     hinges = frame_of(made.sheet.vertices, facets, creases).creases
     folds = np.array([fold_angles(places, hinges) for places in frames])
     room = next(gate.limit for gate in made.gates if gate.name == "crease_gap") * 1e-3
-    needed = 2 * plate * np.tan(np.abs(folds) / 2) / room
+    needed = 2 * made.plate * np.tan(np.abs(folds) / 2) / room
     shares = np.zeros((len(frames), len(facets)))
     for k, (p, q) in enumerate(creases.tolist()):
         beside = np.flatnonzero((facets == p).any(axis=1) & (facets == q).any(axis=1))
@@ -141,17 +136,17 @@ def _distances(made: Tessellation, count: int) -> tuple[float, Floats]:
     return limit, np.tile(off[made.sheet.facets].max(axis=1), (count, 1))
 
 
-def _ground(made: Tessellation, surface: Surface) -> Body:
+def _ground(made: Tessellation) -> Body:
     """The surface under the sheet."""
     low, high = made.layers[:, :2].min(axis=0), made.layers[:, :2].max(axis=0)
     lines = [np.linspace(a, b, 61) for a, b in zip(low, high, strict=True)]
     grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1)
-    inside = surface.holds(grid)
+    inside = made.surface.holds(grid)
     index = np.arange(inside.size).reshape(inside.shape)
     facets = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], axis=-1)
     kept = facets.reshape(-1, 4)[inside.ravel()[facets.reshape(-1, 4)].all(axis=1)]
     used, numbers = np.unique(kept, return_inverse=True)
-    places = forms(surface, grid.reshape(-1, 2)[used]).places
+    places = forms(made.surface, grid.reshape(-1, 2)[used]).places
     return Body(
         name="surface",
         colour="#d8d2c4",

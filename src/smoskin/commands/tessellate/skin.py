@@ -24,6 +24,8 @@ def skin_on(
     surface: Surface, name: str, design: SkinDesign, cell: MiuraCell, made: Tessellation
 ) -> tuple[SkinDesign | None, str]:
     """The design of a sheet on a surface of this name, or None and why there is none."""
+    if not made.holds:
+        return None, "geometry alone: the sheet fails a gate"
     if not isinstance(surface, Plane | Cylinder | Cone):
         return None, (
             "geometry alone: skins are sensed on planes, cylinders and cones; film and circuit are "

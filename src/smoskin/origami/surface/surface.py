@@ -4,6 +4,7 @@ Decides the chart's convention: parameters in metres, the middle of the sheet at
 first parameter runs along the sheet's x, the second along its y, and the normal is z.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -75,3 +76,41 @@ def curvatures(at: Forms) -> Floats:
     gauss = np.linalg.det(shape)
     half = np.sqrt(np.maximum(mean**2 - gauss, 0.0))
     return np.stack([mean - half, mean + half], axis=-1)
+
+
+@dataclass(frozen=True, slots=True)
+class Turned:
+    """A surface whose chart is turned about its middle."""
+
+    surface: Surface
+    angle: float
+    """rad: from the surface's first parameter to this chart's."""
+
+    def jet(self, parameters: Floats) -> Jet:
+        """Places and derivatives at parameters (..., 2)."""
+        turn = self._turn
+        places, slopes, bends = self.surface.jet(parameters @ turn.T)
+        return Jet(places, slopes @ turn, np.einsum("...iab,ac,bd->...icd", bends, turn, turn))
+
+    def holds(self, parameters: Floats) -> Bools:
+        """Whether parameters (..., 2) lie where the surface's chart does."""
+        return self.surface.holds(parameters @ self._turn.T)
+
+    @property
+    def _turn(self) -> Floats:
+        """Parameters of the surface by those of this chart, (2, 2)."""
+        sine, cosine = np.sin(self.angle), np.cos(self.angle)
+        return np.array([[cosine, -sine], [sine, cosine]])
+
+
+def straight_way(surface: Surface) -> float:
+    """Angle from a surface's first parameter to a line in its middle that is not bent, rad.
+
+    The lesser of two on a saddle, and 0 elsewhere; the chart keeps lengths in its middle.
+    """
+    (low, high), axes = np.linalg.eigh(forms(surface, np.zeros(2)).second)
+    if not low < 0.0 < high:
+        return 0.0
+    first = np.arctan2(axes[1, 0], axes[0, 0])
+    ways = first + np.array([1.0, -1.0]) * np.arctan(np.sqrt(-low / high))
+    return float(min((ways + np.pi / 2) % np.pi - np.pi / 2, key=abs))

@@ -20,7 +20,7 @@ _NEWTON: Final = 12
 """Gauss-Newton steps at each."""
 _BAR: Final = 1e3
 """Weight of a bar's strain against the angle of a crease, rad."""
-DENSE: Final = 800
+DENSE: Final = 200
 """Coordinates up to which singular values come from a dense decomposition."""
 _PANEL: Final = 10.0
 """Weight of a panel's bend against the angle of a crease."""

@@ -17,7 +17,7 @@ from smoskin.design.skin import MiuraCell
 from smoskin.errors import ArgumentError, DesignError
 from smoskin.origami.cell import fold_angle, size
 from smoskin.origami.surface.surface import Forms, Surface, curvatures, forms
-from smoskin.origami.tessellation.validity import DEPTH
+from smoskin.origami.tessellation.validity import DEPTH, Gate
 
 _TIGHTEST: Final = 0.8
 """Largest product of a curvature and a cell's width that a cell can follow."""
@@ -32,6 +32,16 @@ _STEPS: Final = 60
 """Most steps of the search for the fold angles."""
 _HALVINGS: Final = 7
 """Steps by which the largest patch is sought."""
+
+
+class TooBentError(DesignError):
+    """A surface that no sheet of such cells lies on, told before one is sought."""
+
+    def __init__(self, message: str, name: str, bound: tuple[float, float, str]) -> None:
+        super().__init__(message)
+        value, limit, unit = bound
+        self.gate = Gate(name=name, value=value, limit=limit, unit=unit, holds=False)
+        """What is asked, and the most that cells can give."""
 
 
 def survey(surface: Surface, cell: MiuraCell, cells: tuple[int, int]) -> tuple[float, bool]:
@@ -68,9 +78,11 @@ def _refuse_tight(at: Forms, width: float, height: float) -> None:
     worst = int(np.argmax(tight))
     place = ", ".join(f"{1e3 * v:.0f}" for v in at.places[worst])
     share = _TIGHTEST / float(tight[worst])
-    raise DesignError(
+    raise TooBentError(
         f"the surface's radius of {1e3 / float(largest[worst]):.3g} mm at ({place}) mm is too "
-        f"tight for a cell {1e3 * width:.3g} mm wide; take cells {share:.2f} times as large"
+        f"tight for a cell {1e3 * width:.3g} mm wide; take cells {share:.2f} times as large",
+        "curvature_times_cell",
+        (float(tight[worst]), _TIGHTEST, "1"),
     )
 
 

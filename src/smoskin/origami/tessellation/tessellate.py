@@ -1,10 +1,12 @@
 """A folded sheet for a surface, from start to judgement.
 
 Decides what is tried: a sheet that folds flat where the surface is bent one way, as cylinders and
-cones are, and else one that only unfolds; and what advice a failure gives.
+cones are, and else one that only unfolds; on a saddle also turned, as its straight lines run; with
+thinner plates where creases leave no room for others; and what advice a failure gives.
 """
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -13,26 +15,34 @@ import numpy as np
 from smoskin.arguments import typed
 from smoskin.arrays import Floats
 from smoskin.design.skin import MiuraCell
-from smoskin.errors import ArgumentError, DesignError, SmoskinError
+from smoskin.errors import ArgumentError, SmoskinError
 from smoskin.origami.cell import size
 from smoskin.origami.sheet import Sheet, build_sheet
 from smoskin.origami.surface.surface import Surface, forms
 from smoskin.origami.tessellation.arc import arc_sheet
-from smoskin.origami.tessellation.attachment import Stiffness, attach, attached_sheet
+from smoskin.origami.tessellation.attachment import attach, attached_sheet
 from smoskin.origami.tessellation.conditions import net_of
 from smoskin.origami.tessellation.hinges import Folding, fold, fold_angles, frame_of, rigid_modes
 from smoskin.origami.tessellation.solve import (
     Listener,
     Problem,
     Solution,
-    Weights,
     places,
     settle,
     settle_further,
 )
-from smoskin.origami.tessellation.survey import fold_range, largest_share, survey
+from smoskin.origami.tessellation.survey import TooBentError, fold_range, largest_share, survey
+from smoskin.origami.tessellation.trials import TRIALS, Order, Trial
 from smoskin.origami.tessellation.unfold import unfold
-from smoskin.origami.tessellation.validity import GAP, Candidate, Gate, Nominal, gates, reason
+from smoskin.origami.tessellation.validity import (
+    GAP,
+    Candidate,
+    Gate,
+    Nominal,
+    gates,
+    reason,
+    thinned,
+)
 
 _PULL: Final = 3e3
 """Weight of bottom vertices' heights where all columns are equal."""
@@ -62,8 +72,14 @@ class Tessellation:
     """(V, 2), m: the flat crease pattern."""
     angles: Floats
     """(C,), rad: fold angle of each crease, positive at valleys."""
+    surface: Surface
+    """The surface in the chart along whose first parameter the sheet's x runs."""
+    turn: float
+    """rad: from the first parameter of the surface that was given to that of this chart."""
+    plate: float
+    """m: thickness of the panels on one face of the film."""
     layers: Floats
-    """(V, 3), m: parameters of the surface and height over it of every vertex."""
+    """(V, 3), m: parameters of this chart and height over the surface of every vertex."""
     flat_foldable: bool
     """Whether opposite sector angles sum to pi."""
     gates: tuple[Gate, ...]
@@ -81,6 +97,10 @@ class Tessellation:
     def holds(self) -> bool:
         """Whether every gate holds."""
         return all(gate.holds for gate in self.gates)
+
+    def with_plate(self, plate: float) -> "Tessellation":
+        """The same sheet with plates of another thickness, m, which only its gaps tell."""
+        return replace(self, plate=plate, gates=thinned(self.gates, plate / self.plate))
 
     @property
     def lifts(self) -> Floats:
@@ -100,6 +120,7 @@ def tessellate(
     cells: tuple[int, int],
     *,
     plate: float = 0.5e-3,
+    thinner: Sequence[float] = (),
     column: float = 10e-3,
     own_columns: bool = False,
     time_limit: float = 60.0,
@@ -109,7 +130,8 @@ def tessellate(
     """The sheet of ``cells = (N, M)`` cells round the middle of a surface, judged.
 
     Rows of cells run along the surface's first parameter; a cylinder's or cone's axis must lie so
-    for the sheet to fold.
+    for the sheet to fold. Where no sheet lies so on a saddle, one is sought along a line in which
+    it is straight.
 
     Parameters
     ----------
@@ -117,6 +139,8 @@ def tessellate(
         The planar cell, whose extent is kept as well as the surface lets it be.
     plate, column : float
         Thickness of the panels on one face of the film, and the columns' height, m.
+    thinner : sequence of float
+        Plates that may be taken, thickest first, where creases leave no room for `plate`, m.
     own_columns : bool
         Whether every column may have its own height, within 10 %: then a sheet that folds is
         sought on any surface, and no other.
@@ -130,7 +154,7 @@ def tessellate(
     ArgumentError
         If there is no cell, the surface ends under the sheet, or it is bent along the sheet's x
         alone, where a sheet does not fold.
-    DesignError
+    TooBentError
         If the surface is bent more tightly than a cell can follow, or so much over the whole sheet
         that its depth does not leave the folds for it.
     """
@@ -138,11 +162,14 @@ def tessellate(
         raise ArgumentError(f"cells must be at least (1, 1); got {cells}")
     if not time_limit > 0.0:
         raise ArgumentError(f"time_limit must be > 0 s; got {time_limit}")
-    order = _Order(
+    plates = (plate, *thinner)
+    if (np.diff(plates) >= 0).any():
+        raise ArgumentError(f"thinner must fall from below plate, {plate} m; got {tuple(thinner)}")
+    order = Order(
         surface=surface,
         cell=cell,
         cells=cells,
-        plate=plate,
+        plates=plates,
         column=column,
         own_columns=own_columns,
         deadline=time.monotonic() + time_limit,
@@ -151,86 +178,14 @@ def tessellate(
     survey(surface, cell, cells)
     if not own_columns:
         _refuse_beyond(order)
-    judged = _best(order)
-    return _reported(order, judged, refold=refold)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Order:
-    """What is asked for."""
-
-    surface: Surface
-    cell: MiuraCell
-    cells: tuple[int, int]
-    plate: float
-    column: float
-    own_columns: bool
-    deadline: float
-    progress: Listener | None
-
-    def scaled(self, share: float) -> "_Order":
-        """The same of a sheet so many times as large in all its parts."""
-        a, b = share * self.cell.panel_a, share * self.cell.panel_b
-        return replace(
-            self,
-            cell=replace(self.cell, panel_a=a, panel_b=b),
-            plate=share * self.plate,
-            column=share * self.column,
-            progress=None,
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Trial:
-    """How a sheet is sought."""
-
-    weights: Weights = Weights()  # noqa: RUF009 - it is frozen
-    stiffness: Stiffness = Stiffness()  # noqa: RUF009 - it is frozen
-    wider: float = 1.0
-    """Factor on the lattice that the search begins at."""
-    room: float = 0.7
-    """Share of the room for a crease's gap that is free, as panels grow slimmer on the surface."""
-    own_pull: float = 10.0
-    """Weight of bottom vertices' heights where every column has its own height."""
-
-
-_TRIALS: Final = (
-    _Trial(),
-    _Trial(
-        weights=Weights(
-            heights=21.4, start=0.0907, angles=74.8, depth=0.99, least_angle=np.radians(28.0)
-        ),
-        stiffness=Stiffness(stretch=5.32, smooth=9.17),
-        wider=1.0769,
-        room=0.76,
-    ),
-    _Trial(
-        weights=Weights(
-            heights=2.14, start=0.0546, angles=199.6, depth=3.73, least_angle=np.radians(27.2)
-        ),
-        stiffness=Stiffness(stretch=703.0, smooth=3.09),
-        wider=1.0854,
-        room=0.943,
-    ),
-    _Trial(
-        weights=Weights(
-            heights=0.827, start=0.43, angles=131.0, depth=0.794, least_angle=np.radians(30.2)
-        ),
-        stiffness=Stiffness(stretch=510.0, smooth=22.2),
-        wider=1.0627,
-        room=0.905,
-        own_pull=43.1,
-    ),
-)
-"""What is tried on surfaces bent two ways, one after the other, until all gates hold. The first is
-fair by plain reasoning; the others were found by drawing such numbers at random for saddles. None
-weighs the way from the start so little that a sheet may drift off its patch."""
+    return _reported(order, _sought(order), refold=refold)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Judged:
     """A sheet with its gates and its flat pattern."""
 
+    order: Order
     candidate: Candidate
     measures: tuple[Gate, ...]
     pattern: Floats
@@ -255,7 +210,42 @@ class _Judged:
         )
 
 
-def _best(order: _Order, trials: tuple[_Trial, ...] = _TRIALS) -> _Judged:
+def _sought(order: Order) -> _Judged:
+    """The first sheet of all ways that passes all gates, or what the way that is asked came to."""
+    asked = _thickest(order.plates, _best(order))
+    if asked.failed and (turned := _turned(order)) is not None and not turned.failed:
+        return turned
+    asked = _thickest(order.plates, _better(order, asked))
+    if asked.failed and len(order.plates) > 1:
+        thin = order.thinnest
+        if not (thinner := _thickest(order.plates, _better(thin, _best(thin)))).failed:
+            return thinner
+    return asked
+
+
+def _turned(order: Order) -> _Judged | None:
+    """The sheet with the thinnest plates along a saddle's straight line, if it reaches so far."""
+    turned = order.thinnest.turned
+    _, one_way = survey(order.surface, order.cell, order.cells)
+    if one_way or not turned.turn:
+        return None
+    try:
+        return _thickest(order.plates, _best(turned, TRIALS[::-1]))
+    except SmoskinError:
+        return None
+
+
+def _thickest(plates: tuple[float, ...], judged: _Judged) -> _Judged:
+    """A sheet with the thickest plates with which it passes all gates, as it is if none does."""
+    for plate in plates:
+        measures = thinned(judged.measures, plate / judged.order.plate)
+        if all(gate.holds for gate in measures):
+            order = replace(judged.order, plates=(plate,))
+            return replace(judged, order=order, measures=measures)
+    return judged
+
+
+def _best(order: Order, trials: tuple[Trial, ...] = TRIALS) -> _Judged:
     """The first sheet that passes all gates, or the one that is least off, of those tried."""
     radius, one_way = survey(order.surface, order.cell, order.cells)
     foldable = order.own_columns or one_way
@@ -271,25 +261,26 @@ def _best(order: _Order, trials: tuple[_Trial, ...] = _TRIALS) -> _Judged:
                 break
     if not tried:
         raise ArgumentError("the surface must reach under the whole sheet; take fewer cells")
-    best = min(tried, key=lambda judged: judged.excess)
-    return _better(order, best) if len(attempts) > 1 else best
+    return min(tried, key=lambda judged: judged.excess)
 
 
-def _refuse_beyond(order: _Order) -> None:
+def _refuse_beyond(order: Order) -> None:
     """Raise where equal cells' folds cannot take up the patch's curvature, with what would fit."""
     if (asked := fold_range(order.surface, order.cell, order.cells)).holds:
         return
     rim, middle = np.degrees([asked.rim, asked.middle])
     left = np.degrees(asked.left[int(middle > rim)])
     share = largest_share(order.surface, order.cell, order.cells)
-    raise DesignError(
+    raise TooBentError(
         f"the surface is bent too much for so many cells: folds of {rim:.1f} deg at the rim ask "
         f"{middle:.1f} deg inside, the depth {left:.1f}; at most {share:.2f} of the sheet could "
-        f"lie on it; {_what_fewer_fit(order)}"
+        f"lie on it; {_what_fewer_fit(order)}",
+        "fold_angle_inside",
+        (float(middle), float(left), "deg"),
     )
 
 
-def _what_fewer_fit(order: _Order) -> str:
+def _what_fewer_fit(order: Order) -> str:
     """Fewer cells that fit the surface, or how much wider it would have to be for half as many."""
     n, m = order.cells
     half, *smaller = (
@@ -302,7 +293,7 @@ def _what_fewer_fit(order: _Order) -> str:
     return f"with {half.cells[0]} x {half.cells[1]} of these cells {_what_fits(half)}"
 
 
-def _better(order: _Order, judged: _Judged) -> _Judged:
+def _better(order: Order, judged: _Judged) -> _Judged:
     """A sheet that is all but sound, once its search has gone on until all gates hold."""
     best = judged
     for _ in range(_ROUNDS):
@@ -316,7 +307,7 @@ def _better(order: _Order, judged: _Judged) -> _Judged:
     return best
 
 
-def _judge(order: _Order, start: Floats, trial: _Trial, *, foldable: bool) -> _Judged:
+def _judge(order: Order, start: Floats, trial: Trial, *, foldable: bool) -> _Judged:
     """The sheet that the search ends at, judged."""
     regular = build_sheet(order.cell, order.cells)
     shape = (2 * order.cells[0] + 1, 2 * order.cells[1] + 1)
@@ -338,7 +329,7 @@ def _judge(order: _Order, start: Floats, trial: _Trial, *, foldable: bool) -> _J
 
 
 def _judged(
-    order: _Order, problem: Problem, start: Floats, regular: Sheet, solution: Solution
+    order: Order, problem: Problem, start: Floats, regular: Sheet, solution: Solution
 ) -> _Judged:
     """What a search came to."""
     vertices = places(problem.surface, solution.layers)
@@ -355,6 +346,7 @@ def _judged(
         flat_foldable=problem.flat_foldable,
     )
     return _Judged(
+        order=order,
         candidate=candidate,
         measures=gates(candidate, _nominal(order)),
         pattern=pattern,
@@ -365,7 +357,7 @@ def _judged(
     )
 
 
-def _sharpest(order: _Order, trial: _Trial) -> float:
+def _sharpest(order: Order, trial: Trial) -> float:
     """Fold angle whose gap leaves the planar cell's panels room enough, rad."""
     cell = order.cell
     height = min(cell.panel_a, cell.panel_b) * np.sin(cell.sector_angle)
@@ -373,7 +365,7 @@ def _sharpest(order: _Order, trial: _Trial) -> float:
     return float(min(_SHARPEST, 2 * np.arctan(room)))
 
 
-def _nominal(order: _Order) -> Nominal:
+def _nominal(order: Order) -> Nominal:
     """Measures of a sheet by the planar cell."""
     asked, _ = arc_sheet(order.cell, order.cells, np.inf)
     return Nominal(
@@ -385,7 +377,7 @@ def _nominal(order: _Order) -> Nominal:
     )
 
 
-def _start(order: _Order, radius: float, trial: _Trial, *, one_way: bool) -> Floats:
+def _start(order: Order, radius: float, trial: Trial, *, one_way: bool) -> Floats:
     """Layers to begin with, (V, 3)."""
     cell, cells = order.cell, order.cells
     parameters, heights = arc_sheet(cell, cells, radius)
@@ -397,7 +389,7 @@ def _start(order: _Order, radius: float, trial: _Trial, *, one_way: bool) -> Flo
     return np.column_stack([parameters.reshape(-1, 2), heights.ravel()])
 
 
-def _reported(order: _Order, judged: _Judged, *, refold: bool) -> Tessellation:
+def _reported(order: Order, judged: _Judged, *, refold: bool) -> Tessellation:
     """The sheet with how it folds, and advice where a gate does not hold."""
     candidate, regular = judged.candidate, judged.regular
     angles = fold_angles(candidate.vertices, candidate.frame.creases)
@@ -405,6 +397,9 @@ def _reported(order: _Order, judged: _Judged, *, refold: bool) -> Tessellation:
     refold = refold and judged.solution.reached == 1.0
     at = forms(candidate.surface, candidate.layers[regular.columns.ravel(), :2])
     return Tessellation(
+        surface=judged.order.surface,
+        turn=judged.order.turn,
+        plate=judged.order.plate,
         sheet=replace(regular, vertices=candidate.vertices),
         normals=at.normals.reshape(*regular.columns.shape, 3),
         pattern=judged.pattern,
@@ -425,7 +420,7 @@ def _reason(judged: _Judged) -> str:
     return reason(judged.candidate, judged.failed)
 
 
-def _what_fits(order: _Order) -> str:
+def _what_fits(order: Order) -> str:
     """How much wider a surface would have to be, as far as there is time to try it."""
     for share in _SMALLER:
         if time.monotonic() > order.deadline:
@@ -438,9 +433,9 @@ def _what_fits(order: _Order) -> str:
     return f"not even a surface {1 / _SMALLER[-1]:g} times as wide would fit"
 
 
-def _fits(order: _Order) -> bool:
+def _fits(order: Order) -> bool:
     """Whether the first search of a sheet ends at one that passes all gates."""
     try:
-        return not _best(order, _TRIALS[:1]).failed
+        return not _best(order, TRIALS[:1]).failed
     except SmoskinError:
         return False

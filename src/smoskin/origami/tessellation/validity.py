@@ -4,7 +4,7 @@ Decides what is measured and how far it may go; whether a sheet folds is told be
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -124,6 +124,14 @@ def _gates(sheet: Candidate, nominal: Nominal) -> Iterator[Gate]:
     gap = 2 * nominal.plate * np.tan(np.abs(folds) / 2)
     room = GAP * float(_least_heights(sheet.vertices, net.facets).min())
     yield _most("crease_gap", 1e3 * gap, 1e3 * room, "mm")
+
+
+def thinned(measures: Sequence[Gate], share: float) -> tuple[Gate, ...]:
+    """Gates of the same sheet with plates so many times as thick."""
+    gap = next(gate for gate in measures if gate.name == "crease_gap")
+    value = share * gap.value
+    other = replace(gap, value=value, holds=value <= gap.limit)
+    return tuple(other if gate is gap else gate for gate in measures)
 
 
 def reason(sheet: Candidate, failed: Sequence[Gate]) -> str:
