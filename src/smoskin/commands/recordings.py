@@ -53,6 +53,8 @@ class Recordings(Sink):
     home : path, optional
         Folder for the recordings, by default the working folder; or the file of the first one,
         beside which further ones stand.
+    waits : bool
+        Whether what is played or simulated waits for the disk; an arm that follows it must not.
     say : callable
         Called with a sentence when a file cannot be written any more.
     """
@@ -64,6 +66,7 @@ class Recordings(Sink):
         calibration: Given | None = None,
         *,
         home: Given | None = None,
+        waits: bool = True,
         say: Callable[[str], object] = lambda sentence: None,
     ) -> None:
         self._design, self._source, self._say = design, source, say
@@ -72,7 +75,7 @@ class Recordings(Sink):
         path = Path(home or ".")
         name = "".join(sign if sign.isalnum() or sign in "-_." else "-" for sign in design.name)
         self._folder, self._name = (path, name) if path.is_dir() else (path.parent, path.stem)
-        self._waits = isinstance(source, ReplaySource | TwinSource)
+        self._waits = waits and isinstance(source, ReplaySource | TwinSource)
         self._lock = threading.Lock()
         self._path: Path | None = None
         self._recorder: Recorder | RecorderApart | None = None

@@ -13,8 +13,10 @@ from typing import Final
 import numpy as np
 
 from smoskin.commands.follow.page import ArmPage
+from smoskin.commands.recordings import Recordings
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import ArgumentError
+from smoskin.errors import ArgumentError, RecordingError
+from smoskin.outputs import check_output
 from smoskin.records import Contact, Pose
 from smoskin.robot.arm import Arm
 from smoskin.robot.chain import Chain
@@ -25,7 +27,7 @@ from smoskin.robot.law import Limits
 from smoskin.robot.simulated import OWN_MODEL, SimulatedArm
 from smoskin.robot.ur import UrArm
 from smoskin.robot.xarm import XArm
-from smoskin.roles import Estimator, Source
+from smoskin.roles import Estimator, Sink, Source
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst, load_estimator
 from smoskin.service.apart.realtime import undisturbed
@@ -53,6 +55,8 @@ def follow_source(
     port: int | None = None,
     seconds: float | None = None,
     realtime: bool = False,
+    record: str | os.PathLike[str] | None = None,
+    force: bool = False,
     words: "queue.Queue[str] | None" = None,
     say: Callable[[str], object] = lambda sentence: None,
 ) -> Counters:
@@ -79,6 +83,9 @@ def follow_source(
         Time of readings to end after, s.
     realtime : bool
         Whether to run before other programs, as `smoskin.service.apart.realtime.undisturbed`.
+    record, force : path and bool
+        A new MCAP file for readings, estimates and the calibration's file; with `force` it may
+        replace another. The arm never waits for it: what the disk is too slow for is not recorded.
     words : queue of str, optional
         What people say, of `WORDS`; nobody arms the arm without.
     say : callable
@@ -92,9 +99,14 @@ def follow_source(
         If the source cannot be opened or falls silent, or the robot refuses.
     ModelError
         If the calibration or the arm's model cannot be read or fits no such skin.
+    FileError, RecordingError
+        If there is such a file already, or it cannot be made; at the end, with the arm at rest, if
+        it could not be written whole.
     MissingExtraError
-        If the extra ``robot`` is not installed.
+        If the extra ``robot`` is not installed, or, to record, ``recording``.
     """
+    if record is not None:
+        check_output(record, force=force)
     say(WARNING)
     words = queue.Queue() if words is None else words
     with ExitStack() as stack:
@@ -111,7 +123,13 @@ def follow_source(
         driver = stack.enter_context(Driver(arm, follow, on_command=_changes(say), held=held))
         estimator = _estimator(skin, calibration)
         estimator.carried_by(_poses(source, driver))
-        loop = stack.enter_context(Loop(source, estimator, sinks=(driver,)))
+        sinks: list[Sink] = [driver]  # first, so that the arm is told and stopped before any other
+        if record is not None:
+            recordings = Recordings(skin, source, calibration, home=record, waits=False, say=say)
+            recordings.begin(record, force=force)
+            stack.callback(_tell, recordings, say)
+            sinks.append(recordings)
+        loop = stack.enter_context(Loop(source, estimator, sinks=sinks))
         driver.look()
         if port is not None:
             shown = skin, simulated, driver, follow, words, switch, WARNING, port
@@ -129,6 +147,14 @@ def follow_source(
             if seconds is not None and estimate.time - first >= seconds:
                 break
         return loop.counters
+
+
+def _tell(recordings: Recordings, say: Callable[[str], object]) -> None:
+    """End a recording and tell of it; a `RecordingError` if it is not whole."""
+    recordings.close()
+    say(recordings.sentence)
+    if recordings.first_failure:
+        raise RecordingError(recordings.first_failure)
 
 
 def _estimator(skin: SkinDesign, calibration: str | os.PathLike[str] | None) -> Estimator:
