@@ -119,6 +119,19 @@ def test_faults_count_once_and_directions_have_a_limit():
     assert json.dumps(judged(rows, [PRESS], Limits(), 100.0).as_json())
 
 
+def test_the_table_tells_in_words_what_was_broken():
+    stop = Command(speeds=np.zeros(3), state=State.FAULT, reason=Reason.STALE)
+    for rows, words in (
+        (moments(lambda force: force > 0.5), ""),
+        (moments(lambda force: force > 0.3), "moved by too little"),
+        ([*moments(lambda force: force > 0.8)[:-1], moments(bool)[-1]._replace(command=stop)],
+         "stood under too much, STALE"),
+    ):  # fmt: skip
+        (table,) = judged(rows, [PRESS], LIMITS, 100.0).tables()
+        assert list(table.columns[-1].cells) == [words]
+        assert table.rows[0].style == ("red" if words else "")
+
+
 def test_a_late_stop_is_told():
     rows = moments(lambda force: force < 0.7)
     falling = [row._replace(force=1.0 - row.force) for row in rows]

@@ -151,11 +151,15 @@ class Demonstration:
             "moved from (N)",
             "by (mm)",
             "off (degrees)",
-            "fault",
+            "broken",
         ):
             table.add_column(heading, justify="right")
         for touch in self.touches:
-            broken = touch.moved_below or touch.still_above
+            words = [
+                *["moved by too little"] * touch.moved_below,
+                *["stood under too much"] * touch.still_above,
+                *[touch.fault] * bool(touch.fault),
+            ]
             began, off = touch.began_N, touch.direction_error_deg
             table.add_row(
                 f"{touch.x_mm:.0f}, {touch.y_mm:.0f}",
@@ -163,8 +167,8 @@ class Demonstration:
                 "" if began is None else f"{began:.2f}",
                 f"{touch.moved_mm:.0f}",
                 "" if off is None else f"{off:.1f}",
-                touch.fault,
-                style="red" if broken else "",
+                ", ".join(words),
+                style="red" if words else "",
             )
         return [table]
 
