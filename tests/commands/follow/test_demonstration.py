@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from smoskin.commands.follow import demonstration
 from smoskin.commands.follow.demonstration import Moment, Press, judged
 from smoskin.commands.follow.script import scripted_presses
 from smoskin.design.document import read_design
 from smoskin.errors import ArgumentError
+from smoskin.origami.geometry import geometry
 from smoskin.robot.follow import Command, State
 from smoskin.robot.law import Limits
 from smoskin.robot.reasons import Reason
@@ -166,3 +168,32 @@ def test_the_demonstration_keeps_its_promises_on_a_made_skin():
     assert (kept.touches, kept.limit_violations, kept.faults) == (8, 0, 0)
     assert (kept.moved_below_0_40_N, kept.still_above_0_60_N) == (0, 0)
     assert kept.direction_error_deg_max <= 2.0
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_long_and_strong_touches_are_ended_within_the_limits(monkeypatch):
+    """Where a touch would lead the arm beyond its time or its way, as it does not in the script."""
+    pytest.importorskip("mujoco")
+    skin = read_design("planar")
+    place, direction = 0.5 * geometry(skin).extent, (0.0, 0.0, -1.0)
+    presses = [
+        Press(place=place, direction=direction, times=(0.0, 0.5, 7.5, 8.0), forces=(0, f, f, 0))
+        for f in (0.62, 0.9)
+    ]
+    monkeypatch.setattr(demonstration, "scripted_presses", lambda skin: presses)
+    seen = []
+    # Slow enough for the light touch to be at its time before it is at its way.
+    limits = Limits(resistance=12.0, duration=3.0)
+    found = demonstration.demonstrate(
+        skin, seed=3, calibration_touches=5, limits=limits, watch=lambda stage, m: seen.append(m)
+    )
+    over = (Reason.DURATION, Reason.DISTANCE)
+    told = [[m.command.reason for m in seen if m.press == k] for k in range(2)]
+    assert [next(reason for reason in each if reason in over) for each in told] == [*over]
+    assert set(found.exceeded.values()) == {0}
+    assert found.summary.kept
+    light, strong = found.touches
+    assert 10.0 < light.moved_mm < strong.moved_mm <= 100.0
+    gains = [m.gain for m in seen if m.press >= 0]
+    assert 0.9 * limits.acceleration < max(gains) <= (1 + 1e-9) * limits.acceleration
