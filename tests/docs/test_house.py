@@ -64,8 +64,9 @@ def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # 60 hear a loud arm and pool chips' loops;
     # 110 draw a skin's columns and its magnets' sectors on the live page;
     # 7,700 are bridges to robotics tools, real arms, campaigns of many kinds and cones;
-    # 130 learn how a skin turns, ask what of a patch is covered, and send skins back.
-    assert sum(text.count("\n") for text in FILES.values()) <= 62_730
+    # 130 learn how a skin turns, ask what of a patch is covered, and send skins back;
+    # 200 judge every limit of an arm that yields, and record what it followed.
+    assert sum(text.count("\n") for text in FILES.values()) <= 62_930
 
 
 def test_no_file_has_over_450_lines():

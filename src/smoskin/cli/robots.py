@@ -3,6 +3,7 @@
 import queue
 import sys
 import threading
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -58,16 +59,12 @@ def follow(
     from smoskin.commands.follow.live import follow_source
     from smoskin.robot.simulated import OWN_MODEL
 
-    def say(sentence: str) -> None:
-        typer.echo(sentence, err=True)
-
-    path = OWN_MODEL if model is None else Path(model)
+    say = partial(typer.echo, err=True)
+    path = model or OWN_MODEL
     if headless:
         shown = load_design(design or "curved")
         _demonstrate(shown, path, site, seed, rate, film, record, force, as_json)
         return
-    words: queue.Queue[str] = queue.Queue()
-    threading.Thread(target=_hear, args=(words,), daemon=True).start()
     counters = follow_source(
         source,
         None if design is None else load_design(design),
@@ -80,7 +77,7 @@ def follow(
         realtime=realtime,
         record=record,
         force=force,
-        words=words,
+        words=_heard(),
         say=say,
     )
     say(f"{counters.readings} readings at {counters.rate:.0f} Hz.")
@@ -138,10 +135,16 @@ def ros(
         say(watch.summary)
 
 
-def _hear(words: "queue.Queue[str]") -> None:
-    """Take what people type, line by line."""
-    for line in sys.stdin:
-        words.put(line)
+def _heard() -> "queue.Queue[str]":
+    """What people type, line by line."""
+    words: queue.Queue[str] = queue.Queue()
+
+    def hear() -> None:
+        for line in sys.stdin:
+            words.put(line)
+
+    threading.Thread(target=hear, daemon=True).start()
+    return words
 
 
 def _demonstrate(

@@ -13,6 +13,7 @@ from itertools import count
 from pathlib import Path
 from typing import Final, final
 
+from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, MissingExtraError, SmoskinError, require
 from smoskin.outputs import check_output, read_input
@@ -169,6 +170,12 @@ class Recordings(Sink):
             if self._sink is not None:
                 self._sink.write(reading, estimate)
                 self._taken += 1
+
+    def write_arm(self, moment: float, angles: Floats, speeds: Floats, state: str) -> None:
+        """Record how an arm stands, as `Recorder.write_arm`, where a disk is never waited for."""
+        with self._lock:
+            if isinstance(self._sink, RecorderApart):
+                self._sink.write_arm(moment, angles, speeds, state)
 
     def close(self) -> None:
         """End the recording that goes on."""

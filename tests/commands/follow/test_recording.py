@@ -124,7 +124,7 @@ def assert_holds_demonstration(path, pairs, arms, said):
         assert joints.name == ["joint0", "joint1", "joint2", "joint3"]
         np.testing.assert_array_equal(joints.position, arm.angles)
         np.testing.assert_array_equal(joints.velocity, arm.speeds)
-        assert word.data == f"{command.state.value}: {command.reason.value}"
+        assert word.data == command.sentence
     for joints, told in zip(found["/arm/joints"], found["/skin/reading"], strict=True):
         assert joints.header.stamp.sec == told.stamp.sec
         assert joints.header.stamp.nanosec == told.stamp.nanosec
@@ -193,9 +193,18 @@ def test_what_a_live_source_gives_is_recorded(seen, tmp_path):
     with pytest.raises(FileError, match=r"live\.mcap exists"):
         follow_twin(path)
     counters = follow_twin(path, force=True, say=said.append)
-    pairs, _ = seen
+    pairs, arms = seen
     assert counters.readings == len(pairs)
-    assert_holds(path, pairs)
+    found = assert_holds(path, pairs)
+    # The arm stands as at the newest look, which may be of this reading or one before.
+    times = [told.header.stamp for told in found["/arm/joints"]]
+    stamps = [told.stamp for told in found["/skin/reading"]]
+    assert [(t.sec, t.nanosec) for t in times] == [(t.sec, t.nanosec) for t in stamps]
+    told = {command.sentence for _, command in arms}
+    assert {word.data for word in found["/arm/state"]} <= told
+    assert len(found["/arm/state"]) == len(pairs)
+    looked = {arm.angles.tobytes() for arm, _ in arms}
+    assert {joints.position.tobytes() for joints in found["/arm/joints"]} <= looked
     assert said[-1] == f"Recorded live.mcap: {len(pairs)} readings, 0 lost."
 
 

@@ -9,6 +9,7 @@ import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final
@@ -233,12 +234,6 @@ def demonstrate(
     rig = VirtualRig(twin, seed=seed)
     done = calibrate(known, rig, design=design, count=calibration_touches)
     skin = CarriedSkin(twin, seed=seed)
-
-    def estimator(pose: Callable[[], Pose]) -> Estimator:
-        bayes = ZeroFirst(BayesEstimator(design, done.table))
-        bayes.carried_by(pose)
-        return bayes
-
     with ExitStack() as stack:
         recorder = None
         if record is not None:
@@ -246,7 +241,7 @@ def demonstrate(
         stage = Stage(
             lambda clock: arm(design, clock),
             skin,
-            estimator,
+            partial(_posed, design, done.table),
             rate=rate,
             limits=limits,
             recorder=recorder,
@@ -261,6 +256,13 @@ def demonstrate(
     able = len(stage.moments) / stage.busy
     found = judged(stage.moments, presses, limits or Limits(), able)
     return replace(found, asked_hz=rate, not_recorded="" if recorder is None else recorder.failure)
+
+
+def _posed(design: SkinDesign, table: ResponseTable, pose: Callable[[], Pose]) -> Estimator:
+    """What reads the calibrated skin, and is told how the arm holds it."""
+    bayes = ZeroFirst(BayesEstimator(design, table))
+    bayes.carried_by(pose)
+    return bayes
 
 
 def _recorder(

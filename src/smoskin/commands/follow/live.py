@@ -8,7 +8,7 @@ import queue
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from typing import Final
+from typing import Final, final
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from smoskin.commands.recordings import Recordings
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, RecordingError
 from smoskin.outputs import check_output
-from smoskin.records import Contact, Pose
+from smoskin.records import Contact, Estimate, Pose, Reading
 from smoskin.robot.arm import Arm
 from smoskin.robot.chain import Chain
 from smoskin.robot.driver import Driver
@@ -84,8 +84,8 @@ def follow_source(
     realtime : bool
         Whether to run before other programs, as `smoskin.service.apart.realtime.undisturbed`.
     record, force : path and bool
-        A new MCAP file for readings, estimates and the calibration's file; with `force` it may
-        replace another. The arm never waits for it: what the disk is too slow for is not recorded.
+        A new MCAP file for readings, estimates, the calibration's file and the arm; with `force`
+        it may replace another. The arm never waits for it: what a disk is too slow for is left out.
     words : queue of str, optional
         What people say, of `WORDS`; nobody arms the arm without.
     say : callable
@@ -121,14 +121,13 @@ def follow_source(
         follow = Follow(arm.chain, skin, limits)
         held = switch or (lambda: True)
         driver = stack.enter_context(Driver(arm, follow, on_command=_changes(say), held=held))
-        estimator = _estimator(skin, calibration)
-        estimator.carried_by(_poses(source, driver))
+        estimator = _estimator(skin, calibration, _poses(source, driver))
         sinks: list[Sink] = [driver]  # first, so that the arm is told and stopped before any other
         if record is not None:
             recordings = Recordings(skin, source, calibration, home=record, waits=False, say=say)
             recordings.begin(record, force=force)
             stack.callback(_tell, recordings, say)
-            sinks.append(recordings)
+            sinks.append(_Followed(recordings, driver))
         loop = stack.enter_context(Loop(source, estimator, sinks=sinks))
         driver.look()
         if port is not None:
@@ -137,16 +136,47 @@ def follow_source(
             say(f"The arm is live at {page.url}")
         stack.enter_context(undisturbed(realtime=realtime))
         driver.start()
-        first: float | None = None
-        for estimate in loop:
-            first = estimate.time if first is None else first
-            for word in _said(words):
-                if word == "quit":
-                    return loop.counters
-                _obey(driver, holding, estimator, word, say)
-            if seconds is not None and estimate.time - first >= seconds:
-                break
+        _heed(loop, words, seconds, lambda word: _obey(driver, holding, estimator, word, say))
         return loop.counters
+
+
+def _heed(
+    loop: Loop, words: "queue.Queue[str]", seconds: float | None, obey: Callable[[str], None]
+) -> None:
+    """Let a loop run until its readings end, the time is over or somebody says so."""
+    first: float | None = None
+    for estimate in loop:
+        first = estimate.time if first is None else first
+        for word in _said(words):
+            if word == "quit":
+                return
+            obey(word)
+        if seconds is not None and estimate.time - first >= seconds:
+            return
+
+
+@final
+class _Followed(Sink):
+    """Recordings of what an arm follows, with the arm as it is looked at last."""
+
+    def __init__(self, recordings: Recordings, driver: Driver) -> None:
+        self._recordings, self._driver = recordings, driver
+
+    @property
+    def dropped(self) -> int:
+        """As of the recordings."""
+        return self._recordings.dropped
+
+    def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
+        """Record a reading, its estimate and the arm."""
+        self._recordings.write(reading, estimate)
+        if self._driver.newest is not None:
+            arm, command = self._driver.newest
+            self._recordings.write_arm(reading.time, arm.angles, arm.speeds, command.sentence)
+
+    def close(self) -> None:
+        """End the recording."""
+        self._recordings.close()
 
 
 def _tell(recordings: Recordings, say: Callable[[str], object]) -> None:
@@ -157,11 +187,14 @@ def _tell(recordings: Recordings, say: Callable[[str], object]) -> None:
         raise RecordingError(recordings.first_failure)
 
 
-def _estimator(skin: SkinDesign, calibration: str | os.PathLike[str] | None) -> Estimator:
-    """What reads a skin, of which the first readings are the zero."""
-    if calibration is None:
-        return ZeroFirst(ClosedFormEstimator(skin))
-    return ZeroFirst(load_estimator(calibration, skin))
+def _estimator(
+    skin: SkinDesign, calibration: str | os.PathLike[str] | None, pose: Callable[[], Pose]
+) -> Estimator:
+    """What reads a skin held so, of which the first readings are the zero."""
+    known = None if calibration is None else load_estimator(calibration, skin)
+    estimator = ZeroFirst(known or ClosedFormEstimator(skin))
+    estimator.carried_by(pose)
+    return estimator
 
 
 def _touching(source: Source, robot: str | None) -> Callable[[tuple[Contact, ...]], None] | None:
@@ -184,7 +217,7 @@ def _changes(say: Callable[[str], object]) -> Callable[[Command], None]:
     def tell(command: Command) -> None:
         if last[-1:] != [(command.state, command.reason)]:
             last[:] = [(command.state, command.reason)]
-            say(f"{command.state.value}: {command.reason.value}")
+            say(command.sentence)
 
     return tell
 

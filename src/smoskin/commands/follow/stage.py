@@ -150,8 +150,8 @@ class Stage:
         self.arm.move(command.speeds if programme is None else programme)
         if self._recorder is not None:
             self._recorder.write(reading, estimate)
-            word = f"{command.state.value}: {command.reason.value}"
-            self._recorder.write_arm(self._now, state.angles, state.speeds, word)
+            arm = state.angles, state.speeds, command.sentence
+            self._recorder.write_arm(self._now, *arm)
         velocity = posture.jacobian(place) @ state.speeds if contacts else np.zeros(3)
         speed = float(np.linalg.norm(velocity))
         parts = posture.corner_motions @ np.stack([state.speeds, command.speeds, self._asked], 1)
