@@ -6,6 +6,7 @@ from itertools import combinations, pairwise
 import numpy as np
 import pytest
 
+from pages import FAINT, PLANAR, TOUCH, TOUCHED, feeding, reading
 from smoskin.records import ChipFlag, Status
 from smoskin.service.bridges import foxglove
 from smoskin.service.page import carpet, history, panel, parts, scene
@@ -136,6 +137,30 @@ def test_text_can_be_read():
     assert contrast(stop, "#ffffff") >= READABLE
 
 
+@pytest.mark.slow
+@pytest.mark.browser
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_all_text_of_a_page_can_be_read(scheme):
+    pytest.importorskip("viser")
+    from chromium import open_page
+    from smoskin.service.page.view import View
+
+    touched = {"on_press": lambda contacts: None, "on_zero": lambda: None}
+    with (
+        View(PLANAR, estimators=["Bayes", "closed form"], **touched) as view,
+        open_page(view.url) as opened,
+    ):
+        opened.page.emulate_media(color_scheme=scheme)
+        opened.page.locator(f'html[data-mantine-color-scheme="{scheme}"]').wait_for(
+            state="attached"
+        )
+        with feeding(lambda k: view.write(reading(0.02 * k), TOUCHED, truth=[TOUCH])):
+            opened.wait_until(lambda: opened.text("status") == "Touched")
+            opened.page.wait_for_timeout(1000)
+            faint = opened.page.evaluate(FAINT)
+            assert set(faint) <= {"━━", "●"}
+
+
 def test_text_has_the_page_s_ink_and_colors_mark_it():
     """Whatever has a colour of its own is a mark; words stand beside it."""
     names = ("arm", "card", "carpet", "curves", "finger", "forces", "legend", "lamps", "note")
@@ -145,7 +170,8 @@ def test_text_has_the_page_s_ink_and_colors_mark_it():
             plain = color.strip() in ("var(--skin-dim)", "none")
             assert plain or marked.strip() in ("━━", "●"), (name, color, marked)
     for color in re.findall(r"[{;\s]color: ([^;}]+)", parts.text("page.css")):
-        assert color.strip() in ("var(--skin-ink)", "var(--skin-dim)", "#fff")
+        word = color.strip().removesuffix(" !important")
+        assert word in ("var(--skin-ink)", "var(--skin-dim)", "#fff")
 
 
 def test_no_state_is_told_by_its_color_alone():
