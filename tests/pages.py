@@ -28,6 +28,33 @@ TOUCHED = Estimate(
     covariance=np.diag([2e-3, 1e-3, 0.02, 0.03, 0.04])[None] ** 2,
 )
 
+FAINT = """() => {
+  const numbers = (color) => color.match(/[\\d.]+/g).map(Number);
+  const luminance = (color) => {
+    const [r, g, b] = numbers(color).map(
+      (x) => (x /= 255) <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+  };
+  const paper = (element) => {
+    for (; element; element = element.parentElement) {
+      const color = getComputedStyle(element).backgroundColor, opaque = numbers(color)[3] ?? 1;
+      if (opaque > 0.5) return color;
+    }
+    return "rgb(255, 255, 255)";
+  };
+  const faint = {}, texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  for (let node; node = texts.nextNode();) {
+    const text = node.textContent.trim(), element = node.parentElement;
+    const own = !element.closest(".mantine-Notification-root, script, style, [data-disabled]");
+    if (!text || !own || !element.checkVisibility()) continue;
+    const pair = [getComputedStyle(element).color, paper(element)];
+    const [dark, light] = pair.map(luminance).sort((a, b) => a - b);
+    if ((light + 0.05) / (dark + 0.05) < 4.5) faint[text] = pair;
+  }
+  return faint;
+}"""
+"""Texts of a page with less contrast, with their colours; not the viewer's passing notices."""
+
 
 def reading(time: float = 0.0, field: float = 0.0, flags: object = None) -> Reading:
     return Reading(time=time, field=np.full((3, 3), field), flags=flags)

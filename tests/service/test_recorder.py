@@ -222,6 +222,24 @@ def test_viewers_find_standard_messages(tmp_path: Path) -> None:
     assert (free.wrench.force.z, free.wrench.torque.x) == (0.0, 0.0)
 
 
+def test_an_arm_stands_beside_the_readings(tmp_path: Path) -> None:
+    angles, speeds = np.array([0.1, -0.2]), np.array([0.0, 0.3])
+    with recorder(tmp_path / "touch.mcap") as sink:
+        for reading, estimate in moments(3):
+            sink.write(reading, estimate)
+            sink.write_arm(reading.time + 0.001, angles, speeds, "moving: it is pushed")
+    with pytest.raises(RecordingError, match="the recorder is closed"):
+        sink.write_arm(9.0, angles, speeds, "")
+    found = decoded_by_others(tmp_path / "touch.mcap")
+    assert [word.data for _, word in found["/arm/state"]] == 3 * ["moving: it is pushed"]
+    stamps = [stamp for stamp, _ in found["/skin/reading"]]
+    for stamp, (at, joints) in zip(stamps, found["/arm/joints"], strict=True):
+        assert at - stamp == pytest.approx(1_000_000, abs=1)
+        assert (joints.name, joints.header.frame_id) == (["joint0", "joint1"], "base")
+        np.testing.assert_array_equal([joints.position, joints.velocity], [angles, speeds])
+    assert list(open_recording(tmp_path / "touch.mcap")) == moments(3)
+
+
 def test_attachments_come_back_whatever_becomes_of_the_readings(tmp_path: Path) -> None:
     from mcap.reader import make_reader
 

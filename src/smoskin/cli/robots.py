@@ -3,6 +3,7 @@
 import queue
 import sys
 import threading
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -11,13 +12,14 @@ from typer import Argument, Option
 
 from smoskin.cli.frame import Carried, File, Force, Json, Number, Text, app, examples, tell
 from smoskin.cli.live import Realtime
+from smoskin.design.skin import SkinDesign
 from smoskin.feasibility import load_design
 
 
 @app.command(
     epilog=examples(
         "follow --headless --json",
-        "follow --headless --film follow.gif",
+        "follow --headless --film follow.gif --record follow.mcap",
         "follow serial:///dev/ttyACM0 --calibration skin.table",
     )
 )
@@ -36,6 +38,7 @@ def follow(
     ] = 100.0,
     seed: Annotated[int, Option(min=0, help="Seed of its skin and its noise.")] = 0,
     film: Annotated[File, Option(help="Write a GIF of the demonstration.")] = None,
+    record: Annotated[File, Option(help="Write everything to this new MCAP file.")] = None,
     force: Force = False,
     model: Annotated[File, Option(help="MuJoCo model of another arm.")] = None,
     site: Annotated[str, Option(help="Its site at the skin's middle, z outward.")] = "skin",
@@ -50,20 +53,18 @@ def follow(
     It is disarmed at first: type arm, disarm, reset, zero or quit. A real arm moves only while
     Enter or the button of the page is held. This is not a safety function: it
     stops by category 2 only, and the wired emergency stop stays in force. With --headless a script
-    presses through 0.5 N; the exit code is 1 if the arm broke a promise.
+    presses through 0.5 N; the exit code is 1 if the arm broke a promise, or this machine is too
+    slow for the rate. It is 1 too if a recording is not whole.
     """
     from smoskin.commands.follow.live import follow_source
     from smoskin.robot.simulated import OWN_MODEL
 
-    def say(sentence: str) -> None:
-        typer.echo(sentence, err=True)
-
-    path = OWN_MODEL if model is None else Path(model)
+    say = partial(typer.echo, err=True)
+    path = model or OWN_MODEL
     if headless:
-        _demonstrate(design or "curved", path, site, seed, rate, film, force, as_json)
+        shown = load_design(design or "curved")
+        _demonstrate(shown, path, site, seed, rate, film, record, force, as_json)
         return
-    words: queue.Queue[str] = queue.Queue()
-    threading.Thread(target=_hear, args=(words,), daemon=True).start()
     counters = follow_source(
         source,
         None if design is None else load_design(design),
@@ -74,7 +75,9 @@ def follow(
         port=port if view else None,
         seconds=seconds,
         realtime=realtime,
-        words=words,
+        record=record,
+        force=force,
+        words=_heard(),
         say=say,
     )
     say(f"{counters.readings} readings at {counters.rate:.0f} Hz.")
@@ -132,19 +135,26 @@ def ros(
         say(watch.summary)
 
 
-def _hear(words: "queue.Queue[str]") -> None:
-    """Take what people type, line by line."""
-    for line in sys.stdin:
-        words.put(line)
+def _heard() -> "queue.Queue[str]":
+    """What people type, line by line."""
+    words: queue.Queue[str] = queue.Queue()
+
+    def hear() -> None:
+        for line in sys.stdin:
+            words.put(line)
+
+    threading.Thread(target=hear, daemon=True).start()
+    return words
 
 
 def _demonstrate(
-    design: str,
+    design: SkinDesign,
     model: Path,
     site: str,
     seed: int,
     rate: float,
     film: Path | None,
+    record: Path | None,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -157,9 +167,11 @@ def _demonstrate(
     typer.echo(WARNING, err=True)
     pictures = None if film is None else Film(film, force=force)
     result = demonstrate(
-        load_design(design),
+        design,
         seed=seed,
         rate=rate,
+        record=record,
+        force=force,
         arm=lambda skin, clock: SimulatedArm(skin, clock, model=model, site=site),
         say=lambda sentence: typer.echo(sentence, err=True),
         watch=(lambda stage, moment: None) if pictures is None else pictures.watch,
@@ -170,5 +182,7 @@ def _demonstrate(
     if not as_json:
         for name, value in result.as_json()["summary"].items():
             typer.echo(f"{name}: {value}")
-    if not result.summary.kept:
+    for sentence in result.broken:
+        typer.echo(sentence, err=True)
+    if not result.kept:
         raise typer.Exit(1)

@@ -13,6 +13,7 @@ from itertools import count
 from pathlib import Path
 from typing import Final, final
 
+from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, MissingExtraError, SmoskinError, require
 from smoskin.outputs import check_output, read_input
@@ -53,6 +54,8 @@ class Recordings(Sink):
     home : path, optional
         Folder for the recordings, by default the working folder; or the file of the first one,
         beside which further ones stand.
+    waits : bool
+        Whether what is played or simulated waits for the disk; an arm that follows it must not.
     say : callable
         Called with a sentence when a file cannot be written any more.
     """
@@ -64,6 +67,7 @@ class Recordings(Sink):
         calibration: Given | None = None,
         *,
         home: Given | None = None,
+        waits: bool = True,
         say: Callable[[str], object] = lambda sentence: None,
     ) -> None:
         self._design, self._source, self._say = design, source, say
@@ -72,7 +76,7 @@ class Recordings(Sink):
         path = Path(home or ".")
         name = "".join(sign if sign.isalnum() or sign in "-_." else "-" for sign in design.name)
         self._folder, self._name = (path, name) if path.is_dir() else (path.parent, path.stem)
-        self._waits = isinstance(source, ReplaySource | TwinSource)
+        self._waits = waits and isinstance(source, ReplaySource | TwinSource)
         self._lock = threading.Lock()
         self._path: Path | None = None
         self._recorder: Recorder | RecorderApart | None = None
@@ -166,6 +170,12 @@ class Recordings(Sink):
             if self._sink is not None:
                 self._sink.write(reading, estimate)
                 self._taken += 1
+
+    def write_arm(self, moment: float, angles: Floats, speeds: Floats, state: str) -> None:
+        """Record how an arm stands, as `Recorder.write_arm`, where a disk is never waited for."""
+        with self._lock:
+            if isinstance(self._sink, RecorderApart):
+                self._sink.write_arm(moment, angles, speeds, state)
 
     def close(self) -> None:
         """End the recording that goes on."""

@@ -78,6 +78,11 @@ class Command:
     force: Floats | None = None
     """(3,), N: its force there."""
 
+    @property
+    def sentence(self) -> str:
+        """What the arm is allowed, and why, for people."""
+        return f"{self.state.value}: {self.reason.value}"
+
 
 class _Touch(NamedTuple):
     """One touch that is believed, in the base's frame."""

@@ -19,6 +19,7 @@ from typing import Any, Final, final
 import numpy as np
 
 from smoskin.arguments import typed
+from smoskin.arrays import Floats
 from smoskin.design.document import format_design
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, RecordingError, require
@@ -40,6 +41,8 @@ from smoskin.service.recording import (
 from smoskin.service.ros import Codec, Description
 
 WRENCH_TOPIC: Final = "/skin/wrench"
+JOINTS_TOPIC: Final = "/arm/joints"
+ARM_TOPIC: Final = "/arm/state"
 
 _CHUNK_BYTES: Final = 1_000_000
 """Size at which a chunk is written at the latest, bytes."""
@@ -52,6 +55,8 @@ _RIG_SCHEMAS: Final = {
     TOUCH_TOPIC: ros.TOUCH,
 }
 """Message types of what a rig says."""
+_OTHER_SCHEMAS: Final = _RIG_SCHEMAS | {JOINTS_TOPIC: ros.JOINTS, ARM_TOPIC: ros.DOCUMENT}
+"""The same with what an arm says."""
 
 
 @final
@@ -205,6 +210,20 @@ class Recorder(Sink):
             self._flush()
             self._flushed = self._clock()
 
+    def write_arm(self, moment: float, angles: Floats, speeds: Floats, state: str) -> None:
+        """Append how an arm stands that carries the skin, on the readings' clock.
+
+        Joints, (J,), rad and rad/s, stand in ``/arm/joints`` (`sensor_msgs/JointState`), what the
+        arm is allowed and why in ``/arm/state`` (`std_msgs/String`). It raises as `write`.
+        """
+        if self._closed:
+            raise RecordingError("the recorder is closed")
+        if not self.failure:
+            with self._tried():
+                stamp = self._stamp(moment)
+                self._add(JOINTS_TOPIC, self._codec.encode_joints(angles, speeds, stamp), stamp)
+                self._add(ARM_TOPIC, self._codec.encode_document(state), stamp)
+
     def take_over(self, recording: Recording) -> None:
         """Append what can be read of an earlier part of this recording, as it stands there.
 
@@ -328,7 +347,7 @@ class Recorder(Sink):
     def _add(self, topic: str, payload: bytes, stamp: int | None = None) -> None:
         """Add a message at a stamp, the latest by default."""
         if topic not in self._channels:
-            self._declare(topic, _RIG_SCHEMAS[topic])
+            self._declare(topic, _OTHER_SCHEMAS[topic])
         stamp = self._last_stamp if stamp is None else stamp
         self._writer.add_message(
             self._channels[topic], log_time=stamp, data=payload, publish_time=stamp

@@ -30,6 +30,7 @@ FIELD: Final = "sensor_msgs/msg/MagneticField"
 POSITION: Final = "geometry_msgs/msg/PointStamped"
 WRENCH: Final = "geometry_msgs/msg/WrenchStamped"
 DOCUMENT: Final = "std_msgs/msg/String"
+JOINTS: Final = "sensor_msgs/msg/JointState"
 TOUCH: Final = "smoskin_msgs/msg/Touch"
 PHASE: Final = "smoskin_msgs/msg/Phase"
 
@@ -196,6 +197,11 @@ class Codec:
         """Place at which a stage held the probe, (3,), m in the skin's frame."""
         point = self._new("geometry_msgs/msg/Point", *place.tolist())
         return self._encode(POSITION, self._header("skin", stamp), point)
+
+    def encode_joints(self, angles: Floats, speeds: Floats, stamp: int) -> bytes:
+        """An arm's joints, (J,), rad and rad/s, called joint0 and so on from the base."""
+        names = [f"joint{joint}" for joint in range(len(angles))]
+        return self._encode(JOINTS, self._header("base", stamp), names, angles, speeds, np.zeros(0))
 
     def encode_phase(self, number: int, phase: tuple[str, float, float], stamp: int) -> bytes:
         """A phase of the touch of this number."""

@@ -1,5 +1,7 @@
 """The Bayesian estimator: touches of the reduced model's skin, and what decides their number."""
 
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -45,6 +47,19 @@ def raised(skin, time, signals, temperature=25.0) -> Reading:
     rest = ReducedTwin(skin, seed=None).read(time=time, temperature=temperature)
     own = np.einsum("sji,sj->si", mlx90393.rotations(skin.halls), signals.reshape(3, 3))
     return Reading(time=time, field=rest.field + own, temperature=rest.temperature)
+
+
+def test_an_estimator_that_nobody_has_any_more_is_gone_at_once(skin):
+    """Its table is megabytes, which Python's own search for circles does not see."""
+    bayes = estimator(skin)
+    bayes.step(ReducedTwin(skin, seed=0).read(time=1.0))
+    gone = weakref.ref(bayes)
+    gc.disable()
+    try:
+        del bayes
+        assert gone() is None
+    finally:
+        gc.enable()
 
 
 def test_it_finds_place_force_and_drag(skin):

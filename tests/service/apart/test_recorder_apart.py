@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
 from smoskin.errors import RecordingError
@@ -14,6 +15,7 @@ from smoskin.service.apart import recorder as apart
 from smoskin.service.apart.recorder import RecorderApart
 from smoskin.service.recording import open_recording
 from smoskin.twin.reduced import ReducedTwin
+from touch_recordings import decoded_by_others
 
 
 def until(happened, seconds=20.0):
@@ -55,6 +57,26 @@ def test_all_readings_are_written_in_their_order_unless_there_is_no_room(
     assert times[:40] == [reading.time for reading in readings[:40]]
     assert len(times) == 240 - recorder.dropped
     assert (recorder.failure, told) == ("", [])
+
+
+def test_an_arm_is_written_beside_them_where_there_is_room(planar, readings, tmp_path, monkeypatch):
+    path, arm = tmp_path / "kept.mcap", (np.array([0.1, 0.2]), np.zeros(2), "standing")
+    recorder = RecorderApart(path, planar, attachments={}, on_failure=pytest.fail)
+    for reading in readings[:30]:
+        recorder.write(reading)
+        recorder.write_arm(reading.time, *arm)
+    until(lambda: recorder._remote.waiting == 0)
+    monkeypatch.setattr(apart, "_ROOM", 0)
+    recorder.write_arm(readings[30].time, *arm)
+    recorder.close()
+    assert recorder.dropped == 0  # that counts readings
+    with pytest.raises(RecordingError, match="the recorder is closed"):
+        recorder.write_arm(0.0, *arm)
+    found = decoded_by_others(path)
+    stamps = [[stamp for stamp, _ in found[topic]] for topic in ("/skin/reading", "/arm/joints")]
+    assert len(stamps[0]) == 30
+    assert stamps[0] == stamps[1]
+    assert {word.data for _, word in found["/arm/state"]} == {"standing"}
 
 
 def test_a_file_that_is_gone_or_a_writer_that_is_ended_ends_the_recording_alone(

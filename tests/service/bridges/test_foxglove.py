@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 from smoskin.errors import ArgumentError
 from smoskin.feasibility import load_design
@@ -25,6 +26,7 @@ from websockets.sync.client import ClientConnection, connect
 from smoskin.service.bridges.foxglove import Foxglove
 
 TOUCH = Contact(position=(0.045, 0.080), force=(0.3, -0.4, -1.2))
+SECOND = Contact(position=(0.090, 0.030), force=(0.0, 0.2, -0.6))
 HEAD = struct.Struct("<BIQ")
 """Operation, subscription and time of a message of the protocol."""
 
@@ -80,7 +82,8 @@ class Viewer:
     def messages(self, sink: Any, estimate: Estimate) -> dict[str, list[Any]]:
         """All messages by their topics, of readings that are written until each has one."""
         heard: dict[str, list[Any]] = {}
-        reading = Reading(time=5.0, field=np.arange(9.0).reshape(3, 3) * 1e-6)
+        chips = sum(channel["topic"].endswith("/field") for channel in self.channels.values())
+        reading = Reading(time=5.0, field=np.arange(3.0 * chips).reshape(-1, 3) * 1e-6)
         for _ in range(200):
             sink.write(reading, estimate)
             try:
@@ -94,7 +97,8 @@ class Viewer:
             except TimeoutError:
                 pass
             scene = [e.id for told in heard.get("/left/scene", []) for e in told.entities]
-            if len(heard) == len(self.channels) - 1 and {"sheet", "touches"} <= set(scene):
+            unused = 2 - len(estimate.contacts)
+            if len(heard) == len(self.channels) - unused and {"sheet", "touches"} <= set(scene):
                 return heard
         raise AssertionError(sorted(heard))
 
@@ -142,6 +146,56 @@ def test_a_stranger_decodes_every_channel(server):
     )
 
 
+def arrow_of(arrow: Any) -> tuple[Any, Any]:
+    """Tip and direction of an arrow, whose x its pose turns."""
+    turn, tail = arrow.pose.orientation, arrow.pose.position
+    along = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).apply([1.0, 0.0, 0.0])
+    length = arrow.shaft_length + arrow.head_length
+    return np.array([tail.x, tail.y, tail.z]) + length * along, length * along
+
+
+@pytest.mark.parametrize("name", ["planar", "curved"])
+def test_two_touches_are_on_a_channel_and_an_arrow_each(server, name):
+    design = load_design(name)
+    sink = server.add("left", len(design.halls), design, counters=lambda: {"readings": 7})
+    contacts = (TOUCH, SECOND)
+    covariance = np.array([np.diag([1e-6, 4e-6, 0.01, 0.04, 0.09]) * (1 + k) for k in range(2)])
+    estimate = Estimate(time=5.0, status=Status.CONTACT, contacts=contacts, covariance=covariance)
+    with viewing(server) as viewer:
+        heard = viewer.messages(sink, estimate)
+        assert set(heard) == {channel["topic"] for channel in viewer.channels.values()}
+    for k, contact in enumerate(contacts):
+        for told in heard[f"/left/contact{k}"]:
+            assert told.header.frame_id == "left/skin"
+            place = [told.point.x, told.point.y, told.point.z]
+            assert place == [*contact.position, 0.0]
+    first, second = (heard[f"/left/contact{k}"][0].header.stamp for k in range(2))
+    assert (first.sec, first.nanosec) == (second.sec, second.nanosec)
+    told = heard["/left/estimate"][0]
+    assert_allclose(told.position.reshape(-1, 2), [c.position for c in contacts])
+    assert_allclose(told.force.reshape(-1, 3), [c.force for c in contacts])
+    assert_allclose(told.covariance.reshape(-1, 5, 5), covariance)
+    wrench = heard["/left/wrench"][0].wrench
+    pull, lever = wrench.force, wrench.torque
+    assert_allclose([pull.x, pull.y, pull.z], [0.3, -0.2, -1.8])
+    levers = [np.cross([*c.position, 0.0], c.force) for c in contacts]
+    assert_allclose([lever.x, lever.y, lever.z], np.sum(levers, axis=0))
+    chips = range(len(design.halls))
+    assert [heard[f"/left/chip{k}/field"][0].magnetic_field.z for k in chips] == [
+        pytest.approx((3 * k + 2) * 1e-6) for k in chips
+    ]
+    assert heard["/left/status"][0]["status"] == "CONTACT"
+    entities = [entity for told in heard["/left/scene"] for entity in told.entities]
+    arrows = next(entity for entity in entities if entity.id == "touches").arrows
+    assert len(arrows) == 2
+    roll = geometry(design).roll
+    for arrow, contact in zip(arrows, contacts, strict=True):
+        tip, along = arrow_of(arrow)
+        assert_allclose(tip, roll.places(np.array([*contact.position, 0.0])), atol=1e-12)
+        force = roll.axes(contact.position[1]) @ contact.force
+        assert_allclose(along, 0.05 * force, atol=1e-12)  # 50 mm for 1 N
+
+
 def test_an_arrow_points_along_the_force_and_ends_at_the_touch(server):
     design = load_design("planar")
     sink = server.add("left", 3, design, counters=dict)
@@ -152,13 +206,8 @@ def test_an_arrow_points_along_the_force_and_ends_at_the_touch(server):
         heard = viewer.messages(sink, estimate)
     entities = [entity for told in heard["/left/scene"] for entity in told.entities]
     (arrow,) = next(entity for entity in entities if entity.id == "touches").arrows
-    turn = arrow.pose.orientation
-    w, axis = turn.w, np.array([turn.x, turn.y, turn.z])
-    x = np.array([1.0, 0.0, 0.0])
-    along = x + 2 * np.cross(axis, np.cross(axis, x) + w * x)  # x turned by the quaternion
-    assert_allclose(along, TOUCH.force / np.linalg.norm(TOUCH.force), atol=1e-12)
-    tail = arrow.pose.position
-    tip = np.array([tail.x, tail.y, tail.z]) + along * (arrow.shaft_length + arrow.head_length)
+    tip, along = arrow_of(arrow)
+    assert_allclose(along / np.linalg.norm(along), TOUCH.force / np.linalg.norm(TOUCH.force))
     assert_allclose(tip, [0.045, 0.080, 0.0], atol=1e-12)
     sheet = next(entity for entity in entities if entity.id == "sheet").lines[0]
     vertices = geometry(design).sheet.vertices

@@ -132,14 +132,14 @@ def test_a_chip_that_gives_no_numbers_keeps_its_last_good_ones(view, flag):
 @pytest.mark.parametrize(
     ("shown", "now", "word", "color"),
     [
-        (None, 0.0, "Waiting", panels._GREY),
-        (moment(estimate=None), 0.99, "Reading", panels._GREY),
-        (moment(), 1.01, "Silent", panels._RED),
+        (None, 0.0, "Waiting", panels.GREY),
+        (moment(estimate=None), 0.99, "Reading", panels.GREY),
+        (moment(), 1.01, "Silent", panels.RED),
         *(
             (moment(estimate=Estimate(time=0.0, status=status)), 0.99, *panels._STATUS[status])
             for status in Status if status is not Status.CONTACT
         ),
-        (moment(estimate=TOUCHED), 0.99, "Touched", panels._GREEN),
+        (moment(estimate=TOUCHED), 0.99, "Touched", panels.GREEN),
     ],
 )  # fmt: skip
 def test_a_word_and_a_colour_for_every_state(shown, now, word, color):

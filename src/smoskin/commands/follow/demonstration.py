@@ -1,27 +1,30 @@
 """The demonstration of Figure S13 on a simulated arm: what was pressed, and what the arm did.
 
 A made skin, calibrated by a rig, is carried by the arm, so that its weight and the Earth's field
-turn with it. Before each touch the arm goes back by itself, disarmed, and is armed at rest. Time is
-the simulation's: nothing depends on how busy the machine is, except the rate that is told.
+turn with it. Before each touch the arm goes back by itself, disarmed, and is armed at rest. All
+that is promised of the arm is judged here: `judged` decides what counts as kept.
 """
 
-import time
+import os
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from smoskin.arrays import Floats
 from smoskin.commands.calibrate import calibrate
 from smoskin.commands.follow.script import Press, scripted_presses
+from smoskin.commands.follow.stage import Moment, Stage
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import ArgumentError
-from smoskin.origami.geometry import geometry
-from smoskin.records import Contact, Pose
-from smoskin.robot import law
-from smoskin.robot.chain import Carriage
-from smoskin.robot.follow import Command, Follow, Seen, State
+from smoskin.errors import ArgumentError, require
+from smoskin.outputs import check_output
+from smoskin.records import Pose
+from smoskin.robot.follow import State
 from smoskin.robot.law import Limits
 from smoskin.robot.reasons import Reason
 from smoskin.robot.simulated import SimulatedArm
@@ -29,6 +32,7 @@ from smoskin.roles import Estimator
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.estimators import ZeroFirst
 from smoskin.sensing.response.table import ResponseTable, load_response_table
+from smoskin.service.recorder import Recorder
 from smoskin.twin.carried import CarriedSkin
 from smoskin.twin.rig import VirtualRig
 from smoskin.twin.whole import Twin
@@ -38,47 +42,18 @@ if TYPE_CHECKING:
 
 BELOW, ABOVE = 0.40, 0.60
 """Forces up to which the arm must stand and from which it must move, N."""
-_REST: Final = 0.8
-"""Time at rest before and after a touch, s."""
-_SWING, _SWUNG = 2.0, 0.25
-"""Time, s, and farthest turn, rad, of each joint to and fro before the first touch."""
-_BACK: Final = 0.3
-"""Speed of the joints on the way back, rad/s."""
 _FALLEN: Final = 0.02
 """Time after a force has fallen below in which the arm may still be asked to move, s."""
 _REACTION: Final = 0.1
 """Time after a force has risen above in which it may still stand, s."""
 _STEADY: Final = 0.15
 """Time after the arm was asked to move from which its direction counts, s."""
-_MOVES: Final = 5e-3
-"""Speed from which it has a direction, m/s."""
 _OFF: Final = 10.0
 """Largest angle between force and velocity, degrees."""
 _EXACT: Final = 1.02
 """Ratio up to which measured speeds are within a limit: drives swing a little."""
-
-
-class Moment(NamedTuple):
-    """One reading of the demonstration, and what came of it."""
-
-    time: float
-    """s."""
-    press: int
-    """Number of the touch; -1 between touches."""
-    force: float
-    """N: true size of the force."""
-    command: Command
-    angle: float
-    """degrees: between the true force and the measured velocity of the touched place; NaN where
-    the place hardly moves."""
-    speed: float
-    """m/s: measured, of the touched place."""
-    fastest: float
-    """m/s: measured, of the arm's fastest part."""
-    place: Floats
-    """(3,), m: touched place in the room."""
-    push: Floats
-    """(3,), N: true force in the room."""
+_ROUNDED: Final = 1e-9
+"""Share by which what is asked may exceed a limit for rounding alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,10 +111,35 @@ class Demonstration:
 
     touches: tuple[FollowedTouch, ...]
     summary: FollowSummary
+    exceeded: dict[str, int] = field(default_factory=dict)
+    """How often each limit was exceeded, by its name."""
+    asked_hz: float = 0.0
+    """Readings a second that were played."""
+    not_recorded: str = ""
+    """Sentence about why the recording is not whole; empty where it is, or none was asked for."""
+
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """Sentences about what was not kept, beside the numbers of the summary."""
+        words = ", ".join(f"{name} {count}" for name, count in self.exceeded.items() if count)
+        able, asked, told = self.summary.rate_hz, self.asked_hz, []
+        if words:
+            told.append(f"Limits were exceeded, each so often: {words}.")
+        if able < asked:
+            told.append(f"This machine can only turn {able:g} of {asked:g} readings a second.")
+        if self.not_recorded:
+            told.append(f"{self.not_recorded}.")
+        return tuple(told)
+
+    @property
+    def kept(self) -> bool:
+        """Whether everything promised and asked for was kept."""
+        return self.summary.kept and not self.broken
 
     def as_json(self) -> dict[str, Any]:
-        """Plain values for machines: ``{"touches": [...], "summary": {...}}``."""
-        return asdict(self)
+        """Plain values for machines: touches, summary, and sentences about what is broken."""
+        touches = [asdict(touch) for touch in self.touches]
+        return {"touches": touches, "summary": asdict(self.summary), "broken": list(self.broken)}
 
     def tables(self) -> "list[Table]":
         """Every touch with what the arm did."""
@@ -152,11 +152,15 @@ class Demonstration:
             "moved from (N)",
             "by (mm)",
             "off (degrees)",
-            "fault",
+            "broken",
         ):
             table.add_column(heading, justify="right")
         for touch in self.touches:
-            broken = touch.moved_below or touch.still_above
+            words = [
+                *["moved by too little"] * touch.moved_below,
+                *["stood under too much"] * touch.still_above,
+                *[touch.fault] * bool(touch.fault),
+            ]
             began, off = touch.began_N, touch.direction_error_deg
             table.add_row(
                 f"{touch.x_mm:.0f}, {touch.y_mm:.0f}",
@@ -164,117 +168,10 @@ class Demonstration:
                 "" if began is None else f"{began:.2f}",
                 f"{touch.moved_mm:.0f}",
                 "" if off is None else f"{off:.1f}",
-                touch.fault,
-                style="red" if broken else "",
+                ", ".join(words),
+                style="red" if words else "",
             )
         return [table]
-
-
-class Stage:
-    """A skin on a simulated arm, its estimator, and what follows; one step a reading."""
-
-    def __init__(
-        self,
-        arm: Callable[[Callable[[], float]], SimulatedArm],
-        skin: CarriedSkin,
-        estimator: Callable[[Callable[[], Pose]], Estimator],
-        *,
-        rate: float = 100.0,
-        limits: Limits | None = None,
-    ) -> None:
-        self._now = 0.0
-        self.arm = arm(lambda: self._now)
-        self._design = skin.twin.design
-        self.follow = Follow(self.arm.chain, self._design, limits)
-        self._limits = Limits() if limits is None else limits
-        self._skin, self._carriage = skin, Carriage(self.arm.chain, self.follow.middle)
-        self._estimator = estimator(lambda: self._carriage.pose)
-        self._period = 1.0 / rate
-        self.start = self.arm.state().angles
-        """(J,), rad: angles that the arm goes back to."""
-        self.moments: list[Moment] = []
-        self.busy = 0.0
-        """Seconds that the machine took from readings to commands."""
-        self._number = 0
-
-    def play(self, press: Press, number: int, watch: Callable[[Moment], object]) -> None:
-        """Go back, rest, be armed, and follow a touch.
-
-        It raises an `ArgumentError` if the skin does not read as untouched before.
-        """
-        self.follow.disarm()
-        while np.abs(self.arm.state().angles - self.start).max() > 1e-3:
-            self._step((), -1, watch, self._homeward())
-        self._wait(_REST, watch)
-        if self.follow.state is State.FAULT:
-            self.follow.reset()
-        self.follow.arm()
-        for k in range(round(press.seconds / self._period) + 1):
-            self._step(press.contacts(k * self._period), number, watch)
-        self._wait(_REST / 2, watch)
-
-    def swing(self, watch: Callable[[Moment], object]) -> None:
-        """Turn the joints that carry the skin to and fro, untouched, so that poses are learned."""
-        self._wait(_REST, watch)
-        joints = np.eye(self.arm.chain.joints)[: self.arm.chain.carriers]
-        for joint in joints:
-            for phase in np.arange(0.0, 2 * np.pi, 2 * np.pi * self._period / _SWING):
-                self._step((), -1, watch, _SWUNG * 2 * np.pi / _SWING * np.cos(phase) * joint)
-
-    def _wait(self, seconds: float, watch: Callable[[Moment], object]) -> None:
-        for _ in range(round(seconds / self._period)):
-            self._step((), -1, watch)
-
-    def _step(
-        self,
-        contacts: Sequence[Contact],
-        number: int,
-        watch: Callable[[Moment], object],
-        programme: Floats | None = None,
-    ) -> None:
-        """One reading: what it shows, what the arm is told, what it does until the next.
-
-        A robot's programme may move the joints instead, (J,), rad/s, while nobody has armed.
-        """
-        self._number += 1
-        self._now = self._number * self._period
-        state, chain = self.arm.state(), self.arm.chain
-        posture = chain.posture(state.angles)
-        roll = geometry(self._design).roll
-        place, push = np.zeros(3), np.zeros(3)
-        for contact in contacts:
-            x, y = contact.position
-            place = posture.on_skin(roll.places(np.array([x, y, 0.0])))
-            push = posture.of_skin(roll.axes(y) @ contact.force)
-        self.arm.push(place, push)
-        pose = self._carriage.look(self._now, state.angles, state.speeds)
-        reading = self._skin.read(self._now, contacts, pose.turn, acceleration=pose.acceleration)
-        begun = time.perf_counter()
-        estimate = self._estimator.step(reading)
-        command = self.follow.step(self._now, Seen(estimate, self._now), state)
-        self.busy += time.perf_counter() - begun
-        self.arm.move(command.speeds if programme is None else programme)
-        velocity = posture.jacobian(place) @ state.speeds if contacts else np.zeros(3)
-        speed = float(np.linalg.norm(velocity))
-        moment = Moment(
-            time=self._now,
-            press=number,
-            force=float(np.linalg.norm(push)),
-            command=command,
-            angle=law.turned_away(velocity, push) if speed > _MOVES else np.nan,
-            speed=speed,
-            fastest=float(np.linalg.norm(posture.corner_motions @ state.speeds, axis=1).max()),
-            place=place,
-            push=push,
-        )
-        self.moments.append(moment)
-        watch(moment)
-
-    def _homeward(self) -> Floats:
-        """Speeds by which a disarmed arm goes back, gently at the end."""
-        away = self.start - self.arm.state().angles
-        gentle = min(1.0, float(np.abs(away).max()) / 0.1 + 0.02)
-        return np.asarray(away / max(float(np.abs(away).max()), 1e-9) * _BACK * gentle)
 
 
 def demonstrate(
@@ -286,6 +183,8 @@ def demonstrate(
     table: ResponseTable | None = None,
     arm: Callable[[SkinDesign, Callable[[], float]], SimulatedArm] = SimulatedArm,
     limits: Limits | None = None,
+    record: str | os.PathLike[str] | None = None,
+    force: bool = False,
     say: Callable[[str], object] = lambda sentence: None,
     watch: Callable[[Stage, Moment], object] = lambda stage, moment: None,
 ) -> Demonstration:
@@ -306,6 +205,9 @@ def demonstrate(
         Function of design and clock that makes the arm.
     limits : Limits, optional
         What the arm may do.
+    record, force : path and bool
+        A new MCAP file for readings, estimates, the calibrated table and the arm; with `force` it
+        may replace another. Where it cannot be written any more, the demonstration goes on.
     say, watch : callable
         Functions called with sentences about what is done, and with every moment.
 
@@ -315,32 +217,64 @@ def demonstrate(
         If the rate is out of its range, or the skin reads as touched when nobody touches.
     ModelError
         If there is no table of the design, or the arm's model cannot be read.
+    FileError, RecordingError
+        If there is such a file already, or it cannot be made.
     MissingExtraError
-        If the extras ``robot``, ``twin`` and ``learned`` are not installed.
+        If the extras ``robot``, ``twin`` and ``learned`` are not installed, or, to record,
+        ``recording``.
     """
     if not 50.0 <= rate <= 500.0:
         raise ArgumentError(f"rate must be from 50 to 500 Hz; got {rate}")
+    if record is not None:
+        require("recording", "recording", "mcap", "rosbags")
+        check_output(record, force=force)
     say("A workshop makes a skin, and a rig calibrates it.")
     known = load_response_table(design.name) if table is None else table
     twin = Twin(design, seed=seed, manufactured=True)
     rig = VirtualRig(twin, seed=seed)
     done = calibrate(known, rig, design=design, count=calibration_touches)
     skin = CarriedSkin(twin, seed=seed)
+    with ExitStack() as stack:
+        recorder = None
+        if record is not None:
+            recorder = stack.enter_context(_recorder(Path(record), design, done.table, say))
+        stage = Stage(
+            lambda clock: arm(design, clock),
+            skin,
+            partial(_posed, design, done.table),
+            rate=rate,
+            limits=limits,
+            recorder=recorder,
+        )
+        say("The arm swings untouched, so that what its pose changes is known.")
+        stage.swing(lambda moment: watch(stage, moment))
+        presses = scripted_presses(design)
+        for number, press in enumerate(presses):
+            x, y = 1e3 * press.place
+            say(f"Touch {number + 1} of {len(presses)}, at ({x:.0f}, {y:.0f}) mm.")
+            stage.play(press, number, lambda moment: watch(stage, moment))
+    able = len(stage.moments) / stage.busy
+    found = judged(stage.moments, presses, limits or Limits(), able)
+    return replace(found, asked_hz=rate, not_recorded="" if recorder is None else recorder.failure)
 
-    def estimator(pose: Callable[[], Pose]) -> Estimator:
-        bayes = ZeroFirst(BayesEstimator(design, done.table))
-        bayes.carried_by(pose)
-        return bayes
 
-    stage = Stage(lambda clock: arm(design, clock), skin, estimator, rate=rate, limits=limits)
-    say("The arm swings untouched, so that what its pose changes is known.")
-    stage.swing(lambda moment: watch(stage, moment))
-    presses = scripted_presses(design)
-    for number, press in enumerate(presses):
-        x, y = 1e3 * press.place
-        say(f"Touch {number + 1} of {len(presses)}, at ({x:.0f}, {y:.0f}) mm.")
-        stage.play(press, number, lambda moment: watch(stage, moment))
-    return judged(stage.moments, presses, limits or Limits(), len(stage.moments) / stage.busy)
+def _posed(design: SkinDesign, table: ResponseTable, pose: Callable[[], Pose]) -> Estimator:
+    """What reads the calibrated skin, and is told how the arm holds it."""
+    bayes = ZeroFirst(BayesEstimator(design, table))
+    bayes.carried_by(pose)
+    return bayes
+
+
+def _recorder(
+    path: Path, design: SkinDesign, table: ResponseTable, say: Callable[[str], object]
+) -> Recorder:
+    """What records the demonstration, with the table by which its skin is read."""
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "skin.table"
+        table.save(file)
+        attached = {file.name: file.read_bytes()}
+    path.unlink(missing_ok=True)  # it may be replaced, or there would have been an error before
+    return Recorder(path, design, attachments=attached, on_failure=say)
 
 
 def judged(
@@ -352,7 +286,7 @@ def judged(
         for number, press in enumerate(presses)
     )
     offs = [t.direction_error_deg for t in touches if t.direction_error_deg is not None]
-    asked = [moment for moment in moments if moment.press >= 0]
+    exceeded = _exceeded(moments, touches, limits)
     faults = [moment.command.state is State.FAULT for moment in moments]
     return Demonstration(
         touches=touches,
@@ -361,13 +295,49 @@ def judged(
             moved_below_0_40_N=sum(touch.moved_below for touch in touches),
             still_above_0_60_N=sum(touch.still_above for touch in touches),
             direction_error_deg_max=max(offs, default=None),
-            limit_violations=sum(moment.fastest > _EXACT * limits.speed for moment in asked)
-            + sum(touch.moved_mm > 1e3 * limits.distance for touch in touches),
+            limit_violations=sum(exceeded.values()),
             faults=int(np.count_nonzero(np.diff([False, *faults]) & np.array(faults))),
             stop_ms_max=max((touch.stop_ms for touch in touches), default=0.0),
             rate_hz=round(rate, 1),
         ),
+        exceeded=exceeded,
     )
+
+
+def _exceeded(
+    moments: Sequence[Moment], touches: Sequence[FollowedTouch], limits: Limits
+) -> dict[str, int]:
+    """How often each limit was exceeded while the arm was armed, by its name."""
+    armed = [moment for moment in moments if moment.press >= 0]
+    outside = [
+        moment.height < limits.floor
+        or (moment.force > 0.0 and not (limits.low <= moment.place).all())
+        or (moment.force > 0.0 and not (moment.place <= limits.high).all())
+        for moment in armed
+    ]
+    most = (1.0 + _ROUNDED) * limits.acceleration
+    return {
+        "speed": sum(moment.fastest > _EXACT * limits.speed for moment in armed),
+        "acceleration": sum(moment.gain > most for moment in armed),
+        "way": sum(touch.moved_mm > 1e3 * limits.distance for touch in touches),
+        "time": sum(last > limits.duration for last in _moved_for(armed)),
+        "joint range": sum(moment.room < 0.0 for moment in armed),
+        "workspace": sum(outside),
+    }
+
+
+def _moved_for(moments: Sequence[Moment]) -> list[float]:
+    """Seconds from first to last move of each touch, until it is let go."""
+    spans: list[tuple[float, float]] = []
+    touch, before = -1, 0.0
+    for moment in moments:
+        if moment.press != touch or before == 0.0:
+            spans.append((np.inf, -np.inf))
+        touch, before = moment.press, moment.force
+        if moment.command.speeds.any():
+            first, _ = spans[-1]
+            spans[-1] = min(first, moment.time), moment.time
+    return [last - first for first, last in spans]
 
 
 def _judged(moments: Sequence[Moment], press: Press) -> FollowedTouch:

@@ -5,7 +5,7 @@ import os
 from typing import TYPE_CHECKING, Final
 
 from smoskin.arrays import Floats
-from smoskin.commands.follow.demonstration import Moment, Stage
+from smoskin.commands.follow.stage import Moment, Stage
 from smoskin.errors import require
 from smoskin.outputs import check_output, write_output
 

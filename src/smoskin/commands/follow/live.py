@@ -8,14 +8,16 @@ import queue
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from typing import Final
+from typing import Final, final
 
 import numpy as np
 
 from smoskin.commands.follow.page import ArmPage
+from smoskin.commands.recordings import Recordings
 from smoskin.design.skin import SkinDesign
-from smoskin.errors import ArgumentError
-from smoskin.records import Contact, Pose
+from smoskin.errors import ArgumentError, RecordingError
+from smoskin.outputs import check_output
+from smoskin.records import Contact, Estimate, Pose, Reading
 from smoskin.robot.arm import Arm
 from smoskin.robot.chain import Chain
 from smoskin.robot.driver import Driver
@@ -25,7 +27,7 @@ from smoskin.robot.law import Limits
 from smoskin.robot.simulated import OWN_MODEL, SimulatedArm
 from smoskin.robot.ur import UrArm
 from smoskin.robot.xarm import XArm
-from smoskin.roles import Estimator, Source
+from smoskin.roles import Estimator, Sink, Source
 from smoskin.sensing.closed_form.estimator import ClosedFormEstimator
 from smoskin.sensing.estimators import ZeroFirst, load_estimator
 from smoskin.service.apart.realtime import undisturbed
@@ -53,6 +55,8 @@ def follow_source(
     port: int | None = None,
     seconds: float | None = None,
     realtime: bool = False,
+    record: str | os.PathLike[str] | None = None,
+    force: bool = False,
     words: "queue.Queue[str] | None" = None,
     say: Callable[[str], object] = lambda sentence: None,
 ) -> Counters:
@@ -79,6 +83,9 @@ def follow_source(
         Time of readings to end after, s.
     realtime : bool
         Whether to run before other programs, as `smoskin.service.apart.realtime.undisturbed`.
+    record, force : path and bool
+        A new MCAP file for readings, estimates, the calibration's file and the arm; with `force`
+        it may replace another. The arm never waits for it: what a disk is too slow for is left out.
     words : queue of str, optional
         What people say, of `WORDS`; nobody arms the arm without.
     say : callable
@@ -92,9 +99,14 @@ def follow_source(
         If the source cannot be opened or falls silent, or the robot refuses.
     ModelError
         If the calibration or the arm's model cannot be read or fits no such skin.
+    FileError, RecordingError
+        If there is such a file already, or it cannot be made; at the end, with the arm at rest, if
+        it could not be written whole.
     MissingExtraError
-        If the extra ``robot`` is not installed.
+        If the extra ``robot`` is not installed, or, to record, ``recording``.
     """
+    if record is not None:
+        check_output(record, force=force)
     say(WARNING)
     words = queue.Queue() if words is None else words
     with ExitStack() as stack:
@@ -109,9 +121,14 @@ def follow_source(
         follow = Follow(arm.chain, skin, limits)
         held = switch or (lambda: True)
         driver = stack.enter_context(Driver(arm, follow, on_command=_changes(say), held=held))
-        estimator = _estimator(skin, calibration)
-        estimator.carried_by(_poses(source, driver))
-        loop = stack.enter_context(Loop(source, estimator, sinks=(driver,)))
+        estimator = _estimator(skin, calibration, _poses(source, driver))
+        sinks: list[Sink] = [driver]  # first, so that the arm is told and stopped before any other
+        if record is not None:
+            recordings = Recordings(skin, source, calibration, home=record, waits=False, say=say)
+            recordings.begin(record, force=force)
+            stack.callback(_tell, recordings, say)
+            sinks.append(_Followed(recordings, driver))
+        loop = stack.enter_context(Loop(source, estimator, sinks=sinks))
         driver.look()
         if port is not None:
             shown = skin, simulated, driver, follow, words, switch, WARNING, port
@@ -119,23 +136,65 @@ def follow_source(
             say(f"The arm is live at {page.url}")
         stack.enter_context(undisturbed(realtime=realtime))
         driver.start()
-        first: float | None = None
-        for estimate in loop:
-            first = estimate.time if first is None else first
-            for word in _said(words):
-                if word == "quit":
-                    return loop.counters
-                _obey(driver, holding, estimator, word, say)
-            if seconds is not None and estimate.time - first >= seconds:
-                break
+        _heed(loop, words, seconds, lambda word: _obey(driver, holding, estimator, word, say))
         return loop.counters
 
 
-def _estimator(skin: SkinDesign, calibration: str | os.PathLike[str] | None) -> Estimator:
-    """What reads a skin, of which the first readings are the zero."""
-    if calibration is None:
-        return ZeroFirst(ClosedFormEstimator(skin))
-    return ZeroFirst(load_estimator(calibration, skin))
+def _heed(
+    loop: Loop, words: "queue.Queue[str]", seconds: float | None, obey: Callable[[str], None]
+) -> None:
+    """Let a loop run until its readings end, the time is over or somebody says so."""
+    first: float | None = None
+    for estimate in loop:
+        first = estimate.time if first is None else first
+        for word in _said(words):
+            if word == "quit":
+                return
+            obey(word)
+        if seconds is not None and estimate.time - first >= seconds:
+            return
+
+
+@final
+class _Followed(Sink):
+    """Recordings of what an arm follows, with the arm as it is looked at last."""
+
+    def __init__(self, recordings: Recordings, driver: Driver) -> None:
+        self._recordings, self._driver = recordings, driver
+
+    @property
+    def dropped(self) -> int:
+        """As of the recordings."""
+        return self._recordings.dropped
+
+    def write(self, reading: Reading, estimate: Estimate | None = None) -> None:
+        """Record a reading, its estimate and the arm."""
+        self._recordings.write(reading, estimate)
+        if self._driver.newest is not None:
+            arm, command = self._driver.newest
+            self._recordings.write_arm(reading.time, arm.angles, arm.speeds, command.sentence)
+
+    def close(self) -> None:
+        """End the recording."""
+        self._recordings.close()
+
+
+def _tell(recordings: Recordings, say: Callable[[str], object]) -> None:
+    """End a recording and tell of it; a `RecordingError` if it is not whole."""
+    recordings.close()
+    say(recordings.sentence)
+    if recordings.first_failure:
+        raise RecordingError(recordings.first_failure)
+
+
+def _estimator(
+    skin: SkinDesign, calibration: str | os.PathLike[str] | None, pose: Callable[[], Pose]
+) -> Estimator:
+    """What reads a skin held so, of which the first readings are the zero."""
+    known = None if calibration is None else load_estimator(calibration, skin)
+    estimator = ZeroFirst(known or ClosedFormEstimator(skin))
+    estimator.carried_by(pose)
+    return estimator
 
 
 def _touching(source: Source, robot: str | None) -> Callable[[tuple[Contact, ...]], None] | None:
@@ -158,7 +217,7 @@ def _changes(say: Callable[[str], object]) -> Callable[[Command], None]:
     def tell(command: Command) -> None:
         if last[-1:] != [(command.state, command.reason)]:
             last[:] = [(command.state, command.reason)]
-            say(f"{command.state.value}: {command.reason.value}")
+            say(command.sentence)
 
     return tell
 

@@ -8,6 +8,7 @@ all that made skins differ by as its uncertainty.
 import math
 from dataclasses import replace
 from typing import Final, NamedTuple
+from weakref import WeakMethod
 
 import numpy as np
 
@@ -96,6 +97,13 @@ class BayesEstimator(SignalEstimator):
         tracking: ZeroTracking | None = None,
     ) -> None:
         design.check_own("table", table.design_hash)
+        # Were it held by what it asks, its table would stay until Python looks for such circles.
+        likelier_touched = WeakMethod(self._likelier_touched)
+
+        def touched(signals: Floats, density: float) -> bool:
+            test = likelier_touched()
+            return test is not None and test(signals, density)
+
         super().__init__(
             design,
             table.chips,
@@ -105,7 +113,7 @@ class BayesEstimator(SignalEstimator):
             most=table.forces[1],
             left=table.left,
             loops=table.loops,
-            touched=self._likelier_touched,
+            touched=touched,
         )
         self.table = table
         self._unwarps = table.contact.inverse(table.warps[0], table.basis.extent)

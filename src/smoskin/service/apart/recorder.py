@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final, final
 
+from smoskin.arrays import Floats
 from smoskin.design.skin import SkinDesign
 from smoskin.errors import ArgumentError, RecordingError, SmoskinError, require
 from smoskin.records import Estimate, Reading
@@ -75,9 +76,20 @@ class RecorderApart(Sink):
             self._passed += 1
             return
         self._taken += 1
+        self._add("write", reading, estimate)
+
+    def write_arm(self, moment: float, angles: Floats, speeds: Floats, state: str) -> None:
+        """Let be written how an arm stands, as `Recorder.write_arm`; not where there is no room."""
+        if self._closed:
+            raise RecordingError("the recorder is closed")
+        if self._remote.waiting < _ROOM:
+            self._add("write_arm", moment, angles, speeds, state)
+
+    def _add(self, method: str, *given: object) -> None:
+        """Have something written, unless nothing can be any more."""
         if not self.failure:
             try:
-                self._remote.add("write", reading, estimate)
+                self._remote.add(method, *given)
             except SmoskinError as error:
                 self._fail(f"{self._path} cannot be written: {error}; nothing more is recorded")
 
@@ -126,6 +138,10 @@ class Written:
         """Append a reading and what was made of it."""
         self._recorder.write(reading, estimate)
         self._tell()
+
+    def write_arm(self, moment: float, angles: Floats, speeds: Floats, state: str) -> None:
+        """Append how an arm stands."""
+        self._recorder.write_arm(moment, angles, speeds, state)
 
     def close(self) -> None:
         """Write what is left and end the file."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from smoskin.arrays import Floats, Ints
 from smoskin.records import ChipFlag
-from smoskin.service.page.parts import html
+from smoskin.service.page.parts import AMBER, GREEN, GREY, RED, html
 
 if TYPE_CHECKING:
     import viser
@@ -25,8 +25,7 @@ _LEAST: Final = 1.0
 """N: least end of the plot's axis."""
 _WORTH_A_LOOK: Final = 100e-6
 """T: drift past which the zero is better taken anew."""
-_GREEN, _AMBER, _RED = "#2b8a5f", "#d08700", "#c92a2a"
-_STROKES: Final = ("#d55e00", "#0f9d74", "#8a919c")
+_STROKES: Final = ("#d55e00", "#059b6d", "#838e9f")
 """First touch, second touch, threshold."""
 
 
@@ -98,11 +97,11 @@ def lamps(names: tuple[str, ...], flags: Ints | None, drift: Floats | None) -> s
         flag = ChipFlag(0 if flags is None else int(flags[chip]))
         words = ", ".join(kind.name.lower() for kind in ChipFlag if kind in flag and kind.name)
         far = None if drift is None else float(np.linalg.norm(drift[chip]))
-        color, word = (_RED, words) if words else (_GREEN, "good")
+        color, word = (RED, words) if words else (GREEN, "good")
         if flags is None:
-            color, word = "#8a919c", "no reading yet"
+            color, word = GREY, "no reading yet"
         elif not words and far is not None and far > _WORTH_A_LOOK:
-            color, word = _AMBER, "drifted: zero it untouched"
+            color, word = AMBER, "drifted: zero it untouched"
         moved = "–" if far is None or not np.isfinite(far) else f"{1e6 * far:.0f} µT"
         rows.append(
             f'<tr><td><span style="color:{color}">●</span> {escape(name)}</td>'

@@ -21,7 +21,7 @@ from smoskin.origami.geometry import geometry
 from smoskin.records import ChipFlag, Contact, Status
 from smoskin.service.page.carpet import Bound
 from smoskin.service.page.history import ForceHistory, lamps
-from smoskin.service.page.parts import css, html, within
+from smoskin.service.page.parts import AMBER, BLUE, GREEN, GREY, RED, css, html, within
 from smoskin.service.page.player import Player
 from smoskin.service.page.scene import (
     COLUMN,
@@ -44,22 +44,21 @@ _HISTORY: Final = 10.0
 _QUIET: Final = 20.0
 """Least that a plot shows to both sides of 0, uT, so that noise looks like noise."""
 _STALE_AFTER: Final = 1.0
-_GREY, _GREEN, _AMBER, _RED, _BLUE = "#8a919c", "#2b8a5f", "#d08700", "#c92a2a", "#1f6fb5"
 _STATUS: Final = {
-    Status.CONTACT: ("Touched", _GREEN),
-    Status.NO_CONTACT: ("Not touched", _GREY),
-    Status.SATURATED: ("Saturated", _RED),
-    Status.OUT_OF_RANGE: ("Out of range", _AMBER),
-    Status.AMBIGUOUS: ("Ambiguous", _AMBER),
-    Status.STALE: ("Stale", _AMBER),
-    Status.CHIP_MISSING: ("Chip missing", _RED),
-    Status.NOT_CALIBRATED: ("Not calibrated", _AMBER),
+    Status.CONTACT: ("Touched", GREEN),
+    Status.NO_CONTACT: ("Not touched", GREY),
+    Status.SATURATED: ("Saturated", RED),
+    Status.OUT_OF_RANGE: ("Out of range", AMBER),
+    Status.AMBIGUOUS: ("Ambiguous", AMBER),
+    Status.STALE: ("Stale", AMBER),
+    Status.CHIP_MISSING: ("Chip missing", RED),
+    Status.NOT_CALIBRATED: ("Not calibrated", AMBER),
 }
 RECORD: Final = ("Record", "Stop recording")
 """What the button of recordings says while none goes on, and while one does."""
 RERUN: Final = ("Play the last recording", "Back to live")
 """What the button below says while the skin is shown, and while what was recorded is."""
-_AXES: Final = (("Bx", "#c2478f"), ("By", "#0f9d74"), ("Bz", "#1f6fb5"))
+_AXES: Final = (("Bx", "#bf448a"), ("By", "#11a874"), ("Bz", "#1d6bc5"))
 _LEGEND: Final = (
     ("estimated", ESTIMATED),
     ("true", TRUE),
@@ -353,13 +352,13 @@ def _status(
 ) -> tuple[str, str, str]:
     """Word, colour and sentence for how the skin is."""
     if announced is not None:
-        return announced[0], _BLUE, announced[1]
+        return announced[0], BLUE, announced[1]
     if moment is None:
-        return "Waiting", _GREY, "No reading has come yet."
+        return "Waiting", GREY, "No reading has come yet."
     if (age := now - moment.arrival) > _STALE_AFTER:
-        return "Silent", _RED, f"No reading for {age:.0f} s."
+        return "Silent", RED, f"No reading for {age:.0f} s."
     if moment.estimate is None:
-        return "Reading", _GREY, "No estimator reads the skin."
+        return "Reading", GREY, "No estimator reads the skin."
     return *_STATUS[moment.estimate.status], moment.estimate.status.value
 
 

@@ -1,14 +1,29 @@
-"""The HTML, CSS and JavaScript that stand beside these modules, with their values filled in."""
+"""The HTML, CSS and JavaScript that stand beside these modules, with their values filled in.
+
+Decides the colours of states, which people of every colour vision tell apart, and that they mark
+what words say too: text itself has the page's ink.
+"""
 
 from collections.abc import Mapping
 from functools import cache
 from html import escape
 from importlib import resources
 from string import Template
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     import viser
+
+GREY: Final = "#868d9b"
+"""Nothing to see: no touch, or no reading yet."""
+GREEN: Final = "#30a06b"
+"""As it should be."""
+AMBER: Final = "#d08700"
+"""Worth a look."""
+RED: Final = "#c92a2a"
+"""Something is wrong."""
+BLUE: Final = "#2564b4"
+"""Something is being done."""
 
 
 def html(name: str, **values: str) -> str:
