@@ -1,4 +1,4 @@
-"""Where a touch rests: its place as it was known best since it landed, joined with the newest.
+"""The place where a touch rests: as it was known best since it landed, joined with the newest.
 
 Under a touch nothing shows how the zero of a skin on an arm goes on, so that a place gets less sure
 though the touch has not moved. Decides when a touch has slid. Hides how places whose errors depend
