@@ -448,11 +448,14 @@ def test_ctrl_c_keeps_the_touches_that_the_rig_has_made(
     words, own = calibration_by(rig, skin, table, tmp_path, monkeypatch)
     for name in ("_heard", "_kept"):
         monkeypatch.setattr(ending, name, [])
+    # Whoever runs the tests in the background may have had Ctrl-C ignored.
+    interrupt = signal.signal(signal.SIGINT, signal.default_int_handler)
     alarm = signal.getsignal(signal.SIGALRM)
     try:
         answer = command(*words)
     finally:
         signal.signal(signal.SIGALRM, alarm)
+        signal.signal(signal.SIGINT, interrupt)
     assert answer.code == 130
     assert not own.exists()
     sheet, recording = (tmp_path / f"skin.touches.{end}" for end in ("csv", "mcap"))
