@@ -5,6 +5,7 @@ squares.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -110,7 +111,9 @@ class Poses:
         self._shaken = shaken @ shaken.T
         self.jolted = _JOLT**2 * weighs @ weighs.T
         walk, over = _BENDS
-        by_pose = np.abs((self._pattern - pattern) @ self._known[: -self._size])
+        # Shaking is no pose: a path through accelerations is the longer the more of them are read.
+        turned = self._changed(replace(pose, acceleration=before.acceleration)) - pattern
+        by_pose = np.abs(turned @ self._known[: -self._size])
         self._walked = self._walked + _WANDERS**2 * elapsed + walk**2 * by_pose / over
 
     @property
