@@ -18,6 +18,7 @@ from smoskin.records import Estimate, Pose, Reading, Status
 from smoskin.sensing.estimators import ZeroFirst
 from smoskin.sensing.learned.gaussian_process import LearnedEstimator
 from smoskin.sensing.signals.estimator import SignalEstimator
+from smoskin.sensing.signals.poses import Poses
 from smoskin.sensing.signals.turning import change_by_weight
 
 DESIGN = read_design("curved")
@@ -166,6 +167,18 @@ def test_a_touch_that_moves_the_arm_reads_the_same_and_leaves_nothing_when_it_go
     assert np.abs(arm.felt.signals - arm.on_the_lying(300e-6)).max() < 25e-6
     after = [arm.step([0.3, 0.0, 0.0]) for _ in range(25)]
     assert after[-1] is Status.NO_CONTACT
+
+
+@pytest.mark.parametrize("rate", [100, 500])
+def test_shaking_makes_no_pose_unsure_however_often_it_is_read(rate):
+    """All that is left of a second of it is half a microtesla of what wanders anyway."""
+    rng, pose = np.random.default_rng(0), [Pose(turn=np.eye(3))]
+    noise = 4e-12 * np.eye(3 * CHIPS)
+    poses = Poses(DESIGN, range(CHIPS), noise, lambda: pose[0])
+    for shake in (*rng.normal(0.0, 0.5, (rate, 3)), np.zeros(3), np.zeros(3)):
+        pose[0] = Pose(turn=np.eye(3), acceleration=shake)
+        poses.step(1 / rate)
+    np.testing.assert_allclose(poses.covariance, 0.25e-12 * np.eye(3 * CHIPS), rtol=0.05)
 
 
 def test_a_skin_may_be_zeroed_at_any_pose():

@@ -287,7 +287,7 @@ class Signals:
             return self._zero.step(time, linear)
         self._zero.carried(poses.covariance, poses.jolted)
         idle = self._zero.step(time, linear - poses.moved)
-        if idle and self._zero.rests:
+        if idle:
             poses.learn(linear)
         return idle
 

@@ -36,8 +36,6 @@ _FARTHEST: Final = 6.0
 """Turn, rad, up to which a zero is believed."""
 _BELIEVED: Final = (0.3, 3)
 """Time, s, and idle readings for which a turn must have held, not to be a touch's beginning."""
-_LET_GO: Final = 0.2
-"""Time for which the last of a touch that is let go slowly may be idle, s."""
 _TAKEN: Final = 20
 """Number of readings that zeros are taken from; for as many the chips' own noise counts."""
 _HEARD: Final = 200
@@ -192,13 +190,6 @@ class Zero:
     def settled(self) -> bool:
         """Whether it has followed what was read since something touched last."""
         return not self._touched
-
-    @property
-    def rests(self) -> bool:
-        """Whether readings have been idle for longer than the last of a touch that is let go is."""
-        if self._idle_since is None or self._last_time is None:
-            return False
-        return self._last_time - self._idle_since >= _LET_GO
 
     @property
     def covariance(self) -> Floats:
