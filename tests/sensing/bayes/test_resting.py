@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smoskin.magnetics import mlx90393
-from smoskin.records import Reading
+from smoskin.records import Pose, Reading
 from smoskin.sensing.bayes.estimator import BayesEstimator
 from smoskin.sensing.bayes.priors import TouchPriors
 from smoskin.sensing.bayes.resting import Resting
@@ -90,6 +90,13 @@ def test_another_touch_begins_anew():
     place, spread = resting.joined(0.1, PLACE + 1e-3, less_sure)
     assert (place == PLACE + 1e-3).all()
     assert (spread == less_sure).all()
+
+
+def test_every_reading_of_an_arm_that_tells_its_pose_stands_for_itself(planar, table):
+    bayes = BayesEstimator(planar, table)
+    bayes.carried_by(lambda: Pose(turn=np.eye(3)))
+    for time, spread in ((0.0, 1e-8 * EYE), (0.1, 25e-6 * EYE)):
+        assert bayes._resting.joined(time, PLACE, spread)[1] is spread
 
 
 def test_every_reading_stands_for_itself_without_bound():

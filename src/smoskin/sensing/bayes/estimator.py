@@ -6,6 +6,7 @@ all that made skins differ by as its uncertainty.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Final, NamedTuple
 from weakref import WeakMethod
@@ -18,7 +19,7 @@ from smoskin.design.skin import SkinDesign
 from smoskin.magnetics.nonlinearity import field_curvature, straightened
 from smoskin.mechanics.viscoelasticity import Prony
 from smoskin.origami.geometry import middles_of_fields
-from smoskin.records import Contact, Estimate, Status
+from smoskin.records import Contact, Estimate, Pose, Status
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
 from smoskin.sensing.bayes.resting import Resting
 from smoskin.sensing.bayes.solver import TouchSolver
@@ -141,6 +142,11 @@ class BayesEstimator(SignalEstimator):
         """Return to the zero of the start and forget earlier readings, how warm they were too."""
         super().reset()
         self._solved_at = np.nan
+
+    def carried_by(self, pose: Callable[[], Pose]) -> None:
+        """As `Estimator.carried_by`; the zero is known under a touch, whether that rests or not."""
+        super().carried_by(pose)
+        self._resting = Resting(math.inf)
 
     def _forget(self) -> None:
         self._leads, self._rival, self._alone, self._lost = {}, None, None, None
