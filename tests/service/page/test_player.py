@@ -7,6 +7,7 @@ from importlib import resources
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from chromium import open_page
@@ -264,12 +265,26 @@ def test_a_live_skin_is_recorded_and_read_by_another_estimator(tmp_path: Path) -
             press("Stop recording")
             opened.wait_until(lambda: opened.text("recording").startswith("Recorded planar-"))
             told = opened.text("recording")
-            last = opened.text("touch")
+            (file,) = tmp_path.iterdir()
+            kept = [one.contacts[0] for _, one in open_recording(file) if one and one.contacts]
+            texts = {
+                "x {:.1f} mm  y {:.1f} mm  F {:.2f} N".format(
+                    *(1e3 * contact.position), np.linalg.norm(contact.force)
+                )
+                for contact in kept
+            }
             watch._source.touch([])
             opened.wait_until(lambda: opened.text("status") == "Not touched")
             press("Play the last recording")
             opened.wait_until(lambda: opened.text("status") == "Played back")
-            opened.wait_until(lambda: opened.text("touch") == last)  # what was estimated then
+            # What was estimated then, by either estimator.
+            for closed in (True, False):
+                opened.wait_until(
+                    lambda closed=closed: (
+                        opened.text("touch") in texts
+                        and opened.text("touch").startswith("x 50.0 mm") == closed
+                    )
+                )
             # While it is played the skin is read on, and may be recorded again.
             press("Record")
             opened.wait_until(lambda: opened.text("recording").startswith("Recording into planar-"))
