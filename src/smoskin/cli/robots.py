@@ -173,7 +173,7 @@ def _demonstrate(
         record=record,
         force=force,
         arm=lambda skin, clock: SimulatedArm(skin, clock, model=model, site=site),
-        say=lambda sentence: typer.echo(sentence, err=True),
+        say=partial(typer.echo, err=True),
         watch=(lambda stage, moment: None) if pictures is None else pictures.watch,
     )
     if pictures is not None:

@@ -5,7 +5,6 @@ squares.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -112,8 +111,9 @@ class Poses:
         self.jolted = _JOLT**2 * weighs @ weighs.T
         walk, over = _BENDS
         # Shaking is no pose: a path through accelerations is the longer the more of them are read.
-        turned = self._changed(replace(pose, acceleration=before.acceleration)) - pattern
-        by_pose = np.abs(turned @ self._known[: -self._size])
+        by_shaking = -2.0 * shaken.sum(axis=1)
+        changed = (self._pattern - pattern) @ self._known[: -self._size]
+        by_pose = np.abs(changed - by_shaking)
         self._walked = self._walked + _WANDERS**2 * elapsed + walk**2 * by_pose / over
 
     @property
