@@ -5,7 +5,16 @@ from dataclasses import FrozenInstanceError, dataclass
 import numpy as np
 import pytest
 
-from smoskin.arrays import Floats, assign, floats, freeze, frozen
+from smoskin.arrays import (
+    Floats,
+    assign,
+    floats,
+    freeze,
+    frozen,
+    inverse_and_log_det,
+    solve_definite,
+    wholes,
+)
 from smoskin.errors import ArgumentError
 
 
@@ -67,3 +76,36 @@ def test_a_record_is_frozen_once_it_is_made():
         Pair([1, 2], np.ones(4))
     assign(pair, place=3, force=4)
     assert (pair.place, pair.force) == (3, 4)
+
+
+@pytest.mark.parametrize("size", [1, 3, 9])
+def test_definite_systems_are_solved_as_numpy_solves_any(size):
+    rng = np.random.default_rng(size)
+    half = rng.normal(size=(size, size))
+    matrix, right = half @ half.T + 0.1 * np.eye(size), rng.normal(size=(size, 2))
+    given = matrix.copy()
+    np.testing.assert_allclose(solve_definite(matrix, right), np.linalg.solve(matrix, right))
+    inverse, log_det = inverse_and_log_det(matrix)
+    np.testing.assert_allclose(inverse, np.linalg.inv(matrix), rtol=1e-9)
+    assert (inverse == inverse.T).all()
+    assert log_det == pytest.approx(np.linalg.slogdet(matrix)[1])
+    assert (matrix == given).all()
+
+
+def test_what_rounding_has_left_indefinite_is_solved_all_the_same():
+    matrix = np.array([[1.0, 2.0], [2.0, 1.0]])
+    np.testing.assert_allclose(solve_definite(matrix, np.ones(2)), [1 / 3, 1 / 3])
+    inverse, log_det = inverse_and_log_det(matrix)
+    np.testing.assert_allclose(inverse, np.linalg.inv(matrix))
+    assert log_det == pytest.approx(np.log(3.0))
+
+
+@pytest.mark.parametrize("kind", [np.int8, np.uint16, np.int64, np.uint64, bool])
+def test_whole_numbers_of_any_kind_are_taken(kind):
+    assert wholes("n", np.array([0, 1], dtype=kind), (2,)).tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("value", [np.array([1 << 63], dtype=np.uint64), [1.0], [1 << 70], ["1"]])
+def test_what_is_no_whole_number_of_64_bits_is_refused(value):
+    with pytest.raises(ArgumentError, match="n must be whole numbers"):
+        wholes("n", value, (1,))

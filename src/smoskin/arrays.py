@@ -1,7 +1,9 @@
 """Array types, and the one check that every public array argument goes through."""
 
+import functools
+import math
 from collections.abc import Sequence
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -67,8 +69,8 @@ def wholes(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Ints:
     """A read-only copy of `value`, whole numbers with exactly this shape."""
     try:
         given = np.asarray(value)
-        copy = given.astype(np.int64)
-        exact = given.dtype.kind in "iub" and bool((copy == given).all())
+        copy, kind = given.astype(np.int64), given.dtype.kind
+        exact = kind in "ib" or (kind == "u" and bool((copy == given).all()))
     except (TypeError, ValueError, OverflowError):
         exact = False
     if not exact:
@@ -116,17 +118,37 @@ def solve_definite(matrix: Floats, right: Floats) -> Floats:
     NumPy's own, which takes any A, takes three to five times as long for a few unknowns. Where
     rounding has left A no longer positive definite, it answers.
     """
-    # Here, so that whoever only imports the package does not wait for it.
-    from scipy.linalg.lapack import dposv
-
-    _, solution, refused = dposv(matrix, right)
+    _, solution, refused = _lapack().dposv(matrix, right)
     return np.asarray(np.linalg.solve(matrix, right) if refused else solution)
+
+
+def inverse_and_log_det(matrix: Floats) -> tuple[Floats, float]:
+    """Inverse of a covariance or a precision, (C, C), and the logarithm of its determinant.
+
+    NumPy answers where `solve_definite` leaves it to it.
+    """
+    factor, refused = _lapack().dpotrf(matrix)
+    if refused:
+        inverse = np.linalg.inv(matrix)
+        return np.asarray(inverse, dtype=np.float64), float(np.linalg.slogdet(matrix)[1])
+    half, _ = _lapack().dpotri(factor)
+    whole = half + half.T
+    whole.flat[:: len(half) + 1] *= 0.5
+    return whole, 2.0 * math.fsum(map(math.log, factor.diagonal().tolist()))
+
+
+@functools.cache
+def _lapack() -> Any:
+    """LAPACK's own functions, loaded by whoever needs them first: importing it takes a while."""
+    from scipy.linalg import lapack
+
+    return lapack
 
 
 def log_density(values: Floats, covariance: Floats) -> float:
     """Logarithm of the normal density of values (C,) of mean 0 and a covariance (C, C)."""
-    misfit = float(values @ solve_definite(covariance, values))
-    return -0.5 * (misfit + float(np.linalg.slogdet(2 * np.pi * covariance)[1]))
+    precision, log_det = inverse_and_log_det(2 * np.pi * covariance)
+    return -0.5 * (2 * np.pi * float(values @ precision @ values) + log_det)
 
 
 def cross(first: Floats, second: Floats) -> Floats:

@@ -67,7 +67,7 @@ def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # 130 learn how a skin turns, ask what of a patch is covered, and send skins back;
     # 170 choose a sheet's plates and direction, and say what a refused surface asks too much of;
     # 500 judge every limit of an arm that yields, record what it followed, and let touches rest.
-    assert sum(text.count("\n") for text in FILES.values()) <= 63_400
+    assert sum(text.count("\n") for text in FILES.values()) <= 63_500
 
 
 def test_no_file_has_over_450_lines():

@@ -169,7 +169,9 @@ def test_rate_and_latency_are_measured() -> None:
     loop = Loop(source, FlagEstimator(), sinks=[sink], clock=lambda: now[0])
     assert math.isnan(loop.counters.rate)
     assert math.isnan(loop.counters.latency_median)
+    assert math.isnan(loop.latest)
     list(loop)
+    assert loop.latest == now[0] - 0.006  # of the last reading, not of the source's end
     counters = loop.counters
     assert counters.rate == pytest.approx(100.0)
     assert counters.latency_median == pytest.approx(0.004)

@@ -42,7 +42,8 @@ def score(
         float, typer.Option(min=0.0, help="A second round with drags up to this, N.")
     ] = 0.0,
     pairs: Annotated[
-        int, typer.Option(min=0, max=10_000, help="Pairs of touches on each skin.")
+        int,
+        typer.Option(min=0, max=10_000, help="Pairs of touches on each skin, at once and in turn."),
     ] = 40,
     chips: Annotated[
         str | None, typer.Option(help="Read only these chips, such as 1,2; from 0.")

@@ -4,13 +4,14 @@ Decides which answers may be believed. Hides how settings lie in registers and f
 HALLCONF is 0xC, the compensation TCMP is off, and every scan asks for T, X, Y and Z.
 """
 
+import functools
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smoskin.arrays import Ints, assign, wholes
+from smoskin.arrays import Floats, Ints, assign, wholes
 from smoskin.design.skin import HallSetting
 from smoskin.errors import ArgumentError
 from smoskin.magnetics import mlx90393
@@ -45,6 +46,8 @@ WAS_RESET: Final = 0x04
 NO_ANSWER: Final = 0xFF
 """Status byte of a chip that did not answer; an idle bus reads as ones."""
 
+_NOTHING_TRUE: Final = WAS_RESET | ERROR
+"""Bits of which a chip that measured sets none, and an idle bus both."""
 MEASUREMENT: Final = 9
 """Bytes of the answer to READ_MEASUREMENT: the status and the words of T, X, Y and Z."""
 ADDRESSES: Final = range(0x0C, 0x1C)
@@ -70,32 +73,39 @@ class Scan:
         marks = wholes("status", status, (chips,))
         values = wholes("words", np.reshape(words, (-1, 4)), (chips, 4))
         for name, array, most in (("status", marks, 0xFF), ("words", values, 0xFFFF)):
-            if array.size and not (array.min() >= 0 and array.max() <= most):
+            if (array & ~most).any():
                 raise ArgumentError(f"{name} must lie in 0..{most:#x}; got {array.tolist()!r:.100}")
         assign(self, time=float(time), status=marks, words=values)
 
     def reading(self, setting: HallSetting) -> Reading:
-        """The reading of chips of this setting; NaN where a chip has nothing new and true to say.
+        """The reading of chips of this setting."""
+        field, warmth, flags = self.values(setting)
+        return Reading(time=self.time, field=field, temperature=warmth, flags=flags)
+
+    def values(self, setting: HallSetting) -> tuple[Floats, Floats, Ints]:
+        """Field (S, 3), T, temperature (S,), degC, and flags (S,) of chips of this setting.
+
+        Numbers are NaN where a chip has nothing new and true to say.
 
         A chip that did not answer is `ChipFlag.MISSING`; one that had not measured anew is
         `ChipFlag.OLD`; one that has started again, and so has lost its setting, is
         `ChipFlag.INVALID`.
         """
         counts = counts_of(self.words[:, 1:], setting)
-        missing = self.status == NO_ANSWER
-        reset = ~missing & ((self.status & WAS_RESET) != 0)
-        old = ~missing & ((self.status & ERROR) != 0)
-        lost = missing | reset | old
-        railed = ~lost & mlx90393.railed(counts, setting)
-        flags = (
-            missing * int(ChipFlag.MISSING)
-            + reset * int(ChipFlag.INVALID)
-            + old * int(ChipFlag.OLD)
-            + railed * int(ChipFlag.SATURATED)
-        )
-        field = np.where(lost[:, None], np.nan, mlx90393.tesla(counts, setting))
-        warmth = np.where(lost, np.nan, mlx90393.degrees(self.words[:, 0]))
-        return Reading(time=self.time, field=field, temperature=warmth, flags=flags)
+        field, warmth = mlx90393.tesla(counts, setting), mlx90393.degrees(self.words[:, 0])
+        flags = mlx90393.railed(counts, setting) * int(ChipFlag.SATURATED)
+        for chip, status in enumerate(self.status.tolist()):
+            if status & _NOTHING_TRUE:
+                field[chip], warmth[chip], flags[chip] = np.nan, np.nan, int(_why(status))
+        return field, warmth, flags
+
+
+def _why(status: int) -> ChipFlag:
+    """Why a chip of this status byte has nothing new and true to say."""
+    if status == NO_ANSWER:
+        return ChipFlag.MISSING
+    reset = ChipFlag.INVALID if status & WAS_RESET else ChipFlag.GOOD
+    return reset | ChipFlag.OLD if status & ERROR else reset
 
 
 def register_words(setting: HallSetting, temperature_oversampling: int = 0) -> tuple[int, int, int]:
@@ -128,6 +138,7 @@ def register_words(setting: HallSetting, temperature_oversampling: int = 0) -> t
     )
 
 
+@functools.lru_cache(maxsize=64)
 def setting_of(words: tuple[int, int, int]) -> tuple[HallSetting, int]:
     """Setting and temperature oversampling OSR2 that these words of registers 0 to 2 hold.
 

@@ -94,8 +94,6 @@ class Counters:
     stages: Mapping[str, Latency]
     """How long estimating and handing to the sinks have taken since the begin: ``estimate`` from a
     reading's arrival to its estimate, ``sinks`` from there until every sink has it."""
-    latest: float
-    """When the last reading was done with, s on the loop's clock; NaN before the first."""
 
 
 @final
@@ -183,7 +181,6 @@ class Loop(Resource):
             statuses = dict(self._statuses)
             arrivals, latencies = list(self._arrivals), list(self._latencies)
             stages = {name: histogram.latency for name, histogram in self._stages.items()}
-            latest = self._done
         elapsed = arrivals[-1] - arrivals[0] if arrivals else 0.0
         median, p99 = np.percentile(latencies, [50, 99]) if latencies else (np.nan, np.nan)
         return Counters(
@@ -194,8 +191,12 @@ class Loop(Resource):
             latency_median=float(median),
             latency_p99=float(p99),
             stages=MappingProxyType(stages),
-            latest=latest,
         )
+
+    @property
+    def latest(self) -> float:
+        """When the last reading was done with, s on the loop's clock; NaN before the first."""
+        return self._done
 
     def stop(self) -> None:
         """End the source, from any thread: iterating ends, and closes the sinks, soon after."""

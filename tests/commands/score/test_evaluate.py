@@ -103,6 +103,30 @@ def test_in_other_worlds_readings_come_as_a_stream(skin, twin):
     assert np.diff([reading.time for reading in many.readings]).max() < 0.11
 
 
+@pytest.mark.parametrize("plain", [True, False])
+def test_of_a_pair_in_turn_the_first_touch_is_alone_for_as_long_as_both_are(skin, twin, plain):
+    both = session(skin, 3)
+    first = session(skin, 2).motion[[0, 1, 0]]
+    world = {} if plain else {"world": World(name="stream", effects=(Effect(),)), "seed": (1,)}
+    pairs = replace(both, before=first, **world)
+    heard = readings(twin, pairs, np.random.default_rng(0), creep=False, drift=0.0)
+    times = np.array([reading.time for reading in heard.readings])
+    fields = np.stack([reading.field for reading in heard.readings])
+    assert np.allclose(times[heard.judged], [1.6, 2.9, 4.2])
+    assert np.allclose(times[heard.idle], [1.0, 2.3, 3.6])
+    assert heard.row[heard.judged].tolist() == [0, 1, 2]
+    rest = fields[:20].mean(axis=0)
+    for row, begin in enumerate((1.0, 2.3, 3.6)):
+        within = [(begin + 0.01, begin + 0.301), (begin + 0.301, begin + 0.601)]
+        for (since, until), motion in zip(within, (first, both.motion), strict=True):
+            some = fields[(times > since) & (times < until)]
+            assert len(some) == (2 if plain else 4)
+            read = Readout(skin).read(motion[row], None).field
+            assert np.abs(some - read).max() < 30e-6 < np.abs(read - rest).max()
+        after = fields[(times > begin + 0.61) & (times < begin + 1.2)]
+        assert np.abs(after - rest).max() < 30e-6
+
+
 def test_a_reading_that_does_not_arrive_leaves_the_answer_before_it(skin, twin):
     class Losing(Effect):
         """Loses the readings at which touches count, and all of the last touch."""

@@ -163,7 +163,7 @@ def test_every_place_of_a_grid_is_found_again():
 
 
 def test_an_exam_finds_what_its_skins_answer(sheet):
-    straight, dragged, pairs = (sheet.case(one) for one in ("straight", "dragged", "pairs"))
+    straight, dragged = sheet.case("straight"), sheet.case("dragged")
     assert [one.touches for one in straight.levels] == [6] * 10
     assert straight.headline.touches == 8 * 6
     assert straight.touched.right == dragged.touched.right == 1.0
@@ -175,11 +175,14 @@ def test_an_exam_finds_what_its_skins_answer(sheet):
     undragged = sheet.case("undragged")
     assert np.array_equal(undragged.answers.truth, straight.answers.truth)
     assert undragged.answers.spread[:, 2, 2].min() > 0.0 == straight.answers.spread[:, 2, 2].max()
-    assert len(pairs.answers.truth) == 2
-    assert pairs.map is None
     names = [one.name for one in sheet.targets()]
     assert "mean error of place" in names
-    assert "pairs: told as two touches" in names
+    together, in_turn = sheet.case("pairs"), sheet.case("pairs in turn")
+    assert np.array_equal(in_turn.answers.truth, together.answers.truth)
+    for pairs in (together, in_turn):
+        assert len(pairs.answers.truth) == 2
+        assert pairs.map is None
+        assert f"{pairs.name}: told as two touches" in names
 
 
 def test_the_same_exam_gives_the_same_json(skin):

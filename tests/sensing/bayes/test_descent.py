@@ -145,3 +145,17 @@ def test_descents_together_end_where_each_ends_alone(solver):
             np.testing.assert_allclose(found.unknowns, alone.unknowns, rtol=1e-8, atol=1e-10)
             assert found.cost == pytest.approx(alone.cost, rel=1e-8)
             assert found.misfit == pytest.approx(alone.misfit, rel=1e-8)
+
+
+def test_when_a_descent_ends_well_the_others_take_two_more_steps(solver):
+    problem, signals, near = begun(solver, (1e-4, 0.0))
+    there = problem.descend(signals, near)
+    far = begun(solver, (-45e-3, 80e-3), harder=0.1)[2]
+    both = np.stack([there.unknowns, far])
+    for good, steps in ((0.0, 15), (there.cost, 15), (there.cost + 1e-9, 2)):
+        first, other = problem.descend_all(signals, both, good=good)
+        assert first.cost == pytest.approx(there.cost)
+        # Weighed by the force of the last step or of the one before.
+        alone = problem.descend(signals, far, steps=steps).cost
+        assert other.cost == pytest.approx(alone, rel=1e-3)
+    assert other.cost > 10 * problem.descend(signals, far).cost

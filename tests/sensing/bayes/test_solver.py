@@ -127,7 +127,7 @@ class StatedProblem:
         cost = self.costs.pop(0)
         return Descent(np.full(1, cost), 0.0, np.zeros((1, 9)), 2 * cost, cost)
 
-    def descend_all(self, signals, starts, standing=None, steps=15):
+    def descend_all(self, signals, starts, standing=None, steps=15, good=0.0):
         return [self.descend(signals, start, standing, steps) for start in starts]
 
     def posteriors(self, ends, standing=None):

@@ -409,3 +409,23 @@ def test_a_loud_arm_is_no_turn(planar):
             turns += t > 10.0 and zero._turn_seen == t
         seen.append(turns)
     assert seen[0] < 0.3 * seen[1]
+
+
+@pytest.mark.parametrize("weighs", [True, False])
+def test_readings_beyond_all_turns_are_no_turn_by_any_of_them(planar, monkeypatch, weighs):
+    """What is not looked at any more would have changed nothing."""
+    rng = np.random.default_rng(8)
+    time = np.cumsum(rng.uniform(0.005, 0.2, 400))
+    read = loud(planar, 0.0, 400)
+    pattern = turning(planar).field if not weighs else turning(planar).whole
+    read += np.sin(0.5 * time)[:, None] * pattern[0] / np.sqrt(pattern[0, 0])
+    for begin in range(40, 400, 40):
+        read[begin : begin + 10] += 10 ** rng.uniform(-6, -3) * rng.normal(size=9)
+    ways = []
+    for beyond in (10.0, np.inf):
+        monkeypatch.setattr("smoskin.sensing.signals.zero._BEYOND", beyond)
+        zero = on_an_arm(planar)
+        ways.append((followed(zero, time, read), zero.offset, zero.covariance))
+    for one, other in zip(*ways, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert 0 < ways[0][0].sum() < 400

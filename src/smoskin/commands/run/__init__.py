@@ -229,6 +229,11 @@ class Watch(Resource):
         return None if self._page is None else self._page.url
 
     @property
+    def latest(self) -> float:
+        """When the last reading was done with, s of `time.monotonic`; NaN before the first."""
+        return self._loop.latest
+
+    @property
     def counters(self) -> Counters:
         """What the loop has done so far."""
         return self._loop.counters

@@ -273,7 +273,7 @@ def examine(
             drags = case in ("undragged", "dragged")
             rng = np.random.default_rng([seed, 4, done])
             part = judge(estimators[drags], twin, session, rng)
-            if table is not None and case != "pairs":
+            if table is not None and "pairs" not in case:
                 part = replace(part, bound=_bounds(table, noise, exam, session, drags=drags))
             answers.setdefault(case, []).append(part)
             done += 1
@@ -309,9 +309,10 @@ def _sessions(twin: Twin, exam: Exam, seed: int) -> Iterator[tuple[str, Session]
             yield case, session
             if case == "straight" and exam.drag:
                 yield "undragged", session
-    if exam.pairs:
+    for case, in_turn in (("pairs", False), ("pairs in turn", True)) if exam.pairs else ():
         rng = np.random.default_rng([seed, 3])
-        yield "pairs", pair_session(twin, rng, exam.pairs, exam.world, (seed, 3))
+        session = pair_session(twin, rng, exam.pairs, exam.world, (seed, 3), in_turn=in_turn)
+        yield case, session
 
 
 def _bounds(

@@ -40,7 +40,9 @@ _RAMP: Final = 0.02
 _HOLD: Final = 0.3
 """Time after which a touch is judged and goes, s."""
 _PERIOD: Final = 1.0
-"""Time from touch to touch, s."""
+"""Time from touch to touch, s; of pairs in turn that much longer as the first is alone."""
+_SAME: Final = 1e-9
+"""Share of a hold that counts as none."""
 _MOMENTS: Final = (0.0, _RAMP, _HOLD, _HOLD + _RAMP)
 """Times at which a touch is read in the plain world, where nothing happens between touches, s."""
 _STREAM: Final = (0.0, _RAMP, 0.1, 0.2, _HOLD, _HOLD + _RAMP, *(k / 10 for k in range(4, 10)))
@@ -72,7 +74,8 @@ class Exam:
     """Largest drag of a second round of touches, N, in any direction; 0: no such round. With it
     the first round is also read by the estimator that may not take touches to be straight."""
     pairs: int = 40
-    """Pairs of straight touches at once on each skin, 0.3 to 1 N, at least 40 mm apart."""
+    """Pairs of straight touches on each skin, 0.3 to 1 N, at least 40 mm apart: such that land
+    together, and as many whose second touch lands 0.3 s after the first."""
     chips: tuple[int, ...] | None = None
     """Chips that are read; None: all that the file has."""
     world: World = PLAIN
@@ -104,7 +107,7 @@ class Exam:
     @property
     def sessions(self) -> int:
         """Number of sessions of each skin."""
-        return len(FORCES) * (3 if self.drag else 1) + (self.pairs > 0)
+        return len(FORCES) * (3 if self.drag else 1) + 2 * (self.pairs > 0)
 
     def as_json(self) -> dict[str, object]:
         """Plain values for machines."""
@@ -139,6 +142,9 @@ class Session:
     """Touches of P presses with K each."""
     motion: Motion
     """Elastic motions, (P,)."""
+    before: Motion | None = None
+    """Those of the first touch of each press, which lands that much earlier; None: they land
+    together, (P,)."""
     temperature: float
     """Temperature of skin and chips, degC."""
     world: World = PLAIN
@@ -192,12 +198,24 @@ def pair_session(
     count: int,
     world: World = PLAIN,
     seed: tuple[int, ...] = (),
+    *,
+    in_turn: bool = False,
 ) -> Session:
-    """Pairs of straight touches of 0.3 to 1 N, anywhere but 40 mm apart, at 25 degC."""
+    """Pairs of straight touches of 0.3 to 1 N, anywhere but 40 mm apart, at 25 degC.
+
+    They land together, or one 0.3 s after the other.
+    """
     position = far_pairs(geometry(twin.design).extent, 0.04, count, rng)
     push = np.zeros((count, 2, 3))
     push[..., 2] = -rng.uniform(0.3, 1.0, (count, 2))
-    return press(twin, Touches(position=position, force=push), 25.0, world, seed)
+    session = press(twin, Touches(position=position, force=push), 25.0, world, seed)
+    if not in_turn:
+        return session
+    fingers = session.touches
+    first = Touches(
+        position=fingers.position[:, :1], force=fingers.force[:, :1], radius=fingers.radius[:, :1]
+    )
+    return replace(session, before=twin.motions(first, temperature=session.temperature))
 
 
 def starts_in_range(twin: Twin) -> bool:
@@ -235,19 +253,25 @@ def readings(
     The rubber may creep; each axis of the chips walks at random by `drift` in a second, T.
     """
     world = session.world
-    moments = np.array(_MOMENTS if world.plain else _STREAM)
-    count = len(session.touches)
+    moments, judged = np.array(_MOMENTS if world.plain else _STREAM), _HOLD
+    count, period = len(session.touches), _PERIOD
+    held = [session.motion]
+    if session.before is not None:
+        moments = np.concatenate([moments[moments <= _HOLD], _HOLD + moments[1:]])
+        judged, period = 2 * _HOLD, _PERIOD + _HOLD
+        held = [session.before, session.motion]
     begin = _PERIOD + _SWING * world.posed
-    starts = begin + _PERIOD * np.arange(count)
+    starts = begin + period * np.arange(count)
     before = np.linspace(-1.0, 0.0, _ZEROS)
     if not world.plain:
         before = np.append(before, np.arange(0.1, begin, 0.1))
     times = np.concatenate([before, np.add.outer(starts, moments).ravel()])
     steps = np.diff(times, prepend=times[0])
-    held = (moments > 0.0) & (moments <= _HOLD)
-    state = np.where(held, np.arange(count)[:, None], -1)
+    part = np.ceil(moments / _HOLD - _SAME).astype(int) - 1
+    touched = (part >= 0) & (part < len(held))
+    state = np.where(touched, count * part + np.arange(count)[:, None], -1)
     rest = Motion.rest(len(twin.design.magnets), (1,))
-    motion = Motion.concatenate([session.motion, rest])
+    motion = Motion.concatenate([*held, rest])
     untouched = np.full(len(before), -1)
     motion = motion[np.concatenate([untouched, state.ravel()])]
     run = None if world.plain else world.run(twin, session.seed)
@@ -262,7 +286,7 @@ def readings(
         readings=read if run is None else run.arrived(read),
         row=np.append(untouched, np.repeat(np.arange(count), len(moments))),
         idle=np.append(untouched, np.tile(moments == 0.0, count)) > 0,
-        judged=np.append(untouched, np.tile(moments == _HOLD, count)) > 0,
+        judged=np.append(untouched, np.tile(np.isclose(moments, judged), count)) > 0,
         turns=np.tile(np.eye(3), (len(times), 1, 1)) if run is None else run.poses(times),
     )
 

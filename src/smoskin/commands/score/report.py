@@ -114,7 +114,7 @@ class Case:
 
     name: str
     """`straight`; `undragged`, the same touches read by the estimator of dragged ones; `dragged`;
-    or `pairs`."""
+    `pairs`, or `pairs in turn`, whose second touch comes 0.3 s after the first."""
     answers: Answers
     """Answers to touches of all forces."""
     headline: Tally
@@ -245,7 +245,7 @@ class ScoreSheet:
         plain = self.exam.world.plain
         location = LOCATION if plain else _HARD_LOCATION[len(self.chips) > 2]
         force, least = (FORCE, 97) if plain else (_HARD_FORCE, 99)
-        straight, dragged, pairs = (self.case(name) for name in ("straight", "dragged", "pairs"))
+        straight, dragged = self.case("straight"), self.case("dragged")
         if straight is not None:
             chief = straight.headline
             place, near = 1e3 * chief.location.mean, chief.near
@@ -276,11 +276,11 @@ class ScoreSheet:
                 Target("dragged: error of the drag", "%", 100 * drag, None, 5),
                 Target("dragged: 90 % regions hold", "%", 100 * chief.held.place, 85, 95),
             ]
-        if pairs is not None:
-            place = 1e3 * pairs.headline.location.mean
+        for pairs in filter(None, map(self.case, ("pairs", "pairs in turn"))):
+            place, right = 1e3 * pairs.headline.location.mean, 100 * pairs.touched.right
             rows += [
-                Target("pairs: told as two touches", "%", 100 * pairs.touched.right, 97, 100),
-                Target("pairs: mean error of place", "mm", place, None, 5),
+                Target(f"{pairs.name}: told as two touches", "%", right, 97, 100),
+                Target(f"{pairs.name}: mean error of place", "mm", place, None, 5),
             ]
         return rows
 

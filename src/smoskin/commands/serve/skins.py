@@ -193,7 +193,7 @@ class Served(Resource):
     @property
     def silence(self) -> float:
         """Time since the last estimate, s; NaN before the first."""
-        return time.monotonic() - self.watch.counters.latest
+        return time.monotonic() - self.watch.latest
 
     @property
     def state(self) -> str:

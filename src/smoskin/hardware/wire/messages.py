@@ -9,8 +9,6 @@ from enum import IntEnum
 from struct import Struct, error
 from typing import Final, final
 
-import numpy as np
-
 from smoskin.design.skin import HallSetting
 from smoskin.errors import ArgumentError, DesignError
 from smoskin.hardware.registers import Scan, register_words, setting_of
@@ -162,13 +160,13 @@ class BoardDecoder(Decoder):
 
 
 def _packet(board: BoardScan) -> Packet:
-    reading = board.scan.reading(board.setting)
+    field, temperature, flags = board.scan.values(board.setting)
     return Packet(
         sequence=board.sequence,
-        time=reading.time,
-        field=reading.field,
-        temperature=reading.temperature,
-        flags=np.asarray(reading.flags),
+        time=board.scan.time,
+        field=field,
+        temperature=temperature,
+        flags=flags,
         addresses=board.addresses,
         setting=board.setting,
     )

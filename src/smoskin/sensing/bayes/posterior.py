@@ -5,12 +5,12 @@ misfit is weighed by their forces. One and two touches differ by their table's a
 """
 
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from smoskin.arrays import Floats, solve_definite
+from smoskin.arrays import Floats, inverse_and_log_det, solve_definite
 from smoskin.errors import ArgumentError
 from smoskin.sensing.bayes.priors import Standing, TouchPosterior, TouchPriors
 from smoskin.sensing.response.point import PointTable
@@ -22,7 +22,9 @@ _SETTLED: Final = {1: 1e-3, 2: 1e-2}
 """Fall of half the squared residual at which steps to K touches end. Two creep along a valley,
 where a tenth of their spread is a fall of 0.005."""
 _POOR: Final = 10.0
-"""Cost a signal past which a fit is poor: there steps end at a fall as many times as large."""
+"""Cost a signal past which a fit is poor: there the fall at which steps end grows by the square."""
+_LATE: Final = 2
+"""Steps that are left to others when one descent has ended well."""
 _REWEIGHED: Final = 6
 """First steps, before which the misfit is weighed by the forces found so far."""
 _DAMPING: Final = 1e-3
@@ -45,6 +47,8 @@ Answer: TypeAlias = Callable[[Floats], tuple[Floats, Floats]]
 """Signals f(u) (B, C), T, of unknowns u (B, U), and their slopes J (B, U, C)."""
 
 
+_Answered: TypeAlias = tuple[Floats, Floats]
+"""Signals f(u) (C,), T, of unknowns u, and their slopes (U, C)."""
 _Known: TypeAlias = tuple[Floats, Floats] | None
 """Place of a touch that stands, (2,), m, and its precision, (2, 2), m^-2."""
 
@@ -150,29 +154,44 @@ class TouchProblem:
         return self.descend_all(signals, start[None], standing, steps)[0]
 
     def descend_all(
-        self, signals: Floats, starts: Floats, standing: Standing | None = None, steps: int = _STEPS
+        self,
+        signals: Floats,
+        starts: Floats,
+        standing: Standing | None = None,
+        steps: int = _STEPS,
+        good: float = 0.0,
     ) -> list[Descent]:
-        """The same from starts (B, U) at once; none of them minds the others."""
+        """The same from starts (B, U) at once.
+
+        Where a descent ends at a cost below `good`, the others take two more steps at most.
+        """
         known = None if standing is None else (standing.place, standing.precision)
         ways = [self._way(signals, start, known, steps) for start in starts]
         asked = {row: next(way) for row, way in enumerate(ways)}
         ends: dict[int, Descent] = {}
+        left = math.inf
         while asked:
-            answers = zip(list(asked), *self._answer(np.array(list(asked.values()))), strict=True)
-            for row, value, slopes in answers:
+            answers: Sequence[_Answered | None] = [None] * len(asked)
+            if left > 0:
+                answers = [*zip(*self._answer(np.array(list(asked.values()))), strict=True)]
+            left -= 1
+            for row, answer in zip(list(asked), answers, strict=True):
                 try:
-                    asked[row] = ways[row].send((value, slopes))
+                    asked[row] = ways[row].send(answer)
                 except StopIteration as end:
                     ends[row] = end.value
                     del asked[row]
+                    left = min(left, _LATE if end.value.cost < good else math.inf)
         return [ends[row] for row in range(len(ways))]
 
     def _way(
         self, signals: Floats, start: Floats, known: _Known, steps: int
-    ) -> Generator[Floats, tuple[Floats, Floats], Descent]:
-        """One descent: asks for signals and slopes of unknowns until it ends."""
+    ) -> Generator[Floats, _Answered | None, Descent]:
+        """One descent: asks for signals and slopes of unknowns until it ends, or is told none."""
         at, damping = np.minimum(np.maximum(start, self._low), self._high), _DAMPING
-        rows = self._rows(signals, *(yield at))
+        answer = yield at
+        assert answer is not None
+        rows = self._rows(signals, *answer)
         for step in range(steps):
             if step < _REWEIGHED:
                 # The misfit is weighed by the forces found so far.
@@ -185,7 +204,10 @@ class TouchProblem:
                 break
             move = np.minimum(np.maximum(move, -self._stride), self._stride)
             ahead = np.minimum(np.maximum(at + move, self._low), self._high)
-            rows_ahead = self._rows(signals, *(yield ahead))
+            answer = yield ahead
+            if answer is None:
+                break
+            rows_ahead = self._rows(signals, *answer)
             inner_ahead = rows_ahead * scale
             misfit_ahead, cost_ahead = self._cost(inner_ahead[0], ahead, known)
             fell = cost - cost_ahead
@@ -194,7 +216,7 @@ class TouchProblem:
                     break
                 damping = max(damping * 10, 1e-3)
                 continue
-            settled = fell < self._settled * max(1.0, cost / self._poor)
+            settled = fell < self._settled * max(1.0, (cost / self._poor) ** 2)
             at, rows, inner, misfit, cost = ahead, rows_ahead, inner_ahead, misfit_ahead, cost_ahead
             damping = max(damping / 10, 1e-9)
             if settled:
@@ -269,21 +291,23 @@ class TouchProblem:
         count, rows = self._count, self.rows
         information = found.slopes @ found.slopes.T
         information.ravel()[:: len(information) + 1] += self._curvature
-        log_det = _log_det(information)
+        inverse, log_det = inverse_and_log_det(information)
+        log_det_known = log_det
         if standing is not None:
             information[:2, :2] += standing.precision
+            inverse, log_det_known = inverse_and_log_det(information)
         values, covariance = np.zeros((count, 5)), np.zeros((count, 5, 5))
         values[:, rows] = found.unknowns.reshape(count, -1)
         values[:, 4] = -np.exp(values[:, 4])
-        scale = np.ones((count, len(rows)))
-        scale[:, -1] = values[:, 4]
-        inverse = np.linalg.inv(information) * np.outer(scale, scale)
+        scale = np.ones(len(inverse))
+        scale[self._presses] = values[:, 4]
+        inverse *= scale[:, None] * scale
         blocks = inverse.reshape(count, len(rows), count, len(rows))
         for k in range(count):
             covariance[k, rows[:, None], rows] = blocks[k, :, k]
         fit = -0.5 * float(np.log1p(found.squared * self._power).sum())
         evidence = self._constant + fit - 0.5 * (found.misfit + log_det)
-        height = fit - found.cost - 0.5 * (log_det if standing is None else _log_det(information))
+        height = fit - found.cost - 0.5 * log_det_known
         if count == 2 and math.dist(values[0, :2], values[1, :2]) < APART:
             evidence = height = -math.inf
         return TouchPosterior(values, covariance, found.misfit, evidence), height
@@ -298,11 +322,6 @@ class TouchProblem:
         """Squared sum F^2 of the forces of all touches, N^2."""
         drags = float(at[2:4] @ at[2:4]) if self._drags else 0.0
         return drags + sum(map(math.exp, at[self._presses].tolist())) ** 2
-
-
-def _log_det(matrix: Floats) -> float:
-    """Logarithm of a covariance's determinant."""
-    return float(np.linalg.slogdet(matrix)[1])
 
 
 class Recalled:

@@ -156,7 +156,7 @@ class TouchSolver:
         for some in filter(None, (begun[:_FOLLOWED], begun[_FOLLOWED:])):
             if tried and tried[0].cost < good:
                 break
-            tried += problem.descend_all(signals, np.array(some), standing, steps)
+            tried += problem.descend_all(signals, np.array(some), standing, steps, good)
             tried.sort(key=lambda found: found.cost)
         if touches == 2 and tried and tried[0].cost >= good:
             best = np.array([found.unknowns for found in tried[:_FOLLOWED]])

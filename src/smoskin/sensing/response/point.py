@@ -5,13 +5,15 @@ the derivatives that descents need, of a few descents at once. Decides nothing; 
 coefficients lie so that the few which a touch needs stand together.
 """
 
+import math
+from bisect import bisect_right
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 
 from smoskin.arrays import Floats, Ints
-from smoskin.sensing.response.basis import TouchBasis, mean_ramps
+from smoskin.sensing.response.basis import TouchBasis
 from smoskin.sensing.response.pairs import NearPairs
 
 _BY_X, _BY_Y = np.array([0, 1, 0]), np.array([0, 0, 1])
@@ -149,49 +151,64 @@ class PointWindows:
         within = max(int((ends - np.arange(len(ends))).max()) for ends in reach)
         self.width = width = min(within + 2, max(2, *self._counts))
         """Number of vertices along an axis."""
-        last = np.maximum(np.array(self._counts) - width, 0)
         # Each window but the first starts where a touch has left the first vertex of that before.
-        self._starts = np.full((2, max(int(last.max()), 1)), np.inf)
+        self._starts: list[list[float]] = []
         # Of each window, where ramps begin and how steep they are: none begins at a line's last
         # vertex, none rises past it.
-        self._lines = np.zeros((int(last.sum()) + 2, 2 * width - 1))
-        self._axes, self._steps = np.array([0, last[0] + 1]), np.arange(width)
-        for axis, line in enumerate(lines):
-            self._starts[axis, : last[axis]] = line[1 : 1 + last[axis]] + basis.radius
-            begins = np.full(len(line) + width, _FAR)
-            begins[: max(len(line) - 1, 1)] = line[: max(len(line) - 1, 1)]
-            steep = np.zeros(len(begins))
-            steep[: len(line) - 1] = 1 / np.diff(line)
-            for start in range(last[axis] + 1):
-                part = slice(start, start + width)
-                row = self._lines[self._axes[axis] + start]
-                row[:width], row[width:] = begins[part], steep[part][:-1]
+        self._lines: list[list[tuple[list[float], list[float]]]] = []
+        for line in lines:
+            last = max(len(line) - width, 0)
+            self._starts.append((line[1 : 1 + last] + basis.radius).tolist())
+            begins = line[: max(len(line) - 1, 1)].tolist() + width * [_FAR]
+            steep = (1 / np.diff(line)).tolist() + width * [0.0]
+            parts = [slice(start, start + width - 1) for start in range(last + 1)]
+            self._lines.append([(begins[part], steep[part]) for part in parts])
+        self._steps = np.arange(width)
 
     def near(self, place: Floats) -> tuple[Ints, Floats]:
         """First vertices (T, 2) of the windows of T places, and functions in these.
 
         They are shares and products of neighbours in turn, with their slopes, (T, 2, 2, 2 w - 1).
         """
-        first = np.add.reduce(self._starts <= place[..., None], axis=-1)
-        lines = self._lines.take(first + self._axes, axis=0)
-        away = place[..., None] - lines[..., : self.width]
+        first, functions = [], []
+        for touch in place.tolist():
+            for axis, at in enumerate(touch):
+                window = bisect_right(self._starts[axis], at)
+                first.append(window)
+                functions += self._functions(at, *self._lines[axis][window])
+        shape = len(place), 2, 2, 2 * self.width - 1
+        return np.array(first).reshape(-1, 2), np.array(functions).reshape(shape)
+
+    def _functions(self, at: float, begins: list[float], steep: list[float]) -> list[float]:
+        """Functions along an axis in one window, then their slopes.
+
+        Plain numbers: for a few vertices NumPy takes longer to start than Python to finish.
+        """
         # The first of a window is straight already, or carries on as a lever; its last has not
         # begun.
-        ramps = np.zeros((len(place), 2, 2, self.width))
-        ramps[:, :, 0, 0], ramps[:, :, 1, 0] = away[..., 0], 1.0
-        if self.width > 2:
-            inner = mean_ramps(away[..., 1:-1] / self._radius)
-            ramps[:, :, 0, 1:-1], ramps[:, :, 1, 1:-1] = self._radius * inner[0], inner[1]
-        rise = (ramps[..., :-1] - ramps[..., 1:]) * lines[:, :, None, self.width :]
-        out = np.zeros((len(place), 2, 2, 2 * self.width - 1))
-        shares = out[..., ::2]
-        shares[:, :, 0, 0] = 1.0
-        shares[..., :-1] -= rise
-        shares[..., 1:] += rise
-        value, slope = shares[:, :, 0], shares[:, :, 1]
-        out[:, :, 0, 1::2] = value[..., :-1] * value[..., 1:]
-        out[:, :, 1, 1::2] = slope[..., :-1] * value[..., 1:] + value[..., :-1] * slope[..., 1:]
-        return first, out
+        ramps = [(at - begins[0], 1.0), *map(self._ramp, [at - begin for begin in begins[1:]])]
+        shares, slopes = [1.0], [0.0]
+        for rate, here, ahead in zip(steep, ramps, [*ramps[1:], (0.0, 0.0)], strict=True):
+            rise, climb = (here[0] - ahead[0]) * rate, (here[1] - ahead[1]) * rate
+            shares[-1] -= rise
+            slopes[-1] -= climb
+            shares.append(rise)
+            slopes.append(climb)
+        out, by_place = [shares[0]], [slopes[0]]
+        for k in range(1, len(shares)):
+            out += (shares[k - 1] * shares[k], shares[k])
+            by_place += (slopes[k - 1] * shares[k] + shares[k - 1] * slopes[k], slopes[k])
+        return out + by_place
+
+    def _ramp(self, away: float) -> tuple[float, float]:
+        """Mean of a ramp over a patch so far past its begin, m, and its slope."""
+        if not -self._radius < away < self._radius:
+            return max(away, 0.0), float(away > 0.0)
+        u = away / self._radius
+        square = 1 - u * u
+        root = math.sqrt(square)
+        slope = 0.5 + (u * root + math.asin(u)) / math.pi
+        return away * slope + self._radius * 2 / (3 * math.pi) * root * square, slope
 
     def products(self, rates: Floats) -> Floats:
         """Products of functions along x and y, and their slopes, (T, 3, 2 w - 1, 2 w - 1)."""

@@ -31,7 +31,9 @@ _LEVEL: Final = 0.35
 _WIDER: Final = 1.5
 """Variance of a place over that which the slope there gives, past which other places may be it."""
 _NEWTON: Final = 3
-"""Newton's steps from there."""
+"""Newton's steps from there, at most."""
+_THERE: Final = 1e-6
+"""Length, m, of a step that is the last: each squares the error of the one before."""
 
 
 class LineWarp:
@@ -162,5 +164,8 @@ class Unwarp:
         for _ in range(_NEWTON):
             reached, slope = self._warp.point(place, self._coefficients)
             slope = max(slope, _LEVEL)
-            place = min(max(place - (reached - load) / slope, 0.0), self._end)
+            step = (reached - load) / slope
+            place = min(max(place - step, 0.0), self._end)
+            if abs(step) < _THERE:
+                break
         return place, variance / slope**2

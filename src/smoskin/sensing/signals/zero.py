@@ -20,6 +20,8 @@ from smoskin.sensing.signals.turning import Turning, TurnsSeen
 
 _CALM: Final = 0.8
 """Share of an idle reading's limit past which a turn is looked for."""
+_BEYOND: Final = 10.0
+"""The same share past which none is, where all of them together leave a reading there."""
 _JERK: Final = 0.8**2
 """Power of accelerations with which a turn starts or stops, rad^2/s^3."""
 _JERKS: Final = (0.1, 0.3)
@@ -338,6 +340,8 @@ class Zero:
         share = self._idle(change, self._unsure(self._course))
         course, turn = self._course, self._turn
         jerk = burst(_JERK, min(max(elapsed, _JERKS[0]), _JERKS[1]))
+        if share > _BEYOND and self._idle(change, self._at_most(self._turning, jerk)) > _BEYOND:
+            return False
         for before, of, whole in self._turns(self._turning, still):
             if share < _CALM:
                 break
@@ -353,6 +357,12 @@ class Zero:
             if self._turn is not self._turning.whole:
                 self._turn = turn
         return share < 1.0
+
+    def _at_most(self, turning: Turning, jerk: Floats) -> Floats:
+        """What no turn that begins or ends with a jerk exceeds, as a covariance of a reading."""
+        field, whole = turning.field, turning.whole
+        more = jerk[0, 0] * (field + whole + self._along(whole))
+        return np.asarray(self._course.zero + field + more + self._louder)
 
     def _turns(self, turning: Turning, still: Course) -> Iterator[tuple[Course, Floats, bool]]:
         """What may turn with a jerk and so explain a change, from which zero, the likeliest first.

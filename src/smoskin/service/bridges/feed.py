@@ -44,6 +44,7 @@ _HELD: Final = 32768
 """Bytes that the system holds for a client, at most."""
 _LARGEST: Final = 4096
 """Bytes of a client's message."""
+_as_json: Final = json.JSONEncoder(allow_nan=False).encode
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +212,7 @@ class Feed(Resource):
         for client in self._clients:
             client.skipped += untold
         for skin, message in published:
-            text = json.dumps(message(), allow_nan=False)
+            text = _as_json(message())
             now = self._loop.time()
             for client in self._clients:
                 client.offer(skin, text, now)

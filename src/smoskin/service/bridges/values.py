@@ -12,8 +12,9 @@ import numpy as np
 from smoskin.arrays import Floats
 from smoskin.records import ChipFlag, Contact, Estimate, Reading
 
-_UNITS: Final = np.array([1e3, 1e3, 1.0, 1.0, 1.0])
-"""mm and N of the five numbers of a covariance."""
+_MM_AND_N: Final = np.array([1e3, 1e3, 1.0, 1.0, 1.0])
+_UNITS: Final = np.multiply.outer(_MM_AND_N, _MM_AND_N)
+"""Units of a covariance's rows and columns."""
 
 
 def touch_values(contact: Contact) -> dict[str, Any]:
@@ -40,7 +41,7 @@ def estimate_values(estimate: Estimate) -> dict[str, Any]:
 
 def covariance_values(estimate: Estimate) -> Any:
     """Covariance of x, y, mm, and the force, N, of every touch of an estimate, (C, 5, 5)."""
-    return _known(estimate.covariance * np.multiply.outer(_UNITS, _UNITS), 6)
+    return _known(estimate.covariance * _UNITS, 6)
 
 
 def chip_values(reading: Reading) -> list[dict[str, Any]]:
@@ -55,7 +56,7 @@ def chip_values(reading: Reading) -> list[dict[str, Any]]:
         {
             "field_uT": field,
             "temperature_degC": degrees,
-            "faults": [flag.name for flag in ChipFlag(flags)],
+            "faults": [flag.name for flag in ChipFlag(flags)] if flags else [],
         }
         for field, degrees, flags in rows
     ]
@@ -69,8 +70,9 @@ def number(value: float, digits: int) -> float | None:
 def _known(values: Floats, digits: int) -> Any:
     """Lists of the numbers of an array, None where they are not finite."""
     rounded = values.round(digits)
-    if np.isfinite(rounded).all():
+    finite = np.isfinite(rounded)
+    if finite.all():
         return rounded.tolist()
     lists = rounded.astype(object)
-    lists[~np.isfinite(rounded)] = None
+    lists[~finite] = None
     return lists.tolist()
