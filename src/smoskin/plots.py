@@ -37,6 +37,7 @@ BLUE: Final = "#0072B2"
 ORANGE: Final = "#E69F00"
 GREEN: Final = "#009E73"
 RED: Final = "#D55E00"
+PINK: Final = "#CC79A7"
 GREY: Final = "#8c8c8c"
 INK: Final = "#222222"
 

@@ -203,6 +203,7 @@ def test_figures_are_written_the_same_every_time(skin, sheet, tmp_path):
     pytest.importorskip("matplotlib")
     from smoskin.commands.score.plates import score_plates
 
+    assert len(sheet.cases) == 5  # all that there are
     first, again = (
         {plate.name: plate.write(tmp_path).read_bytes() for plate in score_plates(sheet)}
         for _ in range(2)

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from smoskin.arrays import Bools, Floats
 from smoskin.commands.score.evaluate import HEADLINE
 from smoskin.commands.score.report import FORCE, LEVELS, LOCATION, Case, ScoreSheet, regions
-from smoskin.plots import BLUE, GREEN, GREY, ORANGE, RED, Plate, draw_map, lay_out, styled
+from smoskin.plots import BLUE, GREEN, GREY, ORANGE, PINK, RED, Plate, draw_map, lay_out, styled
 
-_COLOURS: Final = (BLUE, ORANGE, GREEN, RED)
+_COLOURS: Final = (BLUE, ORANGE, GREEN, RED, PINK)
 _BANDS: Final = ((0.1, 0.2), (0.3, 0.5), (0.6, 0.8), (0.9, 1.0))
 """Ranges of forces whose errors share a histogram, N."""
 _BINS: Final = 41
