@@ -1,6 +1,7 @@
 """Boards on pseudo-terminals, for whatever reads serial ports."""
 
 import os
+import select
 import threading
 import tty
 from collections.abc import Callable, Iterable, Iterator
@@ -27,6 +28,13 @@ class Line:
 
     def send(self, data: bytes) -> None:
         os.write(self.master, data)
+
+    def deliver(self, data: bytes) -> None:
+        """Send all of it, as soon as there is room: a busy reader loses nothing."""
+        while data:
+            _, free, _ = select.select([], [self.master], [], 10.0)
+            assert free, "nobody reads"
+            data = data[os.write(self.master, data) :]
 
     def received(self) -> bytes:
         try:

@@ -166,7 +166,7 @@ def test_nothing_is_lost_at_200_and_500_readings_a_second(planar: SkinDesign) ->
         start = time.monotonic()
         for number, frame in enumerate(frames(planar, round(10 * rate), rate=rate)):
             time.sleep(max(0.0, start + number / rate - time.monotonic()))
-            line.send(frame)
+            line.deliver(frame)
 
     with Line() as first, Line() as second:
         rates = {first: 200.0, second: 500.0}
