@@ -66,7 +66,8 @@ def test_the_wheel_stays_one_that_can_be_read_in_a_week():
     # 7,700 are bridges to robotics tools, real arms, campaigns of many kinds and cones;
     # 130 learn how a skin turns, ask what of a patch is covered, and send skins back;
     # 170 choose a sheet's plates and direction, and say what a refused surface asks too much of;
-    # 500 judge every limit of an arm that yields, record what it followed, and let touches rest.
+    # 500 judge every limit of an arm that yields, record what it followed, and let touches rest;
+    # 100 examine pairs in turn, and spend less on a reading of a board and of a touch.
     assert sum(text.count("\n") for text in FILES.values()) <= 63_500
 
 

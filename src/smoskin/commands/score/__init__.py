@@ -22,6 +22,7 @@ from smoskin.commands.score.evaluate import (
     Exam,
     Session,
     grid_sessions,
+    in_turn,
     judge,
     label,
     pair_session,
@@ -273,7 +274,7 @@ def examine(
             drags = case in ("undragged", "dragged")
             rng = np.random.default_rng([seed, 4, done])
             part = judge(estimators[drags], twin, session, rng)
-            if table is not None and "pairs" not in case:
+            if table is not None and session.touches.position.shape[1] == 1:
                 part = replace(part, bound=_bounds(table, noise, exam, session, drags=drags))
             answers.setdefault(case, []).append(part)
             done += 1
@@ -309,10 +310,11 @@ def _sessions(twin: Twin, exam: Exam, seed: int) -> Iterator[tuple[str, Session]
             yield case, session
             if case == "straight" and exam.drag:
                 yield "undragged", session
-    for case, in_turn in (("pairs", False), ("pairs in turn", True)) if exam.pairs else ():
+    if exam.pairs:
         rng = np.random.default_rng([seed, 3])
-        session = pair_session(twin, rng, exam.pairs, exam.world, (seed, 3), in_turn=in_turn)
-        yield case, session
+        pairs = pair_session(twin, rng, exam.pairs, exam.world, (seed, 3))
+        yield "pairs", pairs
+        yield "pairs in turn", in_turn(twin, pairs)
 
 
 def _bounds(

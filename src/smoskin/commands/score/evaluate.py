@@ -198,19 +198,16 @@ def pair_session(
     count: int,
     world: World = PLAIN,
     seed: tuple[int, ...] = (),
-    *,
-    in_turn: bool = False,
 ) -> Session:
-    """Pairs of straight touches of 0.3 to 1 N, anywhere but 40 mm apart, at 25 degC.
-
-    They land together, or one 0.3 s after the other.
-    """
+    """Pairs of straight touches of 0.3 to 1 N, anywhere but 40 mm apart, at 25 degC."""
     position = far_pairs(geometry(twin.design).extent, 0.04, count, rng)
     push = np.zeros((count, 2, 3))
     push[..., 2] = -rng.uniform(0.3, 1.0, (count, 2))
-    session = press(twin, Touches(position=position, force=push), 25.0, world, seed)
-    if not in_turn:
-        return session
+    return press(twin, Touches(position=position, force=push), 25.0, world, seed)
+
+
+def in_turn(twin: Twin, session: Session) -> Session:
+    """The same pairs by the same fingers, the second touch of each 0.3 s after the first."""
     fingers = session.touches
     first = Touches(
         position=fingers.position[:, :1], force=fingers.force[:, :1], radius=fingers.radius[:, :1]

@@ -271,7 +271,7 @@ class Feed(Resource):
             )
             self._clients.add(client)
             async for asked in connection:
-                await connection.send(json.dumps(self._answer(client, asked), allow_nan=False))
+                await connection.send(_as_json(self._answer(client, asked)))
         except ConnectionClosed:
             pass
         finally:
