@@ -19,8 +19,9 @@ ATTENUATION = (0.55, 0.55)
 """v_a of the motions, alike in x and y as the SI takes it; from 0.52 to 0.58 the names are the same
 but for one cell or two. Least squares to the magnets' motions give 0.48 and 0.44
 (`paper.models.reduction.fit_magnets`), Text S5's fit to the stiffness none."""
-OF_STATICS = (0.6, 0.5)
-"""v_a where cells are named by statics; 0.05 more or less of either costs a name or two."""
+OF_STATICS = (0.55, 0.5)
+"""v_a where cells are named by statics; 0.05 more or less of either costs a name or two, y up
+four under covers at 0.1 N."""
 NO_DEDUCTION = 1e7
 """N/m: sheet that a drag does not move over the board, as under cover panels."""
 
@@ -76,18 +77,20 @@ def test_a_drag_that_sticks_to_the_sheet_moves_it_too_far_for_theory(planar):
     assert named(Twin(planar, seed=1), 0.3, (0.3, 0.0)) < 12
 
 
+@pytest.mark.parametrize("seed", [1, 2, 7])
 @pytest.mark.parametrize("grip", [Sticking(), Covered()])
-def test_statics_name_the_cells_of_the_whole_sheet(planar, grip):
-    twin = Twin(planar, seed=1, grip=grip)
-    for force, cells in ((0.1, 34), (0.3, 35), (1.0, 35)):
-        assert named(twin, force, grip=grip) >= cells
+def test_statics_name_the_cells_of_the_whole_sheet(planar, grip, seed):
+    """Over the nodal line of the lower chip's z too, where it does not weigh a press."""
+    twin = Twin(planar, seed=seed, grip=grip)
+    for force in (0.1, 0.3, 1.0):
+        assert named(twin, force, grip=grip) >= 35
 
 
-@pytest.mark.parametrize(("grip", "least"), [(Sticking(), 34), (Covered(), 33)])
-def test_statics_name_cells_under_drags(planar, grip, least):
+@pytest.mark.parametrize("grip", [Sticking(), Covered()])
+def test_statics_name_cells_under_drags(planar, grip):
     twin = Twin(planar, seed=1, grip=grip)
     for drag in ((0.3, 0.0), (0.0, -0.3), (0.21, 0.21)):
-        assert named(twin, 0.3, drag, grip) >= least
+        assert named(twin, 0.3, drag, grip) >= 34
 
 
 def test_small_drags_of_hard_presses_are_not_told_from_the_hold(planar):
@@ -95,7 +98,7 @@ def test_small_drags_of_hard_presses_are_not_told_from_the_hold(planar):
     assert named(Twin(planar, seed=1), 1.0, (0.3, 0.0), Sticking()) < 30
 
 
-@pytest.mark.parametrize(("drag", "least"), [(0.0, 0.93), (0.3, 0.78)])
+@pytest.mark.parametrize(("drag", "least"), [(0.0, 0.97), (0.3, 0.85)])
 @pytest.mark.parametrize("grip", [Sticking(), Covered()])
 def test_statics_name_the_cells_of_made_skins(planar, grip, drag, least):
     skins = [Twin(planar, seed=seed, manufactured=True, grip=grip) for seed in (1, 2, 3)]

@@ -1,9 +1,10 @@
 """Theory's sheet under a finger that sticks to it or presses through covers, read by statics.
 
 Decides which cell a touch lies on where a drag moves the sheet farther than a press folds it. For
-each cell the board's statics turn the lower chip's motion into the whole force; S11 then says what
-the magnets of the sheet move by the press, `smoskin.mechanics.reduced.drag` what they move by the
-drag alone, without what the finger holds anyway; the likeliest cell is the one that leaves least.
+each cell the board's statics say what the lower chip moves by a force, S11 what the magnets of the
+sheet move by the press, `smoskin.mechanics.reduced.drag` what they move by the drag alone, without
+what the finger holds anyway; all chips together give the force, and the likeliest cell is the one
+that leaves least.
 """
 
 from typing import Final
@@ -34,36 +35,43 @@ _HOLD_OFF: Final = 0.2
 """Share by which it misses what the finger holds."""
 _HOLD_LEAST: Final = 0.01
 """N/N: the same, at least."""
+_FORCE_LEAST: Final = 3e-4
+"""N: no drag is known better beforehand."""
 _CHIP_OFF: Final = 0.03
-"""Share of the lower chip's motion that reads as one across, on made skins."""
+"""Share of the lower chip's motion that theory misses on made skins, along each axis."""
 _DRAGS: Final = 0.3
 """N: deviation of drags, where there is one."""
+_PASSES: Final = 2
+"""Fits of a touch: deviations are shares of what moves, the first guesses them by the press."""
 
 
 class StaticSheet(Sheet):
-    """Theory's sheet on columns that bend, under a touch that grips it as said.
+    """Theory's sheet on columns that bend, under a touch of a given grip.
 
     Notes
     -----
-    Source: SI Eqs. (S11), (S25) and (S26) with moments: a touch on the vertex of cell c moves the
-    lower chip by M_c F. With f = -F_z of F = M_c^-1 u_1, the magnets move by
+    Source: SI Eqs. (S11), (S25) and (S26) with moments. A touch F, f = -F_z, on the vertex of cell
+    c moves the lower chip and the magnets of the sheet by
 
-        u = U_c f + D_c (F_xy - R_c f),
+        u_1 = M_c F,  u = U_c f + D_c (F_xy - R_c f),
 
     U_c those of S11 by a newton, D_c those by a drag, R_c the columns' pull on a guided vertex. A
     straight press has F_xy = r_c f with the hold that leaves the vertex in place,
     (V_c + B_c) r_c = V_c R_c - t_c: V_c the vertex' motion over the board by a drag, B_c the
     board's there, t_c its by a newton's press. Under covers D_c = R_c = r_c = 0.
-    What is left is normal with a deviation in shares of what moves; straight presses and drags are
-    as likely beforehand.
+    With (F_xy - r_c f, f) unknown, both are linear; their errors are normal, with deviations in
+    shares of what moves. Straight presses, whose drag is what the hold misses, and drags are as
+    likely beforehand, and a force of any size is as likely as any other.
     Valid for touches on top vertices of a flat skin.
     """
 
     most_misfit = 0.5
+    lower: Floats
+    """(N, M, 3, 3), m/N: motions of the lower chip by a newton along each axis on each cell."""
     presses: Floats
     """(N, M, 3S), m/N: motions of the chips by a newton's straight press on each cell."""
     loads: Floats
-    """(N, M, 3, 3S), N/m: times motions, the force on the cell that they show."""
+    """(N, M, 3, 3S), N/m: times motions, the force on the cell that they show, about a newton's."""
 
     def __init__(
         self, design: SkinDesign, calibration: Calibration, grip: Sticking | Covered
@@ -72,87 +80,100 @@ class StaticSheet(Sheet):
             raise ArgumentError(f"design must be flat where grip is given; got {design.name!r}")
         coefficients = calibration.coefficients
         mounts = [design.magnet(site.magnet).mount for site in design.halls]
-        self._lower = mounts.index("base")
-        self._upper = [s for s, mount in enumerate(mounts) if mount == "sheet"]
+        upper = [s for s, mount in enumerate(mounts) if mount == "sheet"]
+        # A touch is read by the lower chip and by x and y of the upper ones.
+        lower = 3 * mounts.index("base") + np.arange(3)
+        self._channels = np.concatenate([lower, *(3 * s + np.arange(2) for s in upper)])
         self._rows = design.cells[1]
         cells = design.cells[0] * design.cells[1]
         stiffness = stiffness_map(design, coefficients).reshape(-1, 1)
-        unit = unit_press(design, coefficients)
-        self._press = unit.reshape(cells, -1) / stiffness
+        self._press = unit_press(design, coefficients).reshape(cells, -1) / stiffness
         chip, vertex = _board_motions(design, calibration)
-        self._force = np.linalg.inv(chip)
-        self._drag = np.zeros((*self._press.shape, 2))
-        self._pull, self._hold = np.zeros((2, cells, 2))
+        self.lower = chip.reshape(*design.cells, 3, 3)
+        drag = np.zeros((*self._press.shape, 2))
+        pull, self._hold = np.zeros((2, cells, 2))
         if isinstance(grip, Sticking):
             moved, given = drag_motions(design), -vertex[:, :2]
-            watched = [design.magnet(design.halls[s].magnet).name for s in self._upper]
+            watched = [design.magnet(design.halls[s].magnet).name for s in upper]
             on_sheet = [m.name for m in design.magnets if m.mount == "sheet"]
             order = [on_sheet.index(name) for name in watched]
-            self._drag = moved.magnets[:, :, order].reshape(*self._drag.shape)
+            drag = moved.magnets[:, :, order].reshape(*drag.shape)
             over = moved.vertex.reshape(cells, 2, 2)
-            self._pull = _column_pull(design, calibration) / stiffness
-            held = np.einsum("cab,cb->ca", over, self._pull) - given[..., 2]
+            pull = _column_pull(design, calibration) / stiffness
+            held = np.einsum("cab,cb->ca", over, pull) - given[..., 2]
             self._hold = np.linalg.solve(over - given[..., :2], held[..., None])[..., 0]
-        noise = motion_noise(design).reshape(len(mounts), 3)
-        of_force = (self._force * noise[self._lower]) @ np.swapaxes(self._force, 1, 2)
-        self.noise = of_force.reshape(*design.cells, 3, 3)
-        self._noise = noise[self._upper, :2].mean()
-        self._force_noise = np.einsum("caa->c", of_force[:, :2, :2]) / 2
-        self._folding_noise = of_force[:, 2, 2]
-        self._turned = _CHIP_OFF**2 * (self._force[:, 2] ** 2).mean(axis=1)
-        self.presses, self.loads = self._linear(design, chip)
+        straight = np.column_stack([self._hold, -np.ones(cells)])
+        # What the channels see of the unknown touch; magnets move one way, their chips the other.
+        self._moves = np.zeros((cells, len(self._channels), 3))
+        self._moves[:, :3, :2] = chip[:, :, :2]
+        self._moves[:, :3, 2] = np.einsum("cab,cb->ca", chip, straight)
+        self._moves[:, 3:, :2] = -drag
+        self._moves[:, 3:, 2] = -self._press - np.einsum("cka,ca->ck", drag, self._hold - pull)
+        self._products = np.einsum("cka,ckb->ckab", self._moves, self._moves)
+        noise = motion_noise(design)
+        self._noise = noise[self._channels]
+        self.presses, self.loads = self._linear(design)
+        self.noise = (self.loads * noise) @ np.swapaxes(self.loads, -1, -2)
         self.place = place_scatter(design, self.presses, self.loads)
 
     def solve(self, motions: Floats) -> Solution | None:
         """Touch by motions (3S,), m, of the chips against their magnets; None where none fits."""
-        moved = motions.reshape(-1, 3)
-        force = self._force @ moved[self._lower]
-        press = -force[:, 2:]
-        if not (press > 0).any():
+        seen = motions[self._channels]
+        touch = np.zeros((2, len(self._press), 3))  # (F_xy - r f, f) if straight, and if dragged
+        touch[..., 2] = -self._press @ seen[3:] / (self._press**2).sum(axis=1)
+        for _ in range(_PASSES):
+            weights, prior = self._certainty(touch, seen)
+            normal = self._normal(weights, prior)
+            pulled = np.einsum("hck,cka->hca", weights * seen, self._moves)
+            touch = np.linalg.solve(normal, pulled[..., None])[..., 0]
+        left = seen - np.einsum("cka,hca->hck", self._moves, touch)
+        off = (touch[..., :2] ** 2).sum(axis=2)
+        cost = (weights * left**2 - np.log(weights)).sum(axis=2) + off * prior - 2 * np.log(prior)
+        cost += np.linalg.slogdet(normal)[1]
+        cost = np.where(touch[..., 2] > 0, cost, np.inf)
+        dragged, number = divmod(int(cost.argmin()), len(self._press))
+        if cost[dragged, number] == np.inf:
             return None
-        seen = -moved[self._upper, :2].ravel()
-        folded = self._press * press
-        off = force[:, :2] - self._hold * press
-        swayed = np.einsum("cka,ca->ck", self._drag, off)
-        held = np.einsum("cka,ca->ck", self._drag, (self._hold - self._pull) * press)
-        straight = seen - folded - held
-        left = np.stack([straight, straight - swayed])  # if straight, and if dragged
-        of_press = _PRESS_OFF**2 * (folded**2).mean(axis=1) + self._noise
-        of_drag = of_press + _DRAG_OFF**2 * (swayed**2).mean(axis=1)
-        of_drag += (self._drag**2).mean(axis=(1, 2)) * 2 * self._force_noise
-        spread = np.stack([of_press, of_drag])
-        of_hold = _HOLD_OFF**2 * (self._hold**2).mean(axis=1) + _HOLD_LEAST**2
-        prior = np.stack([of_hold * press[:, 0] ** 2 + self._force_noise, 0 * of_hold + _DRAGS**2])
-        # What is wrong of the force along z is wrong of all that the press folds.
-        weighed = self._folding_noise + (moved[self._lower] @ moved[self._lower]) * self._turned
-        along = np.einsum("hck,ck->hc", left, self._press)
-        common = spread / weighed + (self._press**2).sum(axis=1)
-        cost = ((left**2).sum(axis=2) - along**2 / common) / spread
-        cost += seen.size * np.log(spread) + np.log(common * weighed / spread)
-        cost += (off**2).sum(axis=1) / prior + 2 * np.log(prior)
-        cost = np.where(press[:, 0] > 0, cost, np.inf)
-        dragged, number = divmod(int(cost.argmin()), len(press))
         chances = np.exp((cost.min() - cost) / 2)
         confidence = float(chances[:, number].sum() / chances.sum())
-        moving = seen @ seen + folded[number] @ folded[number] + swayed[number] @ swayed[number]
-        misfit = float((left[dragged, number] ** 2).sum() / moving)
-        answer = np.array([*(off[number] * dragged).tolist(), -press[number, 0]])
-        answer[2] -= along[dragged, number] / common[dragged, number]
-        return Solution(divmod(number, self._rows), answer, confidence, misfit)
+        by_touch, unlike = seen - left[dragged, number], left[dragged, number]
+        misfit = float(unlike @ unlike / (seen @ seen + by_touch @ by_touch))
+        *drag, press = touch[dragged, number].tolist()
+        force = np.array([*drag, -press]) if dragged else np.array([0.0, 0.0, -press])
+        return Solution(divmod(number, self._rows), force, confidence, misfit)
 
-    def _linear(self, design: SkinDesign, chip: Floats) -> tuple[Floats, Floats]:
+    def _certainty(self, touch: Floats, seen: Floats) -> tuple[Floats, Floats]:
+        """Inverse variances of what is seen, (2, C, K), m^-2, and of each axis' drag, (2, C), N^-2.
+
+        For motions (K,) or (C, K) of about a touch (2, C, 3) on each cell, straight and dragged.
+        """
+        drag, press = touch[..., :2], touch[..., 2]
+        variance = np.broadcast_to(self._noise, (2, *self._moves.shape[:2])).copy()
+        variance[..., :3] += _CHIP_OFF**2 * (seen[..., :3] ** 2).sum(axis=-1)[..., None]
+        folded = (_PRESS_OFF * press) ** 2 * (self._press**2).mean(axis=1)
+        swayed = np.einsum("cka,hca->hck", self._moves[:, 3:, :2], drag)
+        variance[..., 3:] += (folded + _DRAG_OFF**2 * (swayed**2).mean(axis=2))[..., None]
+        held = (_HOLD_OFF**2 * (self._hold**2).mean(axis=1) + _HOLD_LEAST**2) * press[0] ** 2
+        held += _FORCE_LEAST**2
+        return 1 / variance, 1 / np.stack([held, np.full_like(held, _DRAGS**2)])
+
+    def _normal(self, weights: Floats, prior: Floats) -> Floats:
+        """Normal matrices of the touch on each cell, (..., C, 3, 3)."""
+        normal: Floats = np.einsum("...ck,ckab->...cab", weights, self._products)
+        normal[..., (0, 1), (0, 1)] += prior[..., None]
+        return normal
+
+    def _linear(self, design: SkinDesign) -> tuple[Floats, Floats]:
         """Motions by a newton's straight press on each cell, and the loads that it shows there."""
-        chips, cells = len(design.halls), len(chip)
-        force = np.column_stack([self._hold, -np.ones(cells)])
-        motions = np.zeros((cells, chips, 3))
-        motions[:, self._lower] = np.einsum("cab,cb->ca", chip, force)
-        held = np.einsum("cka,ca->ck", self._drag, self._hold - self._pull)
-        motions[:, self._upper, :2] = -(self._press + held).reshape(cells, -1, 2)
-        loads = np.zeros((cells, 3, chips, 3))
-        loads[:, :, self._lower] = self._force
-        loads[:, :2, self._lower] += self._hold[..., None] * self._force[:, 2:]
-        shape = design.cells
-        return motions.reshape(*shape, -1), loads.reshape(*shape, 3, -1)
+        pressed, cells = self._moves[..., 2], len(self._moves)
+        weights, prior = self._certainty(np.broadcast_to([0.0, 0.0, 1.0], (2, cells, 3)), pressed)
+        gains = np.swapaxes(self._moves, 1, 2) * weights[1][:, None]
+        gains = np.linalg.solve(self._normal(weights[1], prior[1]), gains)
+        gains[:, 2] *= -1.0
+        signals = 3 * len(design.halls)
+        motions, loads = np.zeros((cells, signals)), np.zeros((cells, 3, signals))
+        motions[:, self._channels], loads[..., self._channels] = pressed, gains
+        return motions.reshape(*design.cells, -1), loads.reshape(*design.cells, 3, -1)
 
 
 def _board_motions(design: SkinDesign, calibration: Calibration) -> tuple[Floats, Floats]:
