@@ -310,11 +310,12 @@ def test_a_touch_that_was_alone_may_have_moved_since():
     alone = LoneTouch(3.0, TouchPosterior(np.array([[*WHERE[0], *FORCE[0]]]), covariance, 1.0, 0.0))
     one, four = (alone.standing(3.0 + later, 5e-3) for later in (1.0, 4.0))
     np.testing.assert_array_equal(one.place, WHERE[0])
-    np.testing.assert_allclose(one.spread, 25e-6 * np.eye(2))
-    np.testing.assert_allclose(four.spread, 4 * one.spread)
+    np.testing.assert_allclose(one.precision, np.eye(2) / 25e-6)
+    np.testing.assert_allclose(four.precision, one.precision / 4)
     covariance[0, 0, 1] = covariance[0, 1, 0] = 1e-6
     covariance[0, 0, 0] = covariance[0, 1, 1] = 2e-6
-    np.testing.assert_allclose(alone.standing(2.0, 5e-3).spread, 1e-6 * (np.eye(2) + 1))
+    known = alone.standing(2.0, 5e-3).precision
+    np.testing.assert_allclose(np.linalg.inv(known), 1e-6 * (np.eye(2) + 1))
     assert alone.standing(9.0, np.inf) is None
 
 
@@ -324,7 +325,7 @@ def test_only_a_touch_that_fitted_alone_stands(skin, monkeypatch):
     solver.misfit = 300.0
     bayes.step(raised(skin, 2.0, STRONG))
     bayes.step(raised(skin, 3.0, STRONG))
-    spreads = [one.spread[0, 0] for one in solver.standing]
+    spreads = [1 / one.precision[0, 0] for one in solver.standing]
     assert spreads == pytest.approx([26e-6, 51e-6])
     bayes.step(raised(skin, 4.0, np.zeros(9)))
     bayes.step(raised(skin, 5.0, STRONG))

@@ -65,7 +65,7 @@ def expected_covariance(table, noise, values, rows, drag, standing=None):
     prior = [level.get(row, drag**-2 if row in (2, 3) else 0.0) for row in rows]
     information += np.diag(np.tile(prior, len(values)))
     if standing is not None:
-        information[:2, :2] += np.linalg.inv(standing.spread)
+        information[:2, :2] += standing.precision
     return np.linalg.inv(information)
 
 
@@ -89,7 +89,8 @@ def test_the_covariance_of_one_touch_is_that_of_the_linear_problem(table, noise,
 def test_the_covariance_of_two_touches_is_that_of_the_linear_problem(table, noise, first, stands):
     order = [first, 1 - first]
     values = np.concatenate([WHERE, FORCE], axis=1)[order]
-    standing = Standing(WHERE[order[0]], np.array([[4e-6, 1e-6], [1e-6, 2e-6]])) if stands else None
+    known = np.linalg.inv([[4e-6, 1e-6], [1e-6, 2e-6]])
+    standing = Standing(WHERE[order[0]], known) if stands else None
     exact = table.together(WHERE[order][None], FORCE[order][None])[0]
     found = solver_of(table, noise).two(exact, values, standing)
     expected = expected_covariance(table, noise, found.values, [0, 1, 4], 0.0, standing)
@@ -210,7 +211,7 @@ def test_two_touches_nearer_than_two_centimetres_are_no_pair(table, noise):
     for gap, pair in ((0.0195, False), (0.0205, True)):
         where = np.array([[0.05, 0.06], [0.05 + gap, 0.06]])
         exact = table.together(where[None], FORCE[None])[0]
-        standing = Standing(where[0], 1e-14 * np.eye(2))
+        standing = Standing(where[0], 1e14 * np.eye(2))
         found = solver.two(exact, np.concatenate([where, FORCE], axis=1), standing)
         assert np.isfinite(found.evidence) == pair
 

@@ -57,7 +57,7 @@ def test_a_touch_that_stood_there_tells_the_other(planar):
     solver = TouchSolver(table, signal_noise(planar), STRAIGHT)
     exact = table.together(WHERE[None], FORCE[None])[0]
     free = solver.two(exact, np.concatenate([WHERE, FORCE], axis=1))
-    standing = Standing(WHERE[1], 1e-6 * np.eye(2))
+    standing = Standing(WHERE[1], 1e6 * np.eye(2))
     led = solver.two(exact, standing=standing)
     assert led.values[0, :2] == pytest.approx(WHERE[1], abs=1e-3)
     assert apart(led.values[:, :2]) < 1e-3
@@ -65,7 +65,7 @@ def test_a_touch_that_stood_there_tells_the_other(planar):
     sure = [np.trace(part[:2, :2]) for part in (led.covariance[1], free.covariance[other])]
     assert sure[0] < sure[1]
     # Where it cannot have stood, the reading has it.
-    astray = solver.two(exact, standing=Standing(np.array([0.1, 0.02]), 1e-8 * np.eye(2)))
+    astray = solver.two(exact, standing=Standing(np.array([0.1, 0.02]), 1e8 * np.eye(2)))
     assert astray.misfit < free.misfit + 0.5
 
 
@@ -182,7 +182,7 @@ def test_a_touch_that_cannot_have_stood_there_is_let_go(table, skin, monkeypatch
     solver = TouchSolver(table, signal_noise(skin), STRAIGHT)
     exact = table.together(WHERE[None], FORCE[None])[0]
     solver.two(exact)
-    standing = Standing(WHERE[0], 1e-6 * np.eye(2))
+    standing = Standing(WHERE[0], 1e6 * np.eye(2))
     for cost, let_go in ((17.9, False), (18.1, True)):
         problem = StatedProblem(*[cost] * 60)
         monkeypatch.setitem(solver._problems.of, 2, problem)

@@ -71,7 +71,7 @@ def test_pairs_start_where_they_have_ever_since(skin, table, stands):
     signals = table.together(place[None], force[None])[0]
     solver = TouchSolver(table, signal_noise(skin))
     solver.two(signals)
-    standing = Standing(place[1], 1e-6 * np.eye(2)) if stands else None
+    standing = Standing(place[1], 1e6 * np.eye(2)) if stands else None
     starts = np.array(solver._pair_starts.best(signals, 3, standing))
     assert not starts[:, :, 2:4].any()
     np.testing.assert_allclose(starts[:, :, [0, 1, 4]], STARTS[stands], rtol=1e-5)

@@ -41,8 +41,6 @@ _HOLD: Final = 0.3
 """Time after which a touch is judged and goes, s."""
 _PERIOD: Final = 1.0
 """Time from touch to touch, s; of pairs in turn that much longer as the first is alone."""
-_SAME: Final = 1e-9
-"""Share of a hold that counts as none."""
 _MOMENTS: Final = (0.0, _RAMP, _HOLD, _HOLD + _RAMP)
 """Times at which a touch is read in the plain world, where nothing happens between touches, s."""
 _STREAM: Final = (0.0, _RAMP, 0.1, 0.2, _HOLD, _HOLD + _RAMP, *(k / 10 for k in range(4, 10)))
@@ -250,12 +248,15 @@ def readings(
     The rubber may creep; each axis of the chips walks at random by `drift` in a second, T.
     """
     world = session.world
-    moments, judged = np.array(_MOMENTS if world.plain else _STREAM), _HOLD
+    moments = np.array(_MOMENTS if world.plain else _STREAM)
+    part = np.where((moments > 0) & (moments <= _HOLD), 0, -1)  # of a touch, -1 where there is none
     count, period = len(session.touches), _PERIOD
     held = [session.motion]
     if session.before is not None:
-        moments = np.concatenate([moments[moments <= _HOLD], _HOLD + moments[1:]])
-        judged, period = 2 * _HOLD, _PERIOD + _HOLD
+        alone = moments <= _HOLD
+        part = np.concatenate([part[alone], np.where(part[1:] < 0, -1, 1)])
+        moments = np.concatenate([moments[alone], _HOLD + moments[1:]])
+        period += _HOLD
         held = [session.before, session.motion]
     begin = _PERIOD + _SWING * world.posed
     starts = begin + period * np.arange(count)
@@ -264,9 +265,7 @@ def readings(
         before = np.append(before, np.arange(0.1, begin, 0.1))
     times = np.concatenate([before, np.add.outer(starts, moments).ravel()])
     steps = np.diff(times, prepend=times[0])
-    part = np.ceil(moments / _HOLD - _SAME).astype(int) - 1
-    touched = (part >= 0) & (part < len(held))
-    state = np.where(touched, count * part + np.arange(count)[:, None], -1)
+    state = np.where(part < 0, -1, count * part + np.arange(count)[:, None])
     rest = Motion.rest(len(twin.design.magnets), (1,))
     motion = Motion.concatenate([*held, rest])
     untouched = np.full(len(before), -1)
@@ -283,7 +282,7 @@ def readings(
         readings=read if run is None else run.arrived(read),
         row=np.append(untouched, np.repeat(np.arange(count), len(moments))),
         idle=np.append(untouched, np.tile(moments == 0.0, count)) > 0,
-        judged=np.append(untouched, np.tile(np.isclose(moments, judged), count)) > 0,
+        judged=np.append(untouched, np.tile(moments == moments[part >= 0].max(), count)) > 0,
         turns=np.tile(np.eye(3), (len(times), 1, 1)) if run is None else run.poses(times),
     )
 

@@ -385,8 +385,9 @@ class LoneTouch(NamedTuple):
         """Its place at another time, as far as that is known."""
         if not math.isfinite(slide):
             return None
-        moved = slide**2 * max(time - self.time, 0.0) * np.eye(2)
-        return Standing(self.found.values[0, :2], self.found.covariance[0, :2, :2] + moved)
+        spread = self.found.covariance[0, :2, :2].copy()
+        spread[(0, 1), (0, 1)] += slide**2 * max(time - self.time, 0.0)
+        return Standing(self.found.values[0, :2], np.asarray(np.linalg.inv(spread)))
 
 
 def _with_creep_left(table: ResponseTable, design: SkinDesign, creep: Prony) -> ResponseTable:

@@ -85,10 +85,5 @@ class Standing(NamedTuple):
 
     place: Floats
     """Its place, (2,), m."""
-    spread: Floats
-    """Covariance, (2, 2), m^2, with how far it may have moved since."""
-
-    @property
-    def precision(self) -> Floats:
-        """Inverse of the covariance, (2, 2), m^-2."""
-        return np.asarray(np.linalg.inv(self.spread))
+    precision: Floats
+    """Inverse of its covariance, which counts how far it may have moved since, (2, 2), m^-2."""

@@ -5,7 +5,6 @@ the derivatives that descents need, of a few descents at once. Decides nothing; 
 coefficients lie so that the few which a touch needs stand together.
 """
 
-import math
 from bisect import bisect_right
 from functools import cached_property
 from typing import Final
@@ -13,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from smoskin.arrays import Floats, Ints
-from smoskin.sensing.response.basis import TouchBasis
+from smoskin.sensing.response.basis import TouchBasis, mean_ramp
 from smoskin.sensing.response.pairs import NearPairs
 
 _BY_X, _BY_Y = np.array([0, 1, 0]), np.array([0, 0, 1])
@@ -180,13 +179,13 @@ class PointWindows:
         return np.array(first).reshape(-1, 2), np.array(functions).reshape(shape)
 
     def _functions(self, at: float, begins: list[float], steep: list[float]) -> list[float]:
-        """Functions along an axis in one window, then their slopes.
-
-        Plain numbers: for a few vertices NumPy takes longer to start than Python to finish.
-        """
+        """Functions along an axis in one window, then their slopes."""
         # The first of a window is straight already, or carries on as a lever; its last has not
         # begun.
-        ramps = [(at - begins[0], 1.0), *map(self._ramp, [at - begin for begin in begins[1:]])]
+        ramps, radius = [(at - begins[0], 1.0)], self._radius
+        for begin in begins[1:]:
+            mean, slope = mean_ramp((at - begin) / radius)
+            ramps.append((radius * mean, slope))
         shares, slopes = [1.0], [0.0]
         for rate, here, ahead in zip(steep, ramps, [*ramps[1:], (0.0, 0.0)], strict=True):
             rise, climb = (here[0] - ahead[0]) * rate, (here[1] - ahead[1]) * rate
@@ -199,16 +198,6 @@ class PointWindows:
             out += (shares[k - 1] * shares[k], shares[k])
             by_place += (slopes[k - 1] * shares[k] + shares[k - 1] * slopes[k], slopes[k])
         return out + by_place
-
-    def _ramp(self, away: float) -> tuple[float, float]:
-        """Mean of a ramp over a patch so far past its begin, m, and its slope."""
-        if not -self._radius < away < self._radius:
-            return max(away, 0.0), float(away > 0.0)
-        u = away / self._radius
-        square = 1 - u * u
-        root = math.sqrt(square)
-        slope = 0.5 + (u * root + math.asin(u)) / math.pi
-        return away * slope + self._radius * 2 / (3 * math.pi) * root * square, slope
 
     def products(self, rates: Floats) -> Floats:
         """Products of functions along x and y, and their slopes, (T, 3, 2 w - 1, 2 w - 1)."""
