@@ -110,11 +110,13 @@ def test_a_campaign_that_is_cut_anywhere_goes_on_and_makes_each_touch_once(tmp_p
     pressed(whole)
     content = whole.read_bytes()
     spans = open_recording(whole).spans
-    cuts = np.random.default_rng(1).integers(spans[0].offset + spans[0].length, len(content), 12)
-    for cut in [*cuts.tolist(), spans[3].offset + 10, len(content) - 1]:
+    described = spans[0].offset + spans[0].length
+    cuts = np.random.default_rng(1).integers(described, len(content), 12)
+    unbegun = [0, 5, 8, spans[0].offset // 2, described - 1]
+    for cut in [*unbegun, described, *cuts.tolist(), spans[3].offset + 10, len(content) - 1]:
         path, arm = tmp_path / "cut.mcap", Arm(begun=-3.0)
         path.write_bytes(content[:cut])
-        there = len(recorded_touches(path))
+        there = 0 if cut in unbegun else len(recorded_touches(path))
         pressed(path, rig=arm)
         assert there + arm.pressed == 6
         touches = recorded_touches(path)

@@ -25,6 +25,7 @@ from smoskin.measurement import TouchTable, read_touches, write_touches
 from smoskin.records import Contact, HeldTouch, Reading, Trace
 from smoskin.roles import Resource, Rig
 from smoskin.service.campaign import table_of
+from smoskin.service.mcap import UnbegunError
 from smoskin.service.recorder import Recorder
 from smoskin.service.recording import (
     GAUGE_TOPIC,
@@ -88,11 +89,13 @@ class Campaign(Resource):
         if before.exists():
             # It was being taken over: what there is beside it is less.
             self._path.unlink(missing_ok=True)
-        elif self._path.exists() and self._path.stat().st_size:
-            open_recording(self._path)
-            self._path.rename(before)
-        else:
-            self._path.unlink(missing_ok=True)  # killed before anything was written
+        elif self._path.exists():
+            try:
+                open_recording(self._path)
+            except UnbegunError:
+                self._path.unlink()
+            else:
+                self._path.rename(before)
         said = json.dumps(dict(rig or {}), sort_keys=True)
         files = {"design.toml": format_design(design).encode(), "rig.json": said.encode()}
         self._late = 0.0

@@ -43,6 +43,10 @@ class Span(NamedTuple):
     length: int
 
 
+class UnbegunError(RecordingError):
+    """A recording that was cut off before it held anything."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
     """What stands where in a file."""
@@ -58,7 +62,10 @@ class Layout:
 
 
 def survey(file: BinaryIO) -> Layout:
-    """The layout of a file; raises `RecordingError` if it is empty or something else than MCAP."""
+    """The layout of a file.
+
+    Raises an `UnbegunError` if it ends before its header, a `RecordingError` if it is no MCAP.
+    """
     try:
         import mcap.records  # noqa: F401 - the first use of mcap in reading
     except ImportError as error:
@@ -66,11 +73,11 @@ def survey(file: BinaryIO) -> Layout:
     file.seek(0)
     magic = file.read(len(_MAGIC))
     if not magic:
-        raise RecordingError("the file is empty")
+        raise UnbegunError("the file is empty")
     if not _MAGIC.startswith(magic):
         raise RecordingError(f"not an MCAP file: it begins with {magic!r}")
     if magic != _MAGIC:
-        raise RecordingError("the file ends before its header")
+        raise UnbegunError("the file ends before its header")
     return _indexed(file) or _walked(file)
 
 

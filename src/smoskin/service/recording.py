@@ -146,7 +146,7 @@ def _opened(path: Path) -> Iterator[BinaryIO]:
     except OSError as error:
         raise RecordingError(f"{path} cannot be read: {error.strerror}") from error
     except RecordingError as error:
-        raise RecordingError(f"{path}: {error}") from error
+        raise type(error)(f"{path}: {error}") from error
 
 
 @contextmanager
@@ -167,7 +167,8 @@ def open_recording(path: str | os.PathLike[str]) -> Recording:
     Raises
     ------
     RecordingError
-        If there is no such file, it is not a recording, or it ends before its description.
+        If there is no such file, it is not a recording, or it ends before its description (a
+        `smoskin.service.mcap.UnbegunError`).
     MissingExtraError
         If mcap or rosbags is not installed.
     """
@@ -210,7 +211,9 @@ def _surveyed(path: Path, file: BinaryIO) -> Recording:
                 elif topic == DESIGN_TOPIC:
                     document = codec.decode_document(payload)
     if description is None:
-        raise RecordingError(_nameless(layout, lost, topics))
+        if layout.truncated and not layout.spans:
+            raise mcap.UnbegunError("the file ends before its description")
+        raise RecordingError(_nameless(lost, topics))
     told = (n for channel, n in layout.counts.items() if topics.get(channel) == READING_TOPIC)
     return Recording(
         path=path,
@@ -227,10 +230,8 @@ def _surveyed(path: Path, file: BinaryIO) -> Recording:
     )
 
 
-def _nameless(layout: mcap.Layout, lost: int, topics: Mapping[int, str]) -> str:
+def _nameless(lost: int, topics: Mapping[int, str]) -> str:
     """The reason why a file holds no description."""
-    if layout.truncated and not layout.spans:
-        return "the file ends before its description"
     if lost:
         return "the recording's description is damaged"
     seen = ", ".join(sorted(set(topics.values()))) or "none"

@@ -1,5 +1,6 @@
 """Hysteresis of creases and adhesive: loops that do not depend on how fast they are gone round."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar, Final, final
 
@@ -61,7 +62,7 @@ class BoucWen(Effect):
         return Friction(_ranges(twin), self.share, self.width, rng)
 
 
-class _Memory:
+class _Memory(ABC):
     """What a motion's components leave behind, each by itself."""
 
     def __init__(self, ranges: Motion) -> None:
@@ -76,9 +77,9 @@ class _Memory:
         magnets, board = np.split(out, [-_BOARD], axis=1)
         return Motion(magnets=magnets.reshape(-1, *self._shape), board=board)
 
+    @abstractmethod
     def _left(self, value: Floats) -> Floats:
         """What is added to the components (M,) after what they were before."""
-        raise NotImplementedError
 
 
 class Loops(_Memory):
