@@ -163,7 +163,7 @@ def told(judged: "ScoreSheet", skins: list[int], count: int) -> dict[str, float]
         "force_percent": round(100 * chief.force, 2),
         "held_percent": round(100 * chief.held.place, 1),
         "idle_percent": round(100 * case.idle.right, 1),
-        "found_percent": round(100 * chief.found, 1),
+        "found_percent": round(100 * chief.detected, 1),
     }
 
 

@@ -98,13 +98,13 @@ def touched(design: SkinDesign, table: ResponseTable, world: World) -> Touched:
 def _errors(world: str, answers: Answers) -> Touched:
     """Errors of all touches, those that were missed among them."""
     missed = answers.extent / 2 - answers.truth[:, :2]
-    off = np.abs(np.where(answers.found[:, None], answers.error[:, :2], missed))
+    off = np.abs(np.where(answers.detected[:, None], answers.error[:, :2], missed))
     return Touched(
         world=world,
         along=off[:, 0],
         around=off[:, 1],
         force=answers.force_error[:, 2],
-        found=float(answers.found.mean()),
+        found=float(answers.detected.mean()),
     )
 
 

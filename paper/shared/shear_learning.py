@@ -354,7 +354,7 @@ def _jointly(design: SkinDesign, joint: TouchSolver, axis: int, signals_read: Fl
     """The same signals read by the joint estimator."""
     _, where, push = _loads(design, axis)
     flat = signals_read.reshape(push.shape[0] * push.shape[1], -1)
-    solved = np.stack([joint.one(item).values[0] for item in flat])
+    solved = np.stack([joint.single(item).values[0] for item in flat])
     missed = solved[:, 2:4].reshape(*push.shape[:2], 2) - push[..., :2]
     return Jointly(
         readings=_readings(solved[:, [0, 1, 4]] * (1.0, 1.0, -1.0), where),

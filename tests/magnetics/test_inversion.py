@@ -21,21 +21,21 @@ def test_round_trip_over_the_stroke_within_a_micrometre(planar):
     inverse = FieldInverse(planar)
     moved = np.random.default_rng(0).uniform(-1, 1, (2000, 3, 3)) * [1.2e-3, 1.2e-3, 0.5e-3]
     answer = inverse.displacements(exact_fields(planar, moved))
-    assert answer.found.all()
+    assert answer.within.all()
     assert np.abs(answer.moved - moved).max() < 1e-6
 
 
 def test_rest_is_rest(planar):
     inverse = FieldInverse(planar)
     answer = inverse.displacements(inverse.rest_field[None])
-    assert answer.found.all()
+    assert answer.within.all()
     np.testing.assert_allclose(answer.moved, 0, atol=1e-7)
 
 
 @pytest.mark.parametrize("field", [0.0, np.nan, 1.0, -0.05])
 def test_a_field_of_no_place_is_not_found_and_does_not_raise(planar, field):
     answer = FieldInverse(planar).displacements(np.full((2, 3, 3), field))
-    assert not answer.found.any()
+    assert not answer.within.any()
 
 
 def test_one_reading_and_many_give_the_same(planar):
@@ -47,8 +47,8 @@ def test_one_reading_and_many_give_the_same(planar):
     np.testing.assert_allclose(
         np.concatenate([one.moved for one in alone]), together.moved, rtol=1e-9, atol=1e-15
     )
-    assert together.found.all()
-    assert all(one.found.all() for one in alone)
+    assert together.within.all()
+    assert all(one.within.all() for one in alone)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -61,7 +61,7 @@ def test_a_place_counts_until_the_stroke_ends(planar, axis, chip, sign):
     moved = np.zeros((len(far), 3, 3))
     moved[:, chip, axis] = sign * far * 1e-3
     answer = inverse.displacements(exact_fields(planar, moved))
-    assert answer.found.tolist() == [True, True, False, False, False]
+    assert answer.within.tolist() == [True, True, False, False, False]
     np.testing.assert_allclose(answer.moved[:2], moved[:2], atol=2e-6)
 
 
@@ -69,7 +69,7 @@ def test_the_stroke_may_be_another(planar):
     moved = np.zeros((2, 3, 3))
     moved[:, 1, 0] = [0.99e-3, 1.01e-3]
     fields = exact_fields(planar, moved)
-    assert FieldInverse(planar, stroke=1e-3).displacements(fields).found.tolist() == [True, False]
+    assert FieldInverse(planar, stroke=1e-3).displacements(fields).within.tolist() == [True, False]
 
 
 def test_past_its_usable_range_the_closed_inverse_is_refined(planar):
@@ -109,7 +109,7 @@ def test_one_reading_near_rest_takes_plain_numbers(planar, monkeypatch):
     monkeypatch.setattr(inversion, "displacement", refused)
     answer = inverse.displacements(fields)
     np.testing.assert_allclose(answer.moved, moved, atol=1e-6)
-    assert answer.found.tolist() == [True]
+    assert answer.within.tolist() == [True]
     # Past the usable range of one chip, or with a field that no place has, arrays take over.
     far = moved.copy()
     far[0, 1, 0] = 1e-3
@@ -120,4 +120,4 @@ def test_one_reading_near_rest_takes_plain_numbers(planar, monkeypatch):
 
 @pytest.mark.parametrize("field", [0.0, np.nan, 1.0])
 def test_one_reading_of_no_place_is_not_found(planar, field):
-    assert not FieldInverse(planar).displacements(np.full((1, 3, 3), field)).found.any()
+    assert not FieldInverse(planar).displacements(np.full((1, 3, 3), field)).within.any()

@@ -64,7 +64,7 @@ class Arm(Rig):
 
 def pressed(path: Path, plan: TouchTable = PLAN, rig: Rig | None = None) -> TouchTable:
     with Campaign(path, DESIGN, plan=b"a,b\n", rig={"rig": "arm"}) as campaign:
-        return press_plan(rig or Arm(), plan, made=campaign.made, told=campaign.add)
+        return press_plan(rig or Arm(), plan, made=campaign.made, on_touch=campaign.add)
 
 
 def test_a_touch_comes_back_as_it_was_made(tmp_path: Path) -> None:

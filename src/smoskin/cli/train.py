@@ -229,9 +229,9 @@ def learn(
     if past:
         if recording is not None:
             raise typer.BadParameter("--past reads recordings; --recording goes with one sheet")
-        model, judged = _learned_with_past(sheets, test or (), used, seed, drawn.told)
+        model, judged = _learned_with_past(sheets, test or (), used, seed, drawn.add)
     else:
-        model, judged = _learned_touches(sheets, recording, test or (), used, seed, drawn.told)
+        model, judged = _learned_touches(sheets, recording, test or (), used, seed, drawn.add)
     model.save(out)
     drawn.save(model)
     names = ", ".join(map(str, test)) if test else "places held out"
@@ -263,7 +263,7 @@ class _Drawn:
             check_figure(file, force=force)
         self._file, self._missed = file, (np.zeros((0, 0)), np.zeros((0, 0)))
 
-    def told(self, true: Floats, error: Floats) -> None:
+    def add(self, true: Floats, error: Floats) -> None:
         """Take what was true and what was missed, (N, O) each."""
         self._missed = true, error
 
@@ -282,7 +282,7 @@ def _learned_touches(
     test: Sequence[Path],
     chips: tuple[int, ...] | None,
     seed: int,
-    told: Callable[[Floats, Floats], None],
+    on_judged: Callable[[Floats, Floats], None],
 ) -> tuple[LearnedModel, tuple[Metric, ...]]:
     """A model of touches that were held still, and its figures on others."""
     from smoskin.sensing.learned.touches import judge_touches, learn_touches
@@ -299,7 +299,9 @@ def _learned_touches(
         tables = [table.with_readings(readings) for table in tables]
         tests = [table.with_readings(readings) for table in tests]
     with progress_bar() as progress:
-        model = learn_touches(tables, chips=chips, seed=seed, progress=progress, told=told)
+        model = learn_touches(
+            tables, chips=chips, seed=seed, progress=progress, on_judged=on_judged
+        )
     return model, judge_touches(model, tests) if tests else ()
 
 
@@ -308,7 +310,7 @@ def _learned_with_past(
     test: Sequence[Path],
     chips: tuple[int, ...] | None,
     seed: int,
-    told: Callable[[Floats, Floats], None],
+    on_judged: Callable[[Floats, Floats], None],
 ) -> tuple[LearnedModel, tuple[Metric, ...]]:
     """A model of every reading with its past, and its figures on other recordings."""
     from smoskin.commands.learn import read_course
@@ -321,7 +323,9 @@ def _learned_with_past(
     courses = [read_course(path) for path in recordings]
     tests = [read_course(path) for path in test]
     with progress_bar() as progress:
-        model = learn_courses(courses, chips=chips, seed=seed, progress=progress, told=told)
+        model = learn_courses(
+            courses, chips=chips, seed=seed, progress=progress, on_judged=on_judged
+        )
     return model, judge_courses(model, tests) if tests else ()
 
 

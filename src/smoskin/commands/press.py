@@ -55,7 +55,7 @@ def press(
         made = read_touches(out)[0] if out.exists() else None
         drawn = _Picture(picture, wanted, made, held)
         keep = partial(write_touches, out)
-        done = press_plan(rig, wanted, made=made, keep=keep, told=drawn.add, progress=progress)
+        done = press_plan(rig, wanted, made=made, keep=keep, on_touch=drawn.add, progress=progress)
         return len(done.contacts)
     whole = plan.read_bytes()
     known |= {"place_spread": rig.place_spread, "force_spread": rig.force_spread}
@@ -64,11 +64,11 @@ def press(
         made = campaign.made
         drawn = _Picture(picture, wanted, made, held)
 
-        def told(touch: HeldTouch) -> None:
+        def keep_touch(touch: HeldTouch) -> None:
             campaign.add(touch)
             drawn.add(touch)
 
-        press_plan(rig, wanted, made=made, told=told, progress=progress)
+        press_plan(rig, wanted, made=made, on_touch=keep_touch, progress=progress)
         return len(campaign.touches)
 
 

@@ -37,7 +37,7 @@ class Displacements(NamedTuple):
 
     moved: Floats
     """(T, S, 3), m: motion of chip against magnet, from rest, in the skin's frame."""
-    found: Bools
+    within: Bools
     """(T,): whether every chip's field fits a place within the stroke."""
 
 

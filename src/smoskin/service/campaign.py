@@ -34,7 +34,7 @@ def press_plan(
     made: TouchTable | None = None,
     keep: Callable[[TouchTable], object] = lambda table: None,
     every: float = 5.0,
-    told: Callable[[HeldTouch], object] = lambda touch: None,
+    on_touch: Callable[[HeldTouch], object] = lambda touch: None,
     progress: Progress = unheard,
 ) -> TouchTable:
     """The touches of a plan in its order, with a row of the untouched skin before each.
@@ -51,7 +51,7 @@ def press_plan(
         Kept touches of an earlier call with this plan, which is gone on with.
     keep : callable, optional
         Function that gets the table so far every so many seconds, and however the call ends.
-    told : callable, optional
+    on_touch : callable, optional
         Function that gets each touch as soon as it has been made.
 
     Raises
@@ -74,7 +74,7 @@ def press_plan(
         for number, target in enumerate(targets[begun:], begun):
             progress(f"touch {number + 1} of {len(targets)}", number / len(targets))
             touch = rig.press(target, _PATIENCE)
-            told(touch)
+            on_touch(touch)
             first = touch.rest[0] if first is None else first
             rows.append(_rows(touch, shift - first))
             if time.monotonic() - kept > every:

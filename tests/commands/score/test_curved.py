@@ -24,7 +24,7 @@ def sizes_of_errors(design):
     judged = answers.where(-answers.truth[:, 4] > HEADLINE - 1e-9)
     assert len(judged.truth) == len(SKINS) * 80
     middle = judged.truth[:, :2] - judged.extent / 2
-    off = np.abs(np.where(judged.found[:, None], judged.error[:, :2], middle)).mean(axis=0)
+    off = np.abs(np.where(judged.detected[:, None], judged.error[:, :2], middle)).mean(axis=0)
     return off, judged.force_error[:, 2].mean(), (judged.confidence((0, 1)) <= 0.9).mean()
 
 

@@ -49,15 +49,16 @@ def test_errors_of_the_stated_size_are_held_as_often_as_stated():
 
 def test_a_missed_touch_counts_as_one_in_the_middle_without_force():
     whole = judged(50, missed=(3, 7))
-    missed = whole.where(~whole.found)
+    missed = whole.where(~whole.detected)
     assert len(missed.truth) == 2
     assert missed.distance == pytest.approx(np.hypot(*(missed.truth[:, :2] - [0.06, 0.08]).T))
     one = tally("missed", missed)
-    assert (one.found, one.force, one.drag) == (0.0, pytest.approx(1.0), pytest.approx(1.0))
+    assert (one.detected, one.force, one.drag) == (0.0, pytest.approx(1.0), pytest.approx(1.0))
     assert one.held == (0.0, 0.0, 0.0)
-    assert tally("whole", whole).found == pytest.approx(0.96)
+    assert tally("whole", whole).detected == pytest.approx(0.96)
     assert (
-        tally("whole", whole).location.mean > tally("good", whole.where(whole.found)).location.mean
+        tally("whole", whole).location.mean
+        > tally("good", whole.where(whole.detected)).location.mean
     )
 
 
@@ -115,7 +116,7 @@ def test_a_force_that_is_not_told_counts_as_none():
     whole = judged(50)
     whole.error[..., 2:] = np.nan
     one = tally("place alone", whole)
-    assert one.found == 1.0
+    assert one.detected == 1.0
     assert one.location.mean < 3e-3
     assert (one.force, one.drag) == (pytest.approx(1.0), pytest.approx(1.0))
     assert (one.held.force, one.held.drag) == (0.0, 0.0)

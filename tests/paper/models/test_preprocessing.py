@@ -42,7 +42,7 @@ def test_field_of_a_slide_is_that_from_which_the_inverse_finds_it(planar):
     change = shear_signals(moved, planar)
     inverse = FieldInverse(planar)
     found = inverse.displacements(inverse.rest_field + change)
-    assert found.found.all()
+    assert found.within.all()
     # Chips move against their magnets as magnets do against chips, reversed; the lower stays.
     assert_allclose(found.moved[:, 1:, :2], -np.repeat(moved[:, None], 2, axis=1), atol=1e-6)
     assert_allclose(found.moved[:, 1:, 2], 0.0, atol=1e-6)

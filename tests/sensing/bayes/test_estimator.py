@@ -115,7 +115,7 @@ def test_three_tenths_of_what_a_touch_leaves_is_noise_of_the_next(skin):
     # The zero is of 20 readings.
     chips = np.repeat([np.trace(known.newton[k : k + 3, k : k + 3]) / 3 for k in (0, 3, 6)], 3)
     noise = signal_noise(skin) * 1.05 + 0.3 * 4e-4 * (known.newton + np.diag(chips)) / 2
-    expected = TouchSolver(known, noise).one(touch).covariance[0]
+    expected = TouchSolver(known, noise).single(touch).covariance[0]
     assert stated[0] == pytest.approx(expected, rel=5e-3, abs=1e-10)
     assert stated[0][0, 0] > 1.2 * stated[1][0, 0]
 
@@ -179,7 +179,7 @@ class StatedSolver:
     def warm_to(self, temperature):
         self.warmed.append(temperature)
 
-    def one(self, signals, guess=None, *, enough=0.0):
+    def single(self, signals, guess=None, *, enough=0.0):
         values = np.array([[*WHERE[0], *FORCE[0]]])
         evidence = -np.inf if self.turns else self.evidence[0]
         if not self.turns:
@@ -193,7 +193,7 @@ class StatedSolver:
     def whitener(self, found):
         return 1e12 * np.eye(9)
 
-    def two(self, signals, guess=None, standing=None, *, enough=0.0):
+    def pair(self, signals, guess=None, standing=None, *, enough=0.0):
         self.standing.append(standing)
         values = np.concatenate([WHERE, FORCE], axis=1)
         return TouchPosterior(values, np.tile(1e-6 * np.eye(5), (2, 1, 1)), 1.0, self.evidence[1])

@@ -74,7 +74,7 @@ def test_the_covariance_of_one_touch_is_that_of_the_linear_problem(table, noise,
     rows = [0, 1, 2, 3, 4] if drag else [0, 1, 4]
     force = SLANTED if drag else np.array([0.0, 0.0, -0.4])
     exact = table.signals([WHERE[0]], [force])[0]
-    found = solver_of(table, noise, drag).one(exact)
+    found = solver_of(table, noise, drag).single(exact)
     expected = expected_covariance(table, noise, found.values, rows, drag)
     np.testing.assert_allclose(
         found.covariance[0][np.ix_(rows, rows)], expected, rtol=0.02, atol=0.02 * expected.max()
@@ -92,7 +92,7 @@ def test_the_covariance_of_two_touches_is_that_of_the_linear_problem(table, nois
     known = np.linalg.inv([[4e-6, 1e-6], [1e-6, 2e-6]])
     standing = Standing(WHERE[order[0]], known) if stands else None
     exact = table.together(WHERE[order][None], FORCE[order][None])[0]
-    found = solver_of(table, noise).two(exact, values, standing)
+    found = solver_of(table, noise).pair(exact, values, standing)
     expected = expected_covariance(table, noise, found.values, [0, 1, 4], 0.0, standing)
     for k in (0, 1):
         stated = np.diag(found.covariance[k])[[0, 1, 4]]
@@ -135,7 +135,7 @@ def test_the_evidence_is_the_integral_of_the_likelihood(table, noise, touches, d
     true = np.concatenate([WHERE[:touches], force], axis=1)
     exact = signals_of(table, true[None])[0]
     signals = exact + np.linalg.cholesky(noise) @ rng.normal(size=9)
-    found = solver.one(signals) if touches == 1 else solver.two(signals, true)
+    found = solver.single(signals) if touches == 1 else solver.pair(signals, true)
     whole = expected_covariance(table, noise, found.values, rows, drag)
     at = found.values[:, rows].copy()
     scale = np.tile([1.0] * (len(rows) - 1) + [0.0], touches)
@@ -165,7 +165,7 @@ def test_the_evidence_is_the_integral_of_the_likelihood(table, noise, touches, d
 def test_what_is_found_is_the_likeliest(table, noise, drag):
     """Half a standard deviation away on any axis the posterior is lower by an eighth or more."""
     signals = table.signals([WHERE[0]], [SLANTED])[0]
-    found = solver_of(table, noise, drag).one(signals)
+    found = solver_of(table, noise, drag).single(signals)
     best = log_joint(table, noise, signals, found.values[None], drag)[0]
     for row, spread in enumerate(np.sqrt(np.diag(found.covariance[0]))):
         for sign in (-0.5, 0.5):
@@ -186,7 +186,7 @@ def test_errors_are_as_large_as_stated_for_each_number(table, noise, drag):
         place = rng.uniform([0.03, 0.04], [0.09, 0.12])
         spread = spread_of(table, noise, force[None])
         signals = table.signals([place], [force])[0]
-        found = solver.one(signals + np.linalg.cholesky(spread) @ rng.normal(size=9))
+        found = solver.single(signals + np.linalg.cholesky(spread) @ rng.normal(size=9))
         error = (found.values[0] - np.concatenate([place, force]))[rows]
         covariance = found.covariance[0][np.ix_(rows, rows)]
         whitened.append(error @ np.linalg.solve(covariance, error))
@@ -197,7 +197,7 @@ def test_errors_are_as_large_as_stated_for_each_number(table, noise, drag):
 
 def test_misfit_counts_residuals_and_drags_in_their_spread(table, noise):
     force = np.array([0.3, 0.0, -0.5])
-    found = solver_of(table, noise, 0.1).one(table.signals([WHERE[0]], [force])[0])
+    found = solver_of(table, noise, 0.1).single(table.signals([WHERE[0]], [force])[0])
     values = found.values
     gap = table.signals([WHERE[0]], [force])[0] - signals_of(table, values[None])[0]
     spread = spread_of(table, noise, values[:, 2:])
@@ -212,7 +212,7 @@ def test_two_touches_nearer_than_two_centimetres_are_no_pair(table, noise):
         where = np.array([[0.05, 0.06], [0.05 + gap, 0.06]])
         exact = table.together(where[None], FORCE[None])[0]
         standing = Standing(where[0], 1e14 * np.eye(2))
-        found = solver.two(exact, np.concatenate([where, FORCE], axis=1), standing)
+        found = solver.pair(exact, np.concatenate([where, FORCE], axis=1), standing)
         assert np.isfinite(found.evidence) == pair
 
 
@@ -224,7 +224,7 @@ def test_noise_must_be_a_covariance(table, noise):
 
 def test_touches_found_twice_in_any_order_are_one_answer(table, noise):
     """Another answer counts by its height and breadth, if it is no more than 5 nats less likely."""
-    problem, _ = solver_of(table, noise).ready_for_two()
+    problem, _ = solver_of(table, noise).ready_for_pair()
     values = np.concatenate([WHERE, FORCE], axis=1)
     exact = table.together(WHERE[None], FORCE[None])[0]
     begun = np.stack([problem.unknowns(values), problem.unknowns(values[::-1])])

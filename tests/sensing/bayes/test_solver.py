@@ -41,10 +41,10 @@ def test_pairs_are_found_wherever_they_are(table, solver):
     """The reduced model tells pairs poorly: what is found is as good as noise lets anything be."""
     for where, force in pairs(8, seed=1):
         exact = table.together(where[None], force[None])[0]
-        found = solver.two(exact)
+        found = solver.pair(exact)
         assert found.misfit < 4.0
-        assert found.evidence > solver.one(exact).evidence
-        led = solver.two(exact, np.concatenate([where + 2e-3, force], axis=1))
+        assert found.evidence > solver.single(exact).evidence
+        led = solver.pair(exact, np.concatenate([where + 2e-3, force], axis=1))
         assert led.misfit < 0.5
         assert apart(led.values[:, :2], where) < 2e-3
 
@@ -56,22 +56,22 @@ def test_a_touch_that_stood_there_tells_the_other(planar):
     table = replace(shipped, **bare)
     solver = TouchSolver(table, signal_noise(planar), STRAIGHT)
     exact = table.together(WHERE[None], FORCE[None])[0]
-    free = solver.two(exact, np.concatenate([WHERE, FORCE], axis=1))
+    free = solver.pair(exact, np.concatenate([WHERE, FORCE], axis=1))
     standing = Standing(WHERE[1], 1e6 * np.eye(2))
-    led = solver.two(exact, standing=standing)
+    led = solver.pair(exact, standing=standing)
     assert led.values[0, :2] == pytest.approx(WHERE[1], abs=1e-3)
     assert apart(led.values[:, :2]) < 1e-3
     other = np.hypot(*(free.values[:, :2] - WHERE[0]).T).argmin()
     sure = [np.trace(part[:2, :2]) for part in (led.covariance[1], free.covariance[other])]
     assert sure[0] < sure[1]
     # Where it cannot have stood, the reading has it.
-    astray = solver.two(exact, standing=Standing(np.array([0.1, 0.02]), 1e8 * np.eye(2)))
+    astray = solver.pair(exact, standing=Standing(np.array([0.1, 0.02]), 1e8 * np.eye(2)))
     assert astray.misfit < free.misfit + 0.5
 
 
 def test_nothing_explains_signals_of_no_touch(solver):
     """Where no start has forces that press, an answer is given all the same."""
-    found = solver.two(-1e-3 * np.ones(9))
+    found = solver.pair(-1e-3 * np.ones(9))
     assert np.isfinite(found.values).all()
     assert found.misfit > 1000
 
@@ -81,9 +81,9 @@ def test_the_first_guess_does_not_decide(skin):
     solver = TouchSolver(table, signal_noise(skin))
     place, force = np.array([0.081, 0.052]), np.array([0.05, 0.0, -0.6])
     exact = table.signals(place[None], force[None])[0]
-    free = solver.one(exact)
+    free = solver.single(exact)
     for guess in ([0.08, 0.05, 0.0, 0.0, -0.5], [0.02, 0.14, 0.3, 0.3, -0.1]):
-        led = solver.one(exact, np.array([guess]))
+        led = solver.single(exact, np.array([guess]))
         # Steps end where they lower the cost by less than a thousandth.
         assert led.values[0] == pytest.approx(free.values[0], abs=5e-5)
     assert free.values[0, :2] == pytest.approx(place, abs=1e-4)
@@ -95,7 +95,7 @@ def test_places_on_the_rim_are_told(skin):
     solver = TouchSolver(table, signal_noise(skin), TouchPriors(drag_spread=0.0))
     for place in ([0.002, 0.08], [0.118, 0.003]):
         exact = table.signals([place], [[0.0, 0.0, -0.5]])[0]
-        assert solver.one(exact).values[0, :2] == pytest.approx(place, abs=1e-4)
+        assert solver.single(exact).values[0, :2] == pytest.approx(place, abs=1e-4)
 
 
 def test_how_many_touches_there_are(skin):
@@ -107,10 +107,10 @@ def test_how_many_touches_there_are(skin):
     pair = table.together(WHERE[None], FORCE[None])[0]
     for _ in range(5):
         noisy = rng.multivariate_normal(np.zeros(9), noise)
-        assert solver.one(single + noisy).evidence > solver.two(single + noisy).evidence
-        assert solver.two(pair + noisy).evidence > solver.one(pair + noisy).evidence
+        assert solver.single(single + noisy).evidence > solver.pair(single + noisy).evidence
+        assert solver.pair(pair + noisy).evidence > solver.single(pair + noisy).evidence
     # Nine signals of six unknowns: what was put in must at least be explained.
-    assert solver.two(pair).misfit < 9
+    assert solver.pair(pair).misfit < 9
 
 
 class StatedProblem:
@@ -150,7 +150,7 @@ def test_a_guess_is_followed_where_it_fits_and_else_the_likeliest_starts(
     exact = table.signals(WHERE[:1], FORCE[:1])[0]
     monkeypatch.setitem(solver._problems.of, 1, problem)
     guess = np.array([[0.1, 0.02, 0.0, 0.0, -0.2]])
-    assert solver.one(exact, guess) == best
+    assert solver.single(exact, guess) == best
     assert len(problem.begun) == taken
     np.testing.assert_array_equal(problem.begun[0][0], guess)
     if taken > 1:  # the nearest places of the grid
@@ -163,30 +163,30 @@ def test_a_guess_is_followed_as_well_where_its_misfit_is_enough(skin, monkeypatc
     solver, problem = TouchSolver(table, signal_noise(skin)), StatedProblem(cost, 60.0, 60.0, 60.0)
     monkeypatch.setitem(solver._problems.of, 1, problem)
     exact = table.signals(WHERE[:1], FORCE[:1])[0]
-    solver.one(exact, np.array([[0.1, 0.02, 0.0, 0.0, -0.2]]), enough=100.0)
+    solver.single(exact, np.array([[0.1, 0.02, 0.0, 0.0, -0.2]]), enough=100.0)
     assert len(problem.begun) == taken
 
 
 def test_of_a_pair_three_starts_or_six_are_followed(table, skin, monkeypatch):
     solver = TouchSolver(table, signal_noise(skin), STRAIGHT)
     exact = table.together(WHERE[None], FORCE[None])[0]
-    solver.two(exact)
+    solver.pair(exact)
     for ends, taken in (((9.0, 4.4, 6.0), 3), ((4.6, 5.0, 4.6, 4.7, 7.0, 4.3), 6)):
         problem = StatedProblem(*ends)
         monkeypatch.setitem(solver._problems.of, 2, problem)
-        assert solver.two(exact) == min(ends)
+        assert solver.pair(exact) == min(ends)
         assert [row[2] for row in problem.begun] == [10] * taken
 
 
 def test_a_touch_that_cannot_have_stood_there_is_let_go(table, skin, monkeypatch):
     solver = TouchSolver(table, signal_noise(skin), STRAIGHT)
     exact = table.together(WHERE[None], FORCE[None])[0]
-    solver.two(exact)
+    solver.pair(exact)
     standing = Standing(WHERE[0], 1e6 * np.eye(2))
     for cost, let_go in ((17.9, False), (18.1, True)):
         problem = StatedProblem(*[cost] * 60)
         monkeypatch.setitem(solver._problems.of, 2, problem)
-        solver.two(exact, None, standing)
+        solver.pair(exact, None, standing)
         assert (problem.begun[-1][1] is None) == let_go
         np.testing.assert_array_equal(problem.begun[0][0][0, :2], WHERE[0])
 
@@ -196,8 +196,8 @@ def test_forces_end_at_a_fifth_and_three_times_those_of_the_table(skin):
     solver = TouchSolver(table, signal_noise(skin), STRAIGHT)
     least, most = table.forces
     exact = table.signals([[0.05, 0.06]], [[0.0, 0.0, -0.5]])[0]
-    assert solver.one(1e-4 * exact).values[0, 4] == pytest.approx(-least / 5)
-    assert solver.one(20 * exact).values[0, 4] == pytest.approx(-3 * most)
+    assert solver.single(1e-4 * exact).values[0, 4] == pytest.approx(-least / 5)
+    assert solver.single(20 * exact).values[0, 4] == pytest.approx(-3 * most)
 
 
 def test_warm_rubber_needs_more_force_of_one_and_of_two(table, skin):
@@ -208,8 +208,8 @@ def test_warm_rubber_needs_more_force_of_one_and_of_two(table, skin):
     guess = np.concatenate([WHERE, FORCE], axis=1)
     for temperature, factor in ((25.0, 1.0), (35.0, 1.1), (25.0, 1.0)):
         solver.warm_to(temperature)
-        assert solver.one(single).values[0, 4] == pytest.approx(factor * FORCE[0, 2], rel=1e-2)
-        led = solver.two(pair, guess * [1, 1, 1, 1, factor])
+        assert solver.single(single).values[0, 4] == pytest.approx(factor * FORCE[0, 2], rel=1e-2)
+        led = solver.pair(pair, guess * [1, 1, 1, 1, factor])
         assert led.values[:, 4] == pytest.approx(factor * FORCE[:, 2], rel=3e-2)
 
 

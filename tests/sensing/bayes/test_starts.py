@@ -25,7 +25,7 @@ def test_a_pair_starts_at_the_touches_with_their_presses(skin, table):
     place = middles_of_fields(table.basis.extent, (8, 10))[[13, 57]]
     force = np.array([[0.0, 0.0, -0.5], [0.0, 0.0, -0.7]])
     signals = table.together(place[None], force[None])[0]
-    solver.two(signals)
+    solver.pair(signals)
     start = solver._pair_starts.best(signals, 1, None)[0]
     order = np.argsort(start[:, 4])[::-1]
     assert np.allclose(start[order, :2], place, rtol=0, atol=1e-9)
@@ -70,7 +70,7 @@ def test_pairs_start_where_they_have_ever_since(skin, table, stands):
     force[:, 2] = -0.5, -0.8
     signals = table.together(place[None], force[None])[0]
     solver = TouchSolver(table, signal_noise(skin))
-    solver.two(signals)
+    solver.pair(signals)
     standing = Standing(place[1], 1e6 * np.eye(2)) if stands else None
     starts = np.array(solver._pair_starts.best(signals, 3, standing))
     assert not starts[:, :, 2:4].any()

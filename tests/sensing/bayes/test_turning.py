@@ -52,10 +52,10 @@ class Stated:
     def whitener(self, found):
         return 1e12 * np.eye(COUNT)
 
-    def one(self, signals, guess=None, **_):
+    def single(self, signals, guess=None, **_):
         return self._answer("turned", TURNED) if self.turns else self._answer("one", ALONE)
 
-    def two(self, signals, guess=None, standing=None, **_):
+    def pair(self, signals, guess=None, standing=None, **_):
         return self._answer("two", FIRST, SECOND)
 
 
@@ -131,15 +131,15 @@ def test_what_the_zero_is_unsure_of_is_noise_of_a_touch(planar, table):
     place, force = np.array([[0.05, 0.07]]), np.array([[0.05, 0.0, -0.5]])
     still = known.signals(place, force)[0]
     moved = still + np.tile([40e-6, -70e-6, 50e-6], 3)
-    sure = solver.one(moved)
+    sure = solver.single(moved)
     solver.add_noise(turning(planar).field)
-    unsure = solver.one(moved)
+    unsure = solver.single(moved)
     np.testing.assert_allclose(unsure.values[0, :2], place[0], atol=1.5e-3)
     assert unsure.misfit < sure.misfit / 20
     assert unsure.evidence > sure.evidence + 10
-    less_sure = solver.one(still)
+    less_sure = solver.single(still)
     solver.add_noise(np.zeros((9, 9)))
-    assert solver.one(still).evidence > less_sure.evidence
+    assert solver.single(still).evidence > less_sure.evidence
     with pytest.raises(ArgumentError, match="noise must be a covariance"):
         TouchSolver(table, -signal_noise(planar))
 

@@ -96,7 +96,7 @@ def test_the_solver_meets_the_bound(skin):
     place, force = np.array([0.047, 0.071]), np.array([0.0, 0.0, -0.5])
     exact = table.signals(place[None], force[None])[0]
     solver = TouchSolver(table, noise, TouchPriors(drag_spread=0.0))
-    said = [solver.one(exact + rng.multivariate_normal(np.zeros(9), noise)) for _ in range(300)]
+    said = [solver.single(exact + rng.multivariate_normal(np.zeros(9), noise)) for _ in range(300)]
     error = np.stack([one.values[0, :2] for one in said]) - place
     stated = np.sqrt(np.einsum("bii->b", [one.covariance[0, :2, :2] for one in said]).mean())
     reached = np.sqrt(np.mean((error**2).sum(axis=1)))

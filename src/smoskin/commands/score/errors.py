@@ -43,7 +43,7 @@ class Answers:
     """Touches that were told just before each press, (P,), where there is none."""
 
     @property
-    def found(self) -> Bools:
+    def detected(self) -> Bools:
         """Whether as many touches were told as there were, (B,)."""
         return np.isfinite(self.error[:, 0])
 
@@ -51,7 +51,7 @@ class Answers:
     def distance(self) -> Floats:
         """Distance of the place told from the true one, (B,), m."""
         middle = np.hypot(*(self.truth[:, :2] - self.extent / 2).T)
-        return np.where(self.found, np.hypot(self.error[:, 0], self.error[:, 1]), middle)
+        return np.where(self.detected, np.hypot(self.error[:, 0], self.error[:, 1]), middle)
 
     @property
     def force_error(self) -> Floats:
@@ -131,7 +131,7 @@ class Tally:
     name: str
     touches: int
     """Number of touches."""
-    found: float
+    detected: float
     """Share told with the right number of touches."""
     location: Errors
     """Error of the place, m."""
@@ -158,7 +158,7 @@ class Tally:
         return {
             "name": self.name,
             "touches": self.touches,
-            "found_percent": 100 * self.found,
+            "found_percent": 100 * self.detected,
             "location_mm": {name: 1e3 * size for name, size in self.location._asdict().items()},
             "force_percent": 100 * self.force,
             "force_N": self.force_size,
@@ -181,7 +181,7 @@ def tally(name: str, answers: Answers) -> Tally:
     return Tally(
         name=name,
         touches=len(answers.truth),
-        found=float(answers.found.mean()),
+        detected=float(answers.detected.mean()),
         location=Errors(
             mean=float(np.mean(distance)),
             median=float(np.median(distance)),

@@ -95,8 +95,8 @@ def _histogram_plate(sheet: ScoreSheet, case: Case) -> Plate:
         caption=f"As Figure S12: signed errors of {len(truth)} touches, by force (a to c) "
         f"and, from {HEADLINE:g} N, by region of the skin (d to f). Mean error of the place "
         f"{1e3 * headline.location.mean:.2f} mm, of the force {headline.force:.1%}; "
-        f"{1 - headline.found:.1%} of the touches were missed and stand in no bin. End bins hold "
-        "what lies beyond.",
+        f"{1 - headline.detected:.1%} of the touches were missed and stand in no bin. End bins "
+        "hold what lies beyond.",
         figure=figure,
     )
 

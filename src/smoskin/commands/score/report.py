@@ -342,7 +342,7 @@ def _target_row(target: Target) -> dict[str, str]:
 def _row(part: Tally) -> dict[str, str]:
     """Figures of some touches by the headings of their table."""
     place = dict(zip(("place (mm)", "median", "90 %", "RMS"), part.location, strict=True))
-    row = {"touches": part.name, "found": f"{part.found:.1%}"}
+    row = {"touches": part.name, "found": f"{part.detected:.1%}"}
     row |= {heading: f"{1e3 * size:.2f}" for heading, size in place.items()}
     row["force"] = f"{part.force:.2%}"
     if part.drag is not None:

@@ -125,7 +125,7 @@ class BayesEstimator(SignalEstimator):
             _with_creep_left(table, design, self.creep), self.noise, self._priors
         )
         if self._priors.chances[2] > 0:
-            self._solver.ready_for_two()
+            self._solver.ready_for_pair()
         self._resting = Resting(self._priors.wander)
         self._solved_at = np.nan
         self._leads: dict[str, Lead] = {}
@@ -201,7 +201,7 @@ class BayesEstimator(SignalEstimator):
         nothing = self._priors.chances[0]
         zero, amiss = self._signals.followed, self._signals.bent_amiss(signals)
         self._solver.add_noise(zero.covariance + amiss)
-        one = self._solver.one(signals)
+        one = self._solver.single(signals)
         return one.evidence > density + math.log(nothing or 1e-300)
 
     def _is_lost(self, time: float, signals: Floats) -> bool:
@@ -250,11 +250,11 @@ class BayesEstimator(SignalEstimator):
         if rival and two and two.evidence > rival.at_best(signals, zero.turned):
             return two
         before, self._leads = self._leads, {}
-        one = best = self._follow("one", time, signals, before)
+        one = best = self._follow("single", time, signals, before)
         if one.misfit < _DOUBT * count:
             two = None
         elif two:
-            self._leads["two"] = before["two"]
+            self._leads["pair"] = before["pair"]
         elif self._priors.chances[2] > 0:
             two = self._pair(time, signals, before)
         self._rival = rival = Rival(time, signals, solver.whitener(one), one)
@@ -282,7 +282,7 @@ class BayesEstimator(SignalEstimator):
 
         Where a table misses what a drag does, such a pair may fit better than the touch itself.
         """
-        two = self._follow("two", time, signals, leads, self._standing(time))
+        two = self._follow("pair", time, signals, leads, self._standing(time))
         return two if -two.values[:, 4].min() <= self._most else None
 
     def _standing(self, time: float) -> Standing | None:
@@ -298,7 +298,7 @@ class BayesEstimator(SignalEstimator):
         *standing: Standing | None,
     ) -> TouchPosterior:
         """Touches that explain the signals in this way, from those of a reading ago."""
-        solve = self._solver.two if way == "two" else self._solver.one
+        solve = self._solver.pair if way == "pair" else self._solver.single
         lead = leads.get(way)
         guess, enough = (lead.values, lead.enough(time, signals)) if lead else (None, 0.0)
         if lead and lead.is_left(signals, enough):
@@ -323,13 +323,13 @@ class Rival(NamedTuple):
     """Those signals, (C,), T."""
     white: Floats
     """Matrix (C, C), 1/T, that turns signals into standard deviations, as it was found."""
-    found: TouchPosterior
-    """What was found."""
+    touch: TouchPosterior
+    """Single touch that explains them best."""
 
     def misfit(self, signals: Floats) -> float:
         """Least misfit that a single touch can have of other signals (C,), T."""
         moved = float(np.linalg.norm(self.white @ (signals - self.signals)))
-        return max(math.sqrt(self.found.misfit) - moved, 0.0) ** 2
+        return max(math.sqrt(self.touch.misfit) - moved, 0.0) ** 2
 
     def still_misfits(self, time: float, signals: Floats) -> bool:
         """Whether any single touch fits such signals badly at another time."""
@@ -341,9 +341,9 @@ class Rival(NamedTuple):
         A turn adds this covariance (C, C), T^2, to noise. Where it widens noise by at most a
         factor, misfit and information shrink by that factor at most.
         """
-        fits, least = self.found.evidence + self.found.misfit / 2, self.misfit(signals)
+        fits, least = self.touch.evidence + self.touch.misfit / 2, self.misfit(signals)
         wider = 1 + float(np.linalg.eigvalsh(self.white @ turn @ self.white.T)[-1])
-        unknowns = np.count_nonzero(self.found.covariance[0].diagonal())
+        unknowns = np.count_nonzero(self.touch.covariance[0].diagonal())
         of_turn = _TURNS - least / (2 * wider) + unknowns / 2 * math.log(wider)
         return fits + max(-least / 2, of_turn)
 
@@ -378,16 +378,16 @@ class LoneTouch(NamedTuple):
 
     time: float
     """Time at which it was last alone, s."""
-    found: TouchPosterior
+    touch: TouchPosterior
     """What was known of it."""
 
     def standing(self, time: float, slide: float) -> Standing | None:
         """Its place at another time, as far as that is known."""
         if not math.isfinite(slide):
             return None
-        spread = self.found.covariance[0, :2, :2].copy()
+        spread = self.touch.covariance[0, :2, :2].copy()
         spread[(0, 1), (0, 1)] += slide**2 * max(time - self.time, 0.0)
-        return Standing(self.found.values[0, :2], np.asarray(np.linalg.inv(spread)))
+        return Standing(self.touch.values[0, :2], np.asarray(np.linalg.inv(spread)))
 
 
 def _with_creep_left(table: ResponseTable, design: SkinDesign, creep: Prony) -> ResponseTable:

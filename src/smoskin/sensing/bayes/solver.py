@@ -87,7 +87,7 @@ class TouchSolver:
         self._problems = _Problems(noise)
         self._recent = [self._problems, *self._recent][:_NOISES]
 
-    def one(
+    def single(
         self, signals: Floats, guess: Floats | None = None, *, enough: float = 0.0
     ) -> TouchPosterior:
         """The single touch that explains signals (C,) best; from a guess (1, 5), where given.
@@ -97,7 +97,7 @@ class TouchSolver:
         problem = self._problem(1)
         return self._solve(1, problem, self._single_starts, signals, guess, None, enough)
 
-    def two(
+    def pair(
         self,
         signals: Floats,
         guess: Floats | None = None,
@@ -109,10 +109,10 @@ class TouchSolver:
 
         What is known of one from when it was alone stands for the first of them.
         """
-        problem, starts = self.ready_for_two()
+        problem, starts = self.ready_for_pair()
         return self._solve(2, problem, starts, signals, guess, standing, enough)
 
-    def ready_for_two(self) -> tuple[TouchProblem, Starts]:
+    def ready_for_pair(self) -> tuple[TouchProblem, Starts]:
         """What a search for two needs; the starts take longer than a search, the first time."""
         problem = self._problem(2)
         if self._pair_starts is None:

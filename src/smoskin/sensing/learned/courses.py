@@ -132,14 +132,14 @@ def learn_courses(
     seed: Seed = 0,
     effort: FittingEffort | None = None,
     progress: Progress = unheard,
-    told: Callable[[Floats, Floats], object] = lambda true, error: None,
+    on_judged: Callable[[Floats, Floats], object] = lambda true, error: None,
 ) -> LearnedModel:
     """A model of the force, and place, in courses, by these chips or all, with its error later on.
 
     The memory is the one that errs least on stretches held out. Each row of early parts of a course
     is then trained on and judged by all later ones: of their errors, what grows with a part's force
     is the gain that is not known, the rest the noise. With several courses each is also foretold by
-    the others. `told` gets what was true of later readings, (T, O), and what was missed, (T, O).
+    the others. `on_judged` gets what was true of later readings and what was missed, (T, O) each.
     Metrics are those of parts between others, of later ones, and the share of the last fifth of
     each course inside the ranges that a model of what was before states. It raises an
     `ArgumentError` as `examples_of_courses`, or if a chip is not there.
@@ -163,7 +163,7 @@ def learn_courses(
         np.concatenate([getattr(miss, name) for miss in misses if miss.enough])
         for name in ("error", "answer")
     )
-    told(answer - error, error)
+    on_judged(answer - error, error)
     progress("final fit", 0.9)
     model = _stated(trained(examples.known, effort), misses, ahead)
     held = held_share(model.outputs, *map(np.concatenate, zip(*last, strict=True)))

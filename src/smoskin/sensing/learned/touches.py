@@ -120,15 +120,15 @@ def learn_touches(
     seed: Seed = 0,
     effort: FittingEffort | None = None,
     progress: Progress = unheard,
-    told: Callable[[Floats, Floats], object] = lambda true, error: None,
+    on_judged: Callable[[Floats, Floats], object] = lambda true, error: None,
 ) -> LearnedModel:
     """A model of the touches of sheets, by these chips or all, with its error on places held out.
 
     Places are held out in five folds, whole; the model is then trained on all touches, and its
     metrics and covariance are those of the folds; it believes what lies no farther from its touches
-    than they from each other. `told` gets what was true of the touches, (T, O), and what was missed
-    as they were held out, (T, O). It raises an `ArgumentError` as `examples_of`, if there are fewer
-    than five places, or a chip is not there.
+    than they from each other. `on_judged` gets what was true of the touches and what was missed as
+    they were held out, (T, O) each. It raises an `ArgumentError` as `examples_of`, if there are
+    fewer than five places, or a chip is not there.
     """
     examples = examples_of(tables)
     every = range(examples.field.shape[1])
@@ -161,7 +161,7 @@ def learn_touches(
         predicted = model.predict(inputs[held])
         error[held] = predicted.values - examples.targets[held]
         factor[held] = predicted.covariance[:, 0, 0] / model.residual[0, 0]
-    told(examples.targets, error)
+    on_judged(examples.targets, error)
     model = trained(examples, _FOLDS / (_FOLDS + 1))
     model = judged(model, error, factor, _apart(model, inputs, examples.group))
     what = "places" if Output.X in examples.outputs else "touches at one place"
