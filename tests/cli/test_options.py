@@ -47,7 +47,8 @@ USUAL = {
     "report": {"out": "report"},
     "run": {"source": "twin://planar", "zero": True, "port": 0},
     "score": {
-        "skins": 2, "touches": 60, "drag": 0.0, "pairs": 40, "seed": 1, "world": "hard",
+        "skins": 2, "touches": 60, "drag": 0.0, "pairs": 40, "pairs_after": 0.3, "seed": 1,
+        "world": "hard",
     },
     "serve": {"zero": True, "host": "127.0.0.1", "feed": 8770, "every": 10.0},
     "simulate": {"temperature": 25.0, "mechanics": "whole", "seed": 0},
@@ -103,6 +104,7 @@ ENDS = {
     ("score", "count"): (1, 100_000),
     ("score", "drag"): (0, None),
     ("score", "pairs"): (0, 10_000),
+    ("score", "pairs_after"): (0.02, 10.0),
     ("score", "seed"): (0, None),
     ("ros", "seconds"): (0, None),
     ("serve", "seconds"): (0, None),
@@ -226,9 +228,9 @@ def test_a_search_fails_by_its_exit_code_where_limits_are_broken(monkeypatch, tm
         def verdict(self):
             return "one sentence"
 
-    found = Found()
-    found.kept = kept
-    monkeypatch.setattr(smoskin.commands.optimise, "optimise", lambda *_, **__: found)
+    optimised = Found()
+    optimised.kept = kept
+    monkeypatch.setattr(smoskin.commands.optimise, "optimise", lambda *_, **__: optimised)
     done = CliRunner().invoke(app, ["optimise", "--out", str(tmp_path / "b.toml"), "--json"])
     assert done.exit_code == (0 if kept else 1), done.output
     assert json.loads(done.stdout) == {"kept": kept}

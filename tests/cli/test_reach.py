@@ -71,8 +71,8 @@ def test_a_press_is_simulated_as_asked(monkeypatch):
 def test_a_sweep_is_planned_and_run_as_asked(monkeypatch):
     import smoskin.commands.sweep as work
 
-    found = SimpleNamespace(as_json=lambda: {"rows": 1}, lines=lambda: ["one row"], sound=True)
-    plan, run, tell = Worked(result="the plan"), Worked(result=found), Worked(result=found)
+    summary = SimpleNamespace(as_json=lambda: {"rows": 1}, lines=lambda: ["one row"], sound=True)
+    plan, run, tell = Worked(result="the plan"), Worked(result=summary), Worked(result=summary)
     for name, stand_in in (("plan_sweep", plan), ("run_sweep", run), ("summarise", tell)):
         monkeypatch.setattr(work, name, stand_in)
     words = {
@@ -105,7 +105,7 @@ def test_a_sweep_is_planned_and_run_as_asked(monkeypatch):
     assert invoke("sweep", "--scheduler", "tcp://a:1").exit_code == 0
     assert run.options["engine"].scheduler == "tcp://a:1"
     run.asked = None
-    found.sound = False
+    summary.sound = False
     assert invoke("sweep", "--summary", "here").exit_code == 1
     assert (tell.asked, run.asked) == ((Path("here"),), None)
 
@@ -199,19 +199,19 @@ def test_an_estimator_is_judged_as_asked(monkeypatch):
     assert done.stderr.endswith("well met\n")
     usual = {
         "skins": range(1, 3), "touches": 60, "count": None, "places": None, "chips": None,
-        "drag": 0.0, "pairs": 40, "world": "hard", "effect": None, "out": None,
+        "drag": 0.0, "pairs": 40, "pairs_after": 0.3, "world": "hard", "effect": None, "out": None,
     }  # fmt: skip
     assert judge.tells
     assert (judge.asked[0], judge.asked[1].name) == (Path("a.table"), "planar")
     assert {name: judge.options[name] for name in usual} == usual
     some = "--design optimised --skins 3 --touches 15 --places 5x7 --count 9 --drag 0.2 --pairs 0"
-    more = "--chips 0,2 --seed 8 --world plain --effect hysteresis --out judged"
+    more = "--chips 0,2 --seed 8 --world plain --effect hysteresis --pairs-after 0.1 --out judged"
     sheet.met = False
     done = invoke("score", "a.table", *some.split(), *more.split())
     assert (done.exit_code, done.stdout) == (1, "judged/score.json\n"), done.output
     usual |= {
         "skins": range(8, 11), "touches": 15, "count": 9, "places": (5, 7), "drag": 0.2, "pairs": 0,
-        "world": "plain", "effect": "hysteresis", "out": Path("judged"),
+        "pairs_after": 0.1, "world": "plain", "effect": "hysteresis", "out": Path("judged"),
     }  # fmt: skip
     assert judge.asked[1].name == "optimised"
     assert list(judge.options["chips"]) == [0, 2]
@@ -226,13 +226,13 @@ def test_an_estimator_is_judged_as_asked(monkeypatch):
 def test_a_design_is_varied_as_asked(monkeypatch):
     import smoskin.commands.optimise as work
 
-    found = report(
+    optimised = report(
         kept=True,
         write=lambda out: (out, out.with_suffix(".json")),
         verdict=lambda: "ok",
         warning="too little time",
     )
-    monkeypatch.setattr(work, "optimise", vary := Worked(result=found))
+    monkeypatch.setattr(work, "optimise", vary := Worked(result=optimised))
     done = invoke("optimise", "--out", "b.toml")
     assert (done.exit_code, done.stdout) == (0, "b.toml and b.json\n"), done.output
     assert done.stderr.endswith("warning: too little time\nok\n")
@@ -294,9 +294,9 @@ def test_a_skin_is_calibrated_as_asked(monkeypatch):
     made = Worked(result=done)
     monkeypatch.setattr(work, "calibrate", made)
     monkeypatch.setattr(plots, "save_figure", lambda figure, file: figure.savefig(file))
-    told = invoke("calibrate", "--sheet", "a.csv")
-    assert told.exit_code == 0, told.output
-    assert told.stderr == "warning: odd\nNow: smoskin run SOURCE --calibration skin.table\n"
+    ran = invoke("calibrate", "--sheet", "a.csv")
+    assert ran.exit_code == 0, ran.output
+    assert ran.stderr == "warning: odd\nNow: smoskin run SOURCE --calibration skin.table\n"
     assert saved == [Path("skin.table")]
     assert made.asked == (("table", "planar"), Path("a.csv"))
     assert made.options.pop("design").name == "planar"
@@ -304,12 +304,12 @@ def test_a_skin_is_calibrated_as_asked(monkeypatch):
         "recording": None, "accept_bad_fit": False, "place_spread": None, "force_spread": None,
     }  # fmt: skip
     some = "--recording a.mcap --place-mm 0.2 --force-mN 5 --accept-bad-fit --table own"
-    told = invoke(
+    ran = invoke(
         "calibrate", "optimised", "--sheet", "a.csv", *some.split(), "--plot", "a.png", "--json",
         "--out", "b.table",
     )  # fmt: skip
-    assert json.loads(told.stdout) == {"fine": True, "file": "b.table"}
-    assert told.stderr == "warning: odd\n"
+    assert json.loads(ran.stdout) == {"fine": True, "file": "b.table"}
+    assert ran.stderr == "warning: odd\n"
     assert saved[1:] == [Path("b.table"), ("optimised", Path("a.png"))]
     assert made.asked[0] == ("table", "own")
     del made.options["design"]
@@ -403,19 +403,19 @@ def test_the_papers_model_is_fitted_as_asked(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("sheet", "said"),
+    ("sheet", "hint"),
     [
         ("whole", "Now: smoskin calibrate optimised --sheet a.csv --out skin.table"),
         ("reduced", "Now: smoskin fit-paper a.csv --out calibration.toml"),
     ],
 )
-def test_a_virtual_bench_says_what_comes_next(monkeypatch, sheet, said):
+def test_a_virtual_bench_says_what_comes_next(monkeypatch, sheet, hint):
     import smoskin.commands.fit_paper as work
 
     monkeypatch.setattr(work, "write_virtual_bench", bench := Worked(result=None))
     some = f"--design optimised --seed 2 --sheet {sheet}"
     done = invoke("virtual-bench", "a.csv", *some.split())
-    assert (done.exit_code, done.stdout, done.stderr) == (0, "", f"{said}\n")
+    assert (done.exit_code, done.stdout, done.stderr) == (0, "", f"{hint}\n")
     assert (bench.asked[0].name, bench.asked[1]) == ("optimised", Path("a.csv"))
     assert bench.tells
     assert (bench.options["seed"], bench.options["sheet"]) == (2, sheet)

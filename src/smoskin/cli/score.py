@@ -45,6 +45,10 @@ def score(
         int,
         typer.Option(min=0, max=10_000, help="Pairs of touches on each skin, at once and in turn."),
     ] = 40,
+    pairs_after: Annotated[
+        float,
+        typer.Option(min=0.02, max=10.0, help="Seconds from touch to touch of pairs in turn."),
+    ] = 0.3,
     chips: Annotated[
         str | None, typer.Option(help="Read only these chips, such as 1,2; from 0.")
     ] = None,
@@ -96,6 +100,7 @@ def score(
             chips=read,
             drag=drag,
             pairs=pairs,
+            pairs_after=pairs_after,
             world=world,
             effect=effect,
             posed=posed,

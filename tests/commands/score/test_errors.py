@@ -38,13 +38,13 @@ def test_errors_of_the_stated_size_are_held_as_often_as_stated():
         sure = np.sort(marks.confidence(axes))
         # Kolmogorov's distance from even, at one chance in a thousand.
         assert np.abs(sure - (np.arange(4000) + 0.5) / 4000).max() < 1.95 / np.sqrt(4000)
-    one = tally("all", marks)
-    assert one.held.place == pytest.approx(0.9, abs=0.02)
-    assert one.held.drag == pytest.approx(0.9, abs=0.02)
-    assert one.location.rms == pytest.approx(np.hypot(1e-3, 2e-3), rel=0.05)
-    assert one.force_size == pytest.approx(0.05 * np.sqrt(2 / np.pi), rel=0.05)
-    assert one.force == pytest.approx(one.force_size / 0.5)
-    assert one.drag == pytest.approx(one.drag_size / 0.5)
+    figures = tally("all", marks)
+    assert figures.held.place == pytest.approx(0.9, abs=0.02)
+    assert figures.held.drag == pytest.approx(0.9, abs=0.02)
+    assert figures.location.rms == pytest.approx(np.hypot(1e-3, 2e-3), rel=0.05)
+    assert figures.force_size == pytest.approx(0.05 * np.sqrt(2 / np.pi), rel=0.05)
+    assert figures.force == pytest.approx(figures.force_size / 0.5)
+    assert figures.drag == pytest.approx(figures.drag_size / 0.5)
 
 
 def test_a_missed_touch_counts_as_one_in_the_middle_without_force():
@@ -52,9 +52,13 @@ def test_a_missed_touch_counts_as_one_in_the_middle_without_force():
     missed = whole.where(~whole.detected)
     assert len(missed.truth) == 2
     assert missed.distance == pytest.approx(np.hypot(*(missed.truth[:, :2] - [0.06, 0.08]).T))
-    one = tally("missed", missed)
-    assert (one.detected, one.force, one.drag) == (0.0, pytest.approx(1.0), pytest.approx(1.0))
-    assert one.held == (0.0, 0.0, 0.0)
+    figures = tally("missed", missed)
+    assert (figures.detected, figures.force, figures.drag) == (
+        0.0,
+        pytest.approx(1.0),
+        pytest.approx(1.0),
+    )
+    assert figures.held == (0.0, 0.0, 0.0)
     assert tally("whole", whole).detected == pytest.approx(0.96)
     assert (
         tally("whole", whole).location.mean
@@ -63,25 +67,25 @@ def test_a_missed_touch_counts_as_one_in_the_middle_without_force():
 
 
 def test_straight_touches_state_nothing_of_drags_and_have_none():
-    found = judged(20)
-    found.truth[..., 2:4] = found.error[..., 2:4] = 0.0
+    answers = judged(20)
+    answers.truth[..., 2:4] = answers.error[..., 2:4] = 0.0
     straight = SPREAD * np.outer([1, 1, 0, 0, 1], [1, 1, 0, 0, 1])
-    marks = replace(found, spread=np.broadcast_to(straight, (20, 5, 5)))
+    marks = replace(answers, spread=np.broadcast_to(straight, (20, 5, 5)))
     assert (marks.confidence((2, 3)) == 1.0).all()
-    one = tally("straight", marks)
-    assert (one.drag, one.held.drag) == (None, None)
-    assert one.held.place > 0.5
+    figures = tally("straight", marks)
+    assert (figures.drag, figures.held.drag) == (None, None)
+    assert figures.held.place > 0.5
 
 
 def test_the_ratio_to_the_bound_is_taken_where_it_is_below_5_mm():
-    found = judged(1000)
+    answers = judged(1000)
     bound = np.full((1000, 2), [np.hypot(1e-3, 2e-3), 5e-3])
     bound[::2] = 10e-3
-    one = tally("half", replace(found, bound=bound))
-    assert one.near.share == 0.5
-    assert one.near.noise == pytest.approx(1.0, rel=0.1)
-    assert one.near.known is None
-    assert tally("none", found).near is None
+    figures = tally("half", replace(answers, bound=bound))
+    assert figures.near.share == 0.5
+    assert figures.near.noise == pytest.approx(1.0, rel=0.1)
+    assert figures.near.known is None
+    assert tally("none", answers).near is None
 
 
 def test_regions_part_the_skin(planar):
@@ -108,16 +112,18 @@ def test_every_place_of_a_grid_is_found_again():
     lines = np.linspace(0, 0.12, 25), np.linspace(0, 0.16, 33)
     grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
     assert (grid_places(grid, EXTENT, (25, 33)) == np.arange(25 * 33)).all()
-    one = judged(2)
-    assert np.array_equal(together([one, one]).truth, np.concatenate([one.truth, one.truth]))
+    answers = judged(2)
+    assert np.array_equal(
+        together([answers, answers]).truth, np.concatenate([answers.truth, answers.truth])
+    )
 
 
 def test_a_force_that_is_not_told_counts_as_none():
     whole = judged(50)
     whole.error[..., 2:] = np.nan
-    one = tally("place alone", whole)
-    assert one.detected == 1.0
-    assert one.location.mean < 3e-3
-    assert (one.force, one.drag) == (pytest.approx(1.0), pytest.approx(1.0))
-    assert (one.held.force, one.held.drag) == (0.0, 0.0)
-    assert one.held.place > 0.8
+    figures = tally("place alone", whole)
+    assert figures.detected == 1.0
+    assert figures.location.mean < 3e-3
+    assert (figures.force, figures.drag) == (pytest.approx(1.0), pytest.approx(1.0))
+    assert (figures.held.force, figures.held.drag) == (0.0, 0.0)
+    assert figures.held.place > 0.8

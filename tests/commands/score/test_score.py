@@ -38,12 +38,12 @@ def reduced_skin(design):
 
 @pytest.fixture(scope="module")
 def sheet(skin):
-    told = []
+    shares = []
     exam = Exam(skins=(1,), touches=0, places=(4, 5), count=6, drag=0.2, pairs=1)
-    found = sheet_of(skin, exam, lambda what, share: told.append(share))
-    assert told == sorted(told)
-    assert told[-1] < 1
-    return found
+    scored = sheet_of(skin, exam, lambda what, share: shares.append(share))
+    assert shares == sorted(shares)
+    assert shares[-1] < 1
+    return scored
 
 
 def sheet_of(skin, exam, progress=lambda what, share: None):
@@ -58,7 +58,7 @@ def sheet_of(skin, exam, progress=lambda what, share: None):
 
 def test_an_exam_finds_what_its_skins_answer(sheet):
     straight, dragged = sheet.case("straight"), sheet.case("dragged")
-    assert [one.touches for one in straight.levels] == [6] * 10
+    assert [level.touches for level in straight.levels] == [6] * 10
     assert straight.headline.touches == 8 * 6
     assert straight.touched.right == dragged.touched.right == 1.0
     assert straight.idle.right > 0.95
@@ -69,7 +69,7 @@ def test_an_exam_finds_what_its_skins_answer(sheet):
     undragged = sheet.case("undragged")
     assert np.array_equal(undragged.answers.truth, straight.answers.truth)
     assert undragged.answers.spread[:, 2, 2].min() > 0.0 == straight.answers.spread[:, 2, 2].max()
-    names = [one.name for one in sheet.targets()]
+    names = [target.name for target in sheet.targets()]
     assert "mean error of place" in names
     together, in_turn = sheet.case("pairs"), sheet.case("pairs in turn")
     assert np.array_equal(in_turn.answers.truth, together.answers.truth)
@@ -83,11 +83,11 @@ def test_the_same_exam_gives_the_same_json(skin):
     exam = Exam(skins=(1, 2), touches=0, places=(4, 5), count=2, pairs=0)
     first, again = (json.dumps(sheet_of(skin, exam).as_json(), allow_nan=False) for _ in range(2))
     assert first == again
-    told = json.loads(first)
-    assert told["exam"]["seeds"] == [1, 2]
-    assert (told["exam"]["world"], told["exam"]["contact"]) == ("plain", None)
-    assert told["design"]["sha256"] == skin.content_hash
-    straight = told["cases"][0]
+    answer = json.loads(first)
+    assert answer["exam"]["seeds"] == [1, 2]
+    assert (answer["exam"]["world"], answer["exam"]["contact"]) == ("plain", None)
+    assert answer["design"]["sha256"] == skin.content_hash
+    straight = answer["cases"][0]
     assert np.array(straight["map"]["location_mm"], dtype=float).shape == (4, 5)
     assert straight["confidence"][0]["stated"] == 0.05
 
@@ -132,11 +132,11 @@ def test_a_skin_out_of_range_untouched_is_sent_back_and_named(planar):
     """Of the hard world's skin 7003 a chip reads the end of its range in the cold."""
     exam = Exam(skins=(7003, 7004), touches=0, count=1, pairs=0, world=world_of("hard"))
     subject = candidate(load_response_table("planar"), planar, exam)
-    found = examine(planar, subject, exam)
-    assert found.sent_back == (7003,)
-    assert found.as_json()["sent_back"] == [7003]
-    assert len(found.case("straight").answers.count) == 10
-    title = found.tables()[0].title
+    scored = examine(planar, subject, exam)
+    assert scored.sent_back == (7003,)
+    assert scored.as_json()["sent_back"] == [7003]
+    assert len(scored.case("straight").answers.count) == 10
+    title = scored.tables()[0].title
     assert title == "straight: 1 unseen skins, hard world (out of range untouched, sent back: 7003)"
     alone = replace(exam, skins=(7003,))
     with pytest.raises(ArgumentError, match="skins must read within their chips' range untouched"):
@@ -144,15 +144,16 @@ def test_a_skin_out_of_range_untouched_is_sent_back_and_named(planar):
 
 
 def test_exams_that_cannot_be_held_are_refused():
-    for options, said in (
+    for options, reason in (
         ({"skins": ()}, "skins must be at least 1"),
         ({"places": (1, 5)}, "places must be at least 2"),
         ({"count": 0}, "count at least 1"),
         ({"drag": -0.1}, "drag must be finite"),
+        ({"pairs_after": 0.0}, "pairs_after must lie in 0.02 to 10 s; got 0.0"),
         ({"skins": (999_999, 1_000_000)}, "seeds must lie in"),
         ({"skins": (-1,)}, "seeds must lie in"),
     ):
-        with pytest.raises(ArgumentError, match=said):
+        with pytest.raises(ArgumentError, match=reason):
             Exam(**options)
     with pytest.raises(ArgumentError, match="places must be two whole numbers"):
         parse_places("25")
@@ -226,13 +227,13 @@ def test_a_file_says_itself_what_it_is(skin, long_planar, tmp_path):
 
 def test_an_untrained_network_is_examined_as_any_other(skin):
     exam = Exam(skins=(1,), places=(4, 5), count=2, pairs=0)
-    found = examine(
+    scored = examine(
         skin, candidate(network(skin), skin, exam), exam, make=lambda _: reduced_skin(skin)
     )
-    one = found.case("straight").headline
-    assert one.near is None
-    assert one.location.mean > 5e-3
-    json.dumps(found.as_json(), allow_nan=False)
+    headline = scored.case("straight").headline
+    assert headline.near is None
+    assert headline.location.mean > 5e-3
+    json.dumps(scored.as_json(), allow_nan=False)
 
 
 def test_the_command_says_what_it_cannot_do(tmp_path):
@@ -282,9 +283,9 @@ def test_the_exit_code_is_1_where_a_target_is_missed(skin, sheet, tmp_path, monk
     assert run(True, "--effect", "earth").exit_code == 0
     assert asked["effect"] == "earth"
     assert run(False).exit_code == 1
-    told = run(False, "--json", "--skins", "3", "--seed", "7", "--out", str(tmp_path))
-    assert told.exit_code == 1
-    assert json.loads(told.stdout)["design"]["name"] == skin.name
+    done = run(False, "--json", "--skins", "3", "--seed", "7", "--out", str(tmp_path))
+    assert done.exit_code == 1
+    assert json.loads(done.stdout)["design"]["name"] == skin.name
     assert (asked["out"], asked["skins"]) == (tmp_path, range(7, 10))
     spoken = testing.CliRunner().invoke(app, ["score", "--help"]).stdout
     assert "exit code is 1" in " ".join(spoken.split())
@@ -334,8 +335,8 @@ def test_what_is_scored_may_be_a_model_or_any_estimator(skin, planar, monkeypatc
     score(ClosedFormEstimator(skin), skin, contact=CoverPanels())
     hard = exams[-1][2]
     assert (hard.world, hard.contact) == (HARD, CoverPanels())
-    told = hard.as_json()
-    assert (told["world"], told["contact"]) == ("hard", "CoverPanels")
+    document = hard.as_json()
+    assert (document["world"], document["contact"]) == ("hard", "CoverPanels")
     with pytest.raises(ArgumentError, match="world must be one of plain, hard, limb; got 'soft'"):
         score(ClosedFormEstimator(skin), skin, world="soft")
     assert (first.kind, first.chips) == ("network", (1, 2))
@@ -386,12 +387,12 @@ def test_a_table_is_scored_in_the_hard_world_by_a_law_of_ones_own(planar):
 @pytest.mark.slow
 def test_an_arm_that_tells_its_pose_costs_less():
     table = load_response_table("planar")
-    told, untold = (
+    with_pose, without_pose = (
         score(table, skins=[31], count=8, posed=posed).case("straight").headline.location.mean
         for posed in (True, False)
     )
-    assert told < 0.8 * untold
-    assert told < 1e-3
+    assert with_pose < 0.8 * without_pose
+    assert with_pose < 1e-3
 
 
 def test_only_an_arm_tells_its_pose(planar):

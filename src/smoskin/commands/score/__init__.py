@@ -74,6 +74,7 @@ def score(
     chips: Sequence[int] | None = None,
     drag: float = 0.0,
     pairs: int = 0,
+    pairs_after: float = 0.3,
     world: str | World = "hard",
     effect: str | None = None,
     contact: ContactLaw | None = None,
@@ -90,7 +91,7 @@ def score(
         network or a learned model; or an estimator.
     design : SkinDesign or str
         Design of the skins that are pressed, or its name.
-    skins, touches, places, chips, drag, pairs
+    skins, touches, places, chips, drag, pairs, pairs_after
         As the `Exam` has them.
     count : int, optional
         Places that are pressed with each force; by default 200 of a grid of 25 x 33, or all
@@ -141,6 +142,7 @@ def score(
         count=count if count or places else 200,
         drag=drag,
         pairs=pairs,
+        pairs_after=pairs_after,
         chips=None if chips is None else tuple(chips),
         world=judged_in,
         contact=contact,
@@ -314,7 +316,7 @@ def _sessions(twin: Twin, exam: Exam, seed: int) -> Iterator[tuple[str, Session]
         rng = np.random.default_rng([seed, 3])
         pairs = pair_session(twin, rng, exam.pairs, exam.world, (seed, 3))
         yield "pairs", pairs
-        yield "pairs in turn", in_turn(twin, pairs)
+        yield "pairs in turn", in_turn(twin, pairs, exam.pairs_after)
 
 
 def _bounds(

@@ -41,6 +41,8 @@ _HOLD: Final = 0.3
 """Time after which a touch is judged and goes, s."""
 _PERIOD: Final = 1.0
 """Time from touch to touch, s; of pairs in turn that much longer as the first is alone."""
+_LONGEST: Final = 10.0
+"""Longest time for which it may be, s."""
 _MOMENTS: Final = (0.0, _RAMP, _HOLD, _HOLD + _RAMP)
 """Times at which a touch is read in the plain world, where nothing happens between touches, s."""
 _STREAM: Final = (0.0, _RAMP, 0.1, 0.2, _HOLD, _HOLD + _RAMP, *(k / 10 for k in range(4, 10)))
@@ -73,7 +75,9 @@ class Exam:
     the first round is also read by the estimator that may not take touches to be straight."""
     pairs: int = 40
     """Pairs of straight touches on each skin, 0.3 to 1 N, at least 40 mm apart: such that land
-    together, and as many whose second touch lands 0.3 s after the first."""
+    together, and as many whose touches land one after the other."""
+    pairs_after: float = _HOLD
+    """Time from the first touch of such a pair to the second, s."""
     chips: tuple[int, ...] | None = None
     """Chips that are read; None: all that the file has."""
     world: World = PLAIN
@@ -94,6 +98,10 @@ class Exam:
                 "places must be at least 2 along each axis, at most 1000, and count at least 1; "
                 f"got {self.places} and {self.count}"
             )
+        if not _RAMP <= self.pairs_after <= _LONGEST:
+            raise ArgumentError(
+                f"pairs_after must lie in {_RAMP:g} to {_LONGEST:g} s; got {self.pairs_after}"
+            )
         if not 0 <= self.drag < float("inf"):
             raise ArgumentError(f"drag must be finite and >= 0 N; got {self.drag}")
         if not 0 <= min(self.skins) <= max(self.skins) < _UNSEEN:
@@ -113,6 +121,7 @@ class Exam:
         settings["world"] = self.world.name
         settings["contact"] = self.contact and type(self.contact).__name__
         settings["drag_N"] = settings.pop("drag")
+        settings["pairs_after_s"] = settings.pop("pairs_after")
         seeds = list(self.skins)
         counts = {"skins": len(seeds), "seed": seeds[0], "seeds": seeds}
         return settings | counts | {"forces_N": list(FORCES)}
@@ -141,8 +150,9 @@ class Session:
     motion: Motion
     """Elastic motions, (P,)."""
     before: Motion | None = None
-    """Those of the first touch of each press, which lands that much earlier; None: they land
-    together, (P,)."""
+    """Those of the first touch of each press, while it is alone; None: they land together, (P,)."""
+    after: float = 0.0
+    """Time for which it is alone, s."""
     temperature: float
     """Temperature of skin and chips, degC."""
     world: World = PLAIN
@@ -204,13 +214,14 @@ def pair_session(
     return press(twin, Touches(position=position, force=push), 25.0, world, seed)
 
 
-def in_turn(twin: Twin, session: Session) -> Session:
-    """The same pairs by the same fingers, the second touch of each 0.3 s after the first."""
+def in_turn(twin: Twin, session: Session, after: float = _HOLD) -> Session:
+    """The same pairs by the same fingers, the second touch of each so long after the first, s."""
     fingers = session.touches
     first = Touches(
         position=fingers.position[:, :1], force=fingers.force[:, :1], radius=fingers.radius[:, :1]
     )
-    return replace(session, before=twin.motions(first, temperature=session.temperature))
+    alone = twin.motions(first, temperature=session.temperature)
+    return replace(session, before=alone, after=after)
 
 
 def starts_in_range(twin: Twin) -> bool:
@@ -253,10 +264,10 @@ def readings(
     count, period = len(session.touches), _PERIOD
     held = [session.motion]
     if session.before is not None:
-        alone = moments <= _HOLD
-        part = np.concatenate([part[alone], np.where(part[1:] < 0, -1, 1)])
-        moments = np.concatenate([moments[alone], _HOLD + moments[1:]])
-        period += _HOLD
+        alone = np.append(moments[moments < session.after], session.after)
+        part = np.concatenate([np.where(alone > 0, 0, -1), np.where(part[1:] < 0, -1, 1)])
+        moments = np.concatenate([alone, session.after + moments[1:]])
+        period += session.after
         held = [session.before, session.motion]
     begin = _PERIOD + _SWING * world.posed
     starts = begin + period * np.arange(count)

@@ -114,7 +114,7 @@ class Case:
 
     name: str
     """`straight`; `undragged`, the same touches read by the estimator of dragged ones; `dragged`;
-    `pairs`, or `pairs in turn`, whose second touch comes 0.3 s after the first."""
+    `pairs`, or `pairs in turn`, whose touches land one after the other."""
     answers: Answers
     """Answers to touches of all forces."""
     headline: Tally
