@@ -34,7 +34,7 @@ LEAST_RATE, LEAST_RATIO, MOST_GROWTH, MOST_GRID, MOST_LIVE = 1000.0, 20.0, 1.5, 
 
 def sized(design: SkinDesign, count: int) -> SkinDesign:
     """The design with count x count cells, its magnets out of the way."""
-    magnets = tuple(replace(one, corner=(0, 0)) for one in design.magnets)
+    magnets = tuple(replace(magnet, corner=(0, 0)) for magnet in design.magnets)
     return replace(design, cells=(count, count), magnets=magnets)
 
 
@@ -106,12 +106,12 @@ def main() -> None:
     touches = presses(planar, BATCH, 0)
     first = seconds(lambda: sticking.press(touches, tolerance=RESIDUAL))
     taken = [seconds(lambda: sticking.press(touches, tolerance=RESIDUAL)) for _ in range(7)]
-    found = sticking.press(touches, tolerance=RESIDUAL)
+    pressed = sticking.press(touches, tolerance=RESIDUAL)
     rate = BATCH / min(taken)
     print(
         f"6 x 6 cells, {BATCH} presses that stick: {rate:.0f} a second (median "
-        f"{BATCH / np.median(taken):.0f}), {found.iterations.mean():.1f} steps, all converged: "
-        f"{found.converged.all()}; compiled in {first - min(taken):.1f} s"
+        f"{BATCH / np.median(taken):.0f}), {pressed.iterations.mean():.1f} steps, all converged: "
+        f"{pressed.converged.all()}; compiled in {first - min(taken):.1f} s"
     )
 
     free = BarHinge(planar, grip=Frictionless())
@@ -173,9 +173,9 @@ def main() -> None:
     ]
     start = sticking.press(live[0]).displacements
     times = []
-    for one in live:
+    for touch in live:
         begin = time.perf_counter()
-        start = sticking.press(one, tolerance=RESIDUAL, start=start).displacements
+        start = sticking.press(touch, tolerance=RESIDUAL, start=start).displacements
         times.append(time.perf_counter() - begin)
     median, worst = np.median(times), np.percentile(times, 99)
     print(f"a live press with drag: median {median * 1e3:.2f} ms, 99 % {worst * 1e3:.2f} ms")

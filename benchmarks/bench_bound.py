@@ -21,10 +21,10 @@ from smoskin.sensing.signals.signals import signal_noise
 from smoskin.twin.manufacture import draw
 
 
-def line(name: str, found: BoundMap) -> str:
+def line(name: str, bound: BoundMap) -> str:
     """Figures of location and force."""
-    place, force = figures(found.location * 1e3), figures(found.force * 1e3)
-    area, spacing = found.super_resolution
+    place, force = figures(bound.location * 1e3), figures(bound.force * 1e3)
+    area, spacing = bound.super_resolution
     return (
         f"{name:>34}: place mean {place.mean:.3f} median {place.median:.3f} worst "
         f"{place.worst:.3f} max {place.maximum:.3f} mm, force mean {force.mean:.2f} mN, "

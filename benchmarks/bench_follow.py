@@ -101,11 +101,11 @@ def main() -> None:
     with TemporaryDirectory() as folder, board(recorded(design, folder, options.rate)) as port:
         source = Stamped(smo.open_source(f"serial://{port}?design=curved"))
         arm = SimulatedArm(design, time.monotonic)
-        ready, told = [0.0], [0.0]
+        ready, answered = [0.0], [0.0]
 
         def commanded(command: Command) -> None:
-            if ready[0] != told[0]:
-                told[0] = ready[0]
+            if ready[0] != answered[0]:
+                answered[0] = ready[0]
                 late.append(time.monotonic() - ready[0])
 
         driver = Driver(arm, Follow(arm.chain, design), on_command=commanded)

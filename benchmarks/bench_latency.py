@@ -61,14 +61,16 @@ def seconds(work: Callable[[], object]) -> tuple[float, object]:
 
 def run(runners: Sequence[Runner], unit: Callable[[], object]) -> dict[str, list[float]]:
     """Time of each step under touches (or of idle ones), one after the other in turn."""
-    taken: dict[str, list[float]] = {one.name: [] for one in runners} | {"unit": []}
-    for k in range(UNTOUCHED, max(len(one.readings) for one in runners)):
+    taken: dict[str, list[float]] = {runner.name: [] for runner in runners} | {"unit": []}
+    for k in range(UNTOUCHED, max(len(runner.readings) for runner in runners)):
         taken["unit"].append(seconds(unit)[0])
-        for one in runners:
-            if k < len(one.readings):
-                spent, said = seconds(lambda one=one, k=k: one.estimator.step(one.readings[k]))
-                if len(said.contacts) == one.touches:
-                    taken[one.name].append(spent)
+        for runner in runners:
+            if k < len(runner.readings):
+                spent, estimate = seconds(
+                    lambda runner=runner, k=k: runner.estimator.step(runner.readings[k])
+                )
+                if len(estimate.contacts) == runner.touches:
+                    taken[runner.name].append(spent)
     return taken
 
 
@@ -121,7 +123,7 @@ def main() -> None:
         next(iter(grid_sessions(twin, rng, forces=(0.5,), drag=drag, count=asked.touches)))
         for drag in (0.0, 0.5)
     )
-    said = {
+    streams = {
         name: readings(twin, session, rng).readings
         for name, session in (
             ("straight", straight),
@@ -129,7 +131,7 @@ def main() -> None:
             ("pairs", pair_session(twin, rng, asked.touches // 5)),
         )
     }
-    said |= {f"moving {k}": moving(twin, rng, asked.touches // 30, k) for k in (1, 2)}
+    streams |= {f"moving {k}": moving(twin, rng, asked.touches // 30, k) for k in (1, 2)}
     six, nine = (calibrated(table, twin, chips) for chips in ((1, 2), (0, 1, 2)))
     free, none = TouchPriors(), TouchPriors(drag_spread=0.0)
     cases = [
@@ -143,13 +145,13 @@ def main() -> None:
     ]
     runners = []
     for name, known, priors, session, touches in cases:
-        one = BayesEstimator(design, known, priors=priors)
-        one.zero(said[session][:UNTOUCHED])
-        runners.append(Runner(name, one, said[session], touches))
+        estimator = BayesEstimator(design, known, priors=priors)
+        estimator.zero(streams[session][:UNTOUCHED])
+        runners.append(Runner(name, estimator, streams[session], touches))
     if asked.network:
         network = NetworkEstimator(design, load_network(asked.network))
-        network.zero(said["straight"][:UNTOUCHED])
-        runners.append(Runner("one straight touch, network", network, said["straight"], 1))
+        network.zero(streams["straight"][:UNTOUCHED])
+        runners.append(Runner("one straight touch, network", network, streams["straight"], 1))
     functions, columns = six.mean.shape[0], six.mean[0].size
     weights, flat = np.ones((2, functions)), np.ascontiguousarray(six.mean).reshape(functions, -1)
     taken = run(runners, lambda: weights @ flat)

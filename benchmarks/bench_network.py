@@ -43,7 +43,7 @@ def line(figures: Tally) -> str:
     """Figures of single touches."""
     drag = "" if figures.drag is None else f", drag {figures.drag:.2%} of it"
     return (
-        f"{figures.name:>12}: one touch told {figures.found:6.1%}, place "
+        f"{figures.name:>12}: one touch told {figures.detected:6.1%}, place "
         f"{figures.location.mean * 1e3:5.2f} mm, force {figures.force:6.2%}{drag}, 90 % regions "
         f"hold {figures.held.place:5.1%} of places and {figures.held.force:5.1%} of forces"
     )

@@ -81,17 +81,17 @@ def readings(
 
 def judge(
     estimator: BayesEstimator,
-    said: list[Reading],
+    stream: list[Reading],
     pairs: Touches,
     moments: tuple[tuple[float, int], ...],
 ) -> Found:
     """What the estimator says of each pair at the last moment at which both touches are there."""
     judged = max(place for place, (_, there) in enumerate(moments) if there == 2)
     estimator.reset()
-    estimator.zero(said[:ZEROS])
+    estimator.zero(stream[:ZEROS])
     count, seconds = np.full(len(pairs), -1.0), np.zeros(len(pairs))
     off, inside = np.full((len(pairs), 2), np.nan), np.zeros((len(pairs), 2))
-    for k, reading in enumerate(said[ZEROS:]):
+    for k, reading in enumerate(stream[ZEROS:]):
         begin = time.perf_counter()
         estimate = estimator.step(reading)
         row, place = divmod(k, len(moments))
@@ -101,7 +101,7 @@ def judge(
         if estimate.status in (Status.CONTACT, Status.NO_CONTACT):
             count[row] = len(estimate.contacts)
         if count[row] == 2:
-            where = np.stack([one.position for one in estimate.contacts])
+            where = np.stack([contact.position for contact in estimate.contacts])
             turns = [where - pairs.position[row], where[::-1] - pairs.position[row]]
             turned = np.argmin([np.hypot(*turn.T).sum() for turn in turns])
             gap, spread = turns[turned], estimate.covariance[:: -1 if turned else 1, :2, :2]
@@ -120,21 +120,21 @@ def bounds(table: ResponseTable, noise: Floats, pairs: Touches, *, known: bool) 
     for row, (place, force) in enumerate(zip(pairs.position, pairs.force, strict=True)):
         spread = noise if known else noise + float(force[:, 2].sum() ** 2) * misfit
         slopes = point.pairs(place[None], -force[None, :, 2])[1][0]
-        told = slopes @ np.linalg.solve(spread, slopes.T) + prior
-        out[row] = np.sqrt(np.diag(np.linalg.inv(told)).reshape(2, 3)[:, :2].sum(axis=1))
+        information = slopes @ np.linalg.solve(spread, slopes.T) + prior
+        out[row] = np.sqrt(np.diag(np.linalg.inv(information)).reshape(2, 3)[:, :2].sum(axis=1))
     return out
 
 
-def line(name: str, found: Found) -> str:
+def line(name: str, answers: Found) -> str:
     """Figures of one way in which pairs come."""
-    right = found.count == 2
-    off = found.off[right] * 1e3
-    both = (np.nan_to_num(found.off, nan=np.inf) < 5e-3).all(axis=1)
+    right = answers.count == 2
+    off = answers.off[right] * 1e3
+    both = (np.nan_to_num(answers.off, nan=np.inf) < 5e-3).all(axis=1)
     return (
         f"{name:>14}: counted {right.mean():6.1%}; place mean {off.mean():5.2f} mm, median "
         f"{np.median(off):5.2f}, 90 % {np.percentile(off, 90):5.2f}; both within 5 mm "
-        f"{both.mean():5.1%}; 90 % regions hold {found.inside[right].mean():5.1%}; step median "
-        f"{np.median(found.seconds) * 1e3:.1f} ms"
+        f"{both.mean():5.1%}; 90 % regions hold {answers.inside[right].mean():5.1%}; step median "
+        f"{np.median(answers.seconds) * 1e3:.1f} ms"
     )
 
 
@@ -154,7 +154,7 @@ def main() -> None:
     noise = signal_noise(design, table.chips)
     plan = TouchPlanner(table, noise).plan(asked.touches)
     ways = {"at once": AT_ONCE, "one then two": ONE_THEN_TWO}
-    found: dict[str, list[Found]] = {name: [] for name in ways}
+    answers: dict[str, list[Found]] = {name: [] for name in ways}
     best: dict[bool, list[Floats]] = {True: [], False: []}
     for seed in range(asked.first, asked.first + asked.skins):
         rng = np.random.default_rng(seed)
@@ -172,13 +172,13 @@ def main() -> None:
         pairs = Touches(position=position, force=force)
         temperature = float(rng.uniform(15.0, 35.0))
         for name, moments in ways.items():
-            said = readings(twin, pairs, moments, temperature, rng)
-            found[name].append(judge(estimator, said, pairs, moments))
-            print(line(f"skin {seed} {name}", found[name][-1]), flush=True)
+            stream = readings(twin, pairs, moments, temperature, rng)
+            answers[name].append(judge(estimator, stream, pairs, moments))
+            print(line(f"skin {seed} {name}", answers[name][-1]), flush=True)
         for known, all_bounds in best.items():
             all_bounds.append(bounds(skin, noise, pairs, known=known))
-    for name, parts in found.items():
-        print(line(name, Found(*(np.concatenate(one) for one in zip(*parts, strict=True)))))
+    for name, parts in answers.items():
+        print(line(name, Found(*(np.concatenate(column) for column in zip(*parts, strict=True)))))
     for known, parts in best.items():
         rms = np.concatenate(parts) * 1e3
         print(

@@ -152,15 +152,18 @@ def main() -> None:
                     skin.watch._loop._stages.update(estimate=Histogram(), sinks=Histogram())
         elapsed, used = time.monotonic() - begun, time.process_time() - used
         print(f"{elapsed:.0f} s, {100 * used / elapsed:.0f} % of a core, {resident():.0f} MB")
-        for name, told in service.counters().items():
+        for name, counts in service.counters().items():
             lost = {
-                key: told[key] - (before or {}).get(name, told)[key]
+                key: counts[key] - (before or {}).get(name, counts)[key]
                 for key in ("skipped", "lost", "dropped", "not_recorded")
             }
-            begun_with = (before or {}).get(name, told)["line"]
-            lost["overtaken"] = told["line"]["dropped"] - begun_with["dropped"]
-            print(f"{name}: {told['readings']} readings at {told['rate_hz']} Hz,", json.dumps(lost))
-            print(f"  {json.dumps(told['statuses'])}\n  ms: {json.dumps(told['stages_ms'])}")
+            begun_with = (before or {}).get(name, counts)["line"]
+            lost["overtaken"] = counts["line"]["dropped"] - begun_with["dropped"]
+            print(
+                f"{name}: {counts['readings']} readings at {counts['rate_hz']} Hz,",
+                json.dumps(lost),
+            )
+            print(f"  {json.dumps(counts['statuses'])}\n  ms: {json.dumps(counts['stages_ms'])}")
 
 
 def soak(folder: Path, feed: Feed, recordings: list[str], readings: int) -> None:
@@ -178,7 +181,7 @@ def soak(folder: Path, feed: Feed, recordings: list[str], readings: int) -> None
         with Service(wanted_skins(sources, named), [feed]) as service:
             for _ in service.run(every=1e9):
                 pass
-            done += sum(told["readings"] for told in service.counters().values())
+            done += sum(counts["readings"] for counts in service.counters().values())
         place += 1
         print(f"{done} readings, {resident():.1f} MB", flush=True)
 

@@ -45,7 +45,7 @@ def peak_bytes(work: Callable[[], object]) -> int:
 
 def main() -> None:
     planar = load_design("planar")
-    magnets = tuple(replace(one, corner=(0, 0)) for one in planar.magnets)
+    magnets = tuple(replace(magnet, corner=(0, 0)) for magnet in planar.magnets)
     v = planar.coefficients.attenuation
     print("map                cells      time   / product   peak memory   bytes a cell")
     for n in SIZES:

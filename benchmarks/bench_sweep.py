@@ -28,15 +28,15 @@ def bare_rate(design: object) -> float:
     """Presses a second of the solver alone, in this process, compiled before."""
     parts = [SI.touches(design, chunk) for chunk in range(SI.chunks)]
     touches = Touches(
-        position=np.concatenate([one.position for one in parts]),
-        force=np.concatenate([one.force for one in parts]),
-        radius=np.concatenate([one.radius for one in parts]),
+        position=np.concatenate([part.position for part in parts]),
+        force=np.concatenate([part.force for part in parts]),
+        radius=np.concatenate([part.radius for part in parts]),
     )
     solver = BarHinge(design)
     solver.press(parts[0])
     begin = time.perf_counter()
-    found = solver.press(touches)
-    assert found.converged.all()
+    pressed = solver.press(touches)
+    assert pressed.converged.all()
     return len(touches) / (time.perf_counter() - begin)
 
 

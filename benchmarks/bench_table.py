@@ -103,12 +103,14 @@ def judge(twin: Twin, estimators: dict[str, Estimator], tallies: dict, seed: int
                 estimator.zero(untouched)
                 estimate = estimator.step(reading)
                 tally.status[estimate.status.name] += 1
-                found = estimate.contacts if estimate.status is Status.CONTACT else ()
-                right = len(found) == 1 and bool((np.abs(found[0].position - top) < cell / 2).all())
+                detected = estimate.contacts if estimate.status is Status.CONTACT else ()
+                right = len(detected) == 1 and bool(
+                    (np.abs(detected[0].position - top) < cell / 2).all()
+                )
                 tally.right.append(right)
                 if right:
-                    tally.force.append(found[0].force - contact.force)
-                    tally.place.append(float(np.hypot(*(found[0].position - contact.position))))
+                    tally.force.append(detected[0].force - contact.force)
+                    tally.place.append(float(np.hypot(*(detected[0].position - contact.position))))
 
 
 def main() -> None:

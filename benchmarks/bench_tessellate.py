@@ -68,10 +68,10 @@ def main() -> None:
             taken, holds = on(case, refold=False)
             again, _ = on(case, refold=True)
             n, m = case["cells"]
-            told = "holds" if holds else "refused"
+            verdict = "holds" if holds else "refused"
             print(
                 f"{case['name']:24s} {n:2d} x {m:2d}: {taken:5.2f} s, folded again {again:5.2f} s; "
-                f"{told}"
+                f"{verdict}"
             )
     reference = None
     for count in COUNTS:

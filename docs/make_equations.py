@@ -34,7 +34,7 @@ class Entry:
 def entries() -> list[Entry]:
     """All functions, classes and methods with a `Source:` line, in the order of the equations."""
     tests = {path: _imported(path) for path in sorted((ROOT / "tests").rglob("test_*.py"))}
-    found = []
+    listed = []
     sources = [(ROOT / "src", path) for path in sorted((ROOT / "src").rglob("*.py"))]
     sources += [(ROOT, path) for path in sorted((ROOT / "paper").rglob("*.py"))]
     for root, path in sources:
@@ -52,8 +52,8 @@ def entries() -> list[Entry]:
                         str(test.relative_to(ROOT)) for test, names in tests.items()
                         if {(module, node.name), ("smoskin", node.name)} & names
                     )  # fmt: skip
-                    found.append(Entry(source, module, node.name, using))
-    return sorted(found, key=lambda entry: (_number(entry.source), entry.module, entry.name))
+                    listed.append(Entry(source, module, node.name, using))
+    return sorted(listed, key=lambda entry: (_number(entry.source), entry.module, entry.name))
 
 
 def _imported(path: Path) -> set[tuple[str, str]]:

@@ -61,15 +61,15 @@ def rows(figures: dict[str, dict[str, float]]) -> str:
     ]
     for name, what in TOLD.items():
         if name in figures:
-            found = figures[name]
+            scores = figures[name]
             few = (
                 ""
-                if found["touches"] >= 1000
-                else f" ({found['touches']:.0f} touches on {found['skins']:.0f} skins)"
+                if scores["touches"] >= 1000
+                else f" ({scores['touches']:.0f} touches on {scores['skins']:.0f} skins)"
             )
             lines.append(
-                f"| {name} | {found['location_mm']:.2f} mm | {found['force_percent']:.1f} % | "
-                f"{found['held_percent']:.0f} % | {found['idle_percent']:.0f} % | {what}{few} |"
+                f"| {name} | {scores['location_mm']:.2f} mm | {scores['force_percent']:.1f} % | "
+                f"{scores['held_percent']:.0f} % | {scores['idle_percent']:.0f} % | {what}{few} |"
             )
     return "\n".join(lines)
 
@@ -82,12 +82,12 @@ def by_touches(figures: dict[str, dict[str, float]]) -> str:
     ]
     for touches in TOUCHES:
         both = [figures[f"{name}@{touches}"] for name in ("hard", "plain")]
-        told = [
-            f"{one['location_mm']:.2f} mm, {one['force_percent']:.1f} % "
-            f"| {one['held_percent']:.0f} %"
-            for one in both
+        cells = [
+            f"{world['location_mm']:.2f} mm, {world['force_percent']:.1f} % "
+            f"| {world['held_percent']:.0f} %"
+            for world in both
         ]
-        lines.append(f"| {touches} | {' | '.join(told)} |")
+        lines.append(f"| {touches} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
@@ -116,8 +116,8 @@ def networks(skins: list[int], count: int) -> dict[str, float]:
         own, _ = subject.enter(HARD.skin(design, skin, None), rng, HARD)
         assert own is not None
         network = smo.train(own, arm=True).model
-        each.append(told(smo.score(network, skins=[skin], count=count), [skin], count))
-    mean = {name: round(float(np.mean([one[name] for one in each])), 3) for name in each[0]}
+        each.append(figures_of(smo.score(network, skins=[skin], count=count), [skin], count))
+    mean = {name: round(float(np.mean([scores[name] for scores in each])), 3) for name in each[0]}
     return mean | {"skins": len(skins), "touches": 10 * count * len(skins)}
 
 
@@ -130,13 +130,15 @@ def measure(name: str, skins: list[int], count: int) -> dict[str, float]:
     if name == "hard, network":
         return networks(skins, count)
     name, _, touches = name.partition("@")
-    worlds = {one.name: one for one in (PLAIN, HARD)}
+    worlds = {base.name: base for base in (PLAIN, HARD)}
     if name == "hard without gravity":
         few = tuple(effect for effect in HARD.effects if effect != EFFECTS["gravity"])
         worlds[name] = World(name=name, effects=few)
     if name == "hard, bouc-wen":
         swap = {EFFECTS["hysteresis"]: EFFECTS["bouc-wen"]}
-        worlds[name] = World(name=name, effects=tuple(swap.get(one, one) for one in HARD.effects))
+        worlds[name] = World(
+            name=name, effects=tuple(swap.get(effect, effect) for effect in HARD.effects)
+        )
     name, posed, _ = name.partition(", posed")
     world = worlds.get(name) or world_of(effect=name)
     table = smo.load_response_table("planar")
@@ -148,10 +150,10 @@ def measure(name: str, skins: list[int], count: int) -> dict[str, float]:
         touches=int(touches or 60),
         posed=bool(posed),
     )
-    return told(judged, skins, count)
+    return figures_of(judged, skins, count)
 
 
-def told(judged: "ScoreSheet", skins: list[int], count: int) -> dict[str, float]:
+def figures_of(judged: "ScoreSheet", skins: list[int], count: int) -> dict[str, float]:
     """What the page says of a score."""
     case = judged.case("straight")
     assert case is not None
@@ -197,7 +199,7 @@ def main() -> None:
     given = asked.parse_args()
     figures = json.loads(FIGURES.read_text()) if FIGURES.exists() else {}
     for name in given.names:
-        figures[name] = measure(name, [int(one) for one in given.skins.split(",")], given.count)
+        figures[name] = measure(name, [int(seed) for seed in given.skins.split(",")], given.count)
         print(name, figures[name], flush=True)
         FIGURES.write_text(json.dumps(figures, indent=1) + "\n")
     PAGE.write_text(page(PAGE.read_text(encoding="utf-8"), figures), encoding="utf-8")

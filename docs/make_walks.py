@@ -116,18 +116,18 @@ def walks() -> list[Walk]:
     ]  # fmt: skip
 
 
-def section(found: list[Walk]) -> str:
+def section(traced: list[Walk]) -> str:
     """The part of the page between its two marks."""
     return "\n\n".join(
-        f"{one.title}\n\n```text\n" + "\n".join(one.lines()) + "\n```" for one in found
+        f"{trace.title}\n\n```text\n" + "\n".join(trace.lines()) + "\n```" for trace in traced
     )
 
 
-def page(found: list[Walk]) -> str:
+def page(traced: list[Walk]) -> str:
     """The whole page with the walks as they are."""
     text = PAGE.read_text(encoding="utf-8")
     marks = r"(<!-- walks -->\n).*?(<!-- end of walks -->)"
-    return re.sub(marks, lambda m: f"{m[1]}{section(found)}\n{m[2]}", text, flags=re.S)
+    return re.sub(marks, lambda m: f"{m[1]}{section(traced)}\n{m[2]}", text, flags=re.S)
 
 
 if __name__ == "__main__":

@@ -46,7 +46,7 @@ class Chips:
         self.sleep_us = sleep_us
         self.checked = 0
         self.answers = [bytearray(9) for _ in addresses]
-        self.one = bytearray(1)
+        self.status = bytearray(1)
         self.word = bytearray(3)
 
     def ask(self, address, command, answer):
@@ -61,14 +61,14 @@ class Chips:
 
     def set_up(self, address):
         """Restart a chip and write its registers; whether it keeps them."""
-        if self.ask(address, bytes((EXIT,)), self.one) == NO_ANSWER:
+        if self.ask(address, bytes((EXIT,)), self.status) == NO_ANSWER:
             return False
         self.sleep_us(1000)
-        self.ask(address, bytes((RESET,)), self.one)
+        self.ask(address, bytes((RESET,)), self.status)
         self.sleep_us(2000)
         for number, word in enumerate(self.registers):
             command = bytes((WRITE_REGISTER, word >> 8, word & 0xFF, number << 2))
-            self.ask(address, command, self.one)
+            self.ask(address, command, self.status)
         return all(self.keeps(address, number) for number in range(3))
 
     def set_all(self):
@@ -85,7 +85,7 @@ class Chips:
     def scan(self):
         """Answers of all chips to being read, in their order; a chip that was lost is set anew."""
         start, read = bytes((START,)), bytes((READ,))
-        started = [self.ask(address, start, self.one) for address in self.addresses]
+        started = [self.ask(address, start, self.status) for address in self.addresses]
         self.sleep_us(conversion_us(self.registers))
         for place, address in enumerate(self.addresses):
             answer = self.answers[place]

@@ -63,7 +63,7 @@ class Commands:
 
     def feed(self, data):
         """The (kind, body) of the commands that these bytes complete."""
-        found = []
+        commands = []
         for byte in data:
             if byte:
                 if len(self.rest) <= LONGEST:
@@ -74,5 +74,5 @@ class Commands:
             if plain is None or len(plain) < 8 or plain[0] != VERSION:
                 continue
             if crc32(plain[:-4]) & 0xFFFFFFFF == struct.unpack("<I", plain[-4:])[0]:
-                found.append((plain[1], bytes(plain[4:-4])))
-        return found
+                commands.append((plain[1], bytes(plain[4:-4])))
+        return commands

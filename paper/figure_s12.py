@@ -61,7 +61,7 @@ class Touched:
     """(B,), m: round the limb, by the arc."""
     force: Floats
     """(B,), N: of the normal force."""
-    found: float
+    detected: float
     """Share of the touches that were found as one."""
 
     @property
@@ -104,7 +104,7 @@ def _errors(world: str, answers: Answers) -> Touched:
         along=off[:, 0],
         around=off[:, 1],
         force=answers.force_error[:, 2],
-        found=float(answers.detected.mean()),
+        detected=float(answers.detected.mean()),
     )
 
 
@@ -117,15 +117,17 @@ def curved_rows(hard: Touched) -> list[Row]:
     }
     why = (
         f"made skin {SEED} of the design `curved`, 120 x 160 mm on a radius of 80 mm, in the hard "
-        f"world, {100 * hard.found:.1f} % of the touches found; holds where ours is not larger. "
+        f"world, {100 * hard.detected:.1f} % of the touches found; holds where ours is not larger. "
         "The paper prints neither its skin's size nor the forces"
     )
     rows = []
     for letter, (name, errors) in zip("abc", hard.errors.items(), strict=True):
         mean, printed = float(errors.mean()), PRINTED[name]
-        told = f"{mean:.3f} N" if name == "force" else f"{1e3 * mean:.2f} mm"
+        computed = f"{mean:.3f} N" if name == "force" else f"{1e3 * mean:.2f} mm"
         place = f"Text S9, Figure S12{letter}"
-        rows.append(stated(f"figure_s12.{name}", place, print_of[name], told, mean <= printed, why))
+        rows.append(
+            stated(f"figure_s12.{name}", place, print_of[name], computed, mean <= printed, why)
+        )
     return rows
 
 

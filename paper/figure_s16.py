@@ -70,7 +70,7 @@ class Coverage:
         return np.asarray(spread / np.linalg.norm(mean, axis=(-1, -2)))
 
     @property
-    def found(self) -> Floats:
+    def recall(self) -> Floats:
         """(N, M): share of a cell's places that are taken for this cell."""
         right = np.isclose(self.answered, self.places.mean(axis=2, keepdims=True)).all(axis=-1)
         return np.asarray(right.mean(axis=-1))
@@ -150,11 +150,11 @@ def cover_rows(result: Covers) -> list[Row]:
             place,
             "it does not increase the resolution, only the sensing points from the top vertices "
             "to anywhere above the cell",
-            f"{100 * covered.found.mean():.0f} % of the places are named right "
-            f"({100 * bare.found.mean():.0f} % without covers), "
+            f"{100 * covered.recall.mean():.0f} % of the places are named right "
+            f"({100 * bare.recall.mean():.0f} % without covers), "
             f"{1e3 * covered.place_error.mean():.1f} mm from the cell's middle in the mean "
             f"({1e3 * bare.place_error.mean():.1f} mm)",
-            bool(covered.found.min() == 1.0 >= bare.found.mean()),
+            bool(covered.recall.min() == 1.0 >= bare.recall.mean()),
             "the nearest direction of both magnets' motion among 36 presses on the vertices, "
             "without noise; by theory's table instead of a measured one it fails (U5)",
         ),
@@ -185,7 +185,7 @@ def draw(result: Covers) -> Plate:
         axes[0, 1].set_title("(b) through cover panels")
         texts = [
             [f"{100 * spread:.0f}\n({100 * right:.0f})" for spread, right in np.stack(line, axis=1)]
-            for line in zip(bare.spread, bare.found, strict=True)
+            for line in zip(bare.spread, bare.recall, strict=True)
         ]
         draw_map(axes[1, 0], 100 * bare.spread, Normalize(0, 40), texts=texts)
         axes[1, 0].set_title("(c) spread in a cell (places found), %")
@@ -205,7 +205,7 @@ def draw(result: Covers) -> Plate:
         f"place, by {percent(bare.spread.mean())} in the mean (c); a cover panel, guided along z, "
         f"makes it the same all over the cell, to {_rounding(float(covered.spread.max()))}. Named "
         "by the vertex whose press moves both magnets most nearly the same way, without noise, "
-        f"{percent(bare.found.mean())} and {percent(covered.found.mean())} of the places fall "
+        f"{percent(bare.recall.mean())} and {percent(covered.recall.mean())} of the places fall "
         f"to their own cell, whose middle is {bare.place_error.mean() * 1e3:.1f} and "
         f"{covered.place_error.mean() * 1e3:.1f} mm away in the mean (d): covers make every place "
         "count, as the paper says, without making the skin finer. The theoretical table is not "

@@ -44,7 +44,7 @@ class MadeSkin:
     """Room between a holder's floor and its chip's package."""
     range_share: float
     """Largest reading over the range, at rest and pressed."""
-    found: bool
+    converged: bool
     """Whether every press found an equilibrium."""
 
     @property
@@ -55,7 +55,7 @@ class MadeSkin:
     @property
     def good(self) -> bool:
         """Whether it assembles, and is read without saturation."""
-        return self.assembles and self.range_share < 1.0 and self.found
+        return self.assembles and self.range_share < 1.0 and self.converged
 
 
 def made_skin(design: SkinDesign, workshop: Workshop, seed: int) -> MadeSkin:
@@ -68,8 +68,8 @@ def made_skin(design: SkinDesign, workshop: Workshop, seed: int) -> MadeSkin:
     still = np.abs(twin.readout.seen(twin.motion()))
     full = mlx90393.full_scale(design.hall_setting)
     largest = np.nanmax(np.concatenate([seen.reshape(-1, 3), still.reshape(-1, 3)]) / full)
-    found = bool(motion.valid.all())
-    return MadeSkin(**room, range_share=float(largest), found=found)
+    converged = bool(motion.valid.all())
+    return MadeSkin(**room, range_share=float(largest), converged=converged)
 
 
 def presses(design: SkinDesign) -> list[list[Contact]]:
@@ -140,7 +140,7 @@ def main() -> None:
     print(
         f"range: 95 % stay below {shares[min(at, len(shares) - 1)]:.3f}, all below {shares[-1]:.3f}"
     )
-    print(f"no equilibrium: {sum(not skin.found for skin in skins)}")
+    print(f"no equilibrium: {sum(not skin.converged for skin in skins)}")
 
 
 if __name__ == "__main__":

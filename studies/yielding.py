@@ -110,7 +110,7 @@ def moved(
 ) -> dict[str, list[int]]:
     """How many presses of each force moved the arm, of how many."""
     limits = Limits()
-    found = dict.fromkeys(FORCES, 0)
+    yielded = dict.fromkeys(FORCES, 0)
     asked = dict.fromkeys(FORCES, 0)
     extent = geometry(design).extent
     for seed in seeds:
@@ -138,22 +138,22 @@ def moved(
                     force = float(np.linalg.norm(estimate.contacts[0].force))
                     wide = np.linalg.eigvalsh(estimate.covariance[0, :2, :2])[-1] * 5.991
                     moves[row] |= force >= limits.begin and wide <= limits.ellipse**2
-            found[size] += int(moves.sum())
+            yielded[size] += int(moves.sum())
             asked[size] += presses
-    return {f"{size:.2f}": [found[size], asked[size]] for size in FORCES}
+    return {f"{size:.2f}": [yielded[size], asked[size]] for size in FORCES}
 
 
 def untouched(
     design: SkinDesign, seeds: Sequence[int], count: int, seconds: float
 ) -> dict[str, float]:
     """Trajectories at the speed limit, nobody touching: how many asked the arm to move."""
-    found = [each for seed in seeds for each in carried(design, seed, count, seconds)]
+    outcomes = [each for seed in seeds for each in carried(design, seed, count, seconds)]
     return {
-        "trajectories": len(found),
+        "trajectories": len(outcomes),
         "skins": len(seeds),
-        "asked_to_move": sum(moves for moves, _, _ in found),
-        "stopped": sum(stopped for _, stopped, _ in found),
-        "largest_force_N": round(max(force for _, _, force in found), 4),
+        "asked_to_move": sum(moves for moves, _, _ in outcomes),
+        "stopped": sum(stopped for _, stopped, _ in outcomes),
+        "largest_force_N": round(max(force for _, _, force in outcomes), 4),
     }
 
 
@@ -182,7 +182,7 @@ def carried(
     pulls = np.gradient(np.gradient(middles, 1 / _RATE, axis=0), 1 / _RATE, axis=0)
     estimator = ZeroFirst(BayesEstimator(design, table))
     estimator.carried_by(lambda: carriage.pose)
-    found = [(False, False, 0.0)] * count
+    outcomes = [(False, False, 0.0)] * count
     for k, angles in enumerate(path):
         time = k / _RATE
         carriage.look(time, angles, speeds[k])
@@ -200,14 +200,14 @@ def carried(
             if follow.state is State.DISARMED:
                 follow.arm()
         sizes = [float(np.linalg.norm(contact.force)) for contact in estimate.contacts]
-        moved, stopped, largest = found[int(number)]
-        found[int(number)] = (
+        moved, stopped, largest = outcomes[int(number)]
+        outcomes[int(number)] = (
             moved or bool(command.speeds.any()),
             stopped or command.state is State.FAULT,
             max([largest, *sizes]),
         )
-    print(f"seed {seed}: {[round(force, 3) for _, _, force in found]}", flush=True)
-    return found
+    print(f"seed {seed}: {[round(force, 3) for _, _, force in outcomes]}", flush=True)
+    return outcomes
 
 
 def trajectory(
@@ -245,7 +245,7 @@ def _eased(since: Floats) -> Floats:
     return np.asarray(share**2 * (3 - 2 * share))
 
 
-def draw(found: dict[str, dict[str, list[int]]]) -> None:
+def draw(counts: dict[str, dict[str, list[int]]]) -> None:
     """The chance to be moved by each force, with 95 % intervals (Wilson), as a figure."""
     import matplotlib as mpl
 
@@ -254,7 +254,7 @@ def draw(found: dict[str, dict[str, list[int]]]) -> None:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(5.6, 3.2), layout="constrained")
-    for shift, (name, forces) in zip((-0.003, 0.003), found.items(), strict=True):
+    for shift, (name, forces) in zip((-0.003, 0.003), counts.items(), strict=True):
         sizes = np.array([float(size) for size in forces]) + shift
         moves, asked = np.array(list(forces.values()), dtype=float).T
         share, weight = moves / asked, 1.96**2 / asked
@@ -281,17 +281,17 @@ def main() -> None:
     given = parser.parse_args()
     design, seeds = load_design(given.design), range(*given.seeds)
     if given.what == "force":
-        found: dict[str, object] = {
+        measured: dict[str, object] = {
             world.name: moved(design, world, seeds, given.presses, given.touches)
             for world in (PLAIN, HARD)
         }
     else:
-        found = {"nobody": untouched(design, seeds, given.trajectories, given.seconds)}
+        measured = {"nobody": untouched(design, seeds, given.trajectories, given.seconds)}
     known = json.loads(FIGURES.read_text()) if FIGURES.exists() else {}
-    known |= found
+    known |= measured
     FIGURES.write_text(json.dumps(known) + "\n")
     draw({name: known[name] for name in ("plain", "hard") if name in known})
-    print(json.dumps(found))
+    print(json.dumps(measured))
 
 
 if __name__ == "__main__":

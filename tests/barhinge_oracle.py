@@ -30,19 +30,19 @@ class Springs:
 
 def hinge_gradient(points: np.ndarray) -> np.ndarray:
     """Gradient of the angle between two triangles; rows: both ends of the hinge, both wings."""
-    start, end, one, other = points
+    start, end, left, right = points
     axis = end - start
     length = np.linalg.norm(axis)
-    n_one, n_other = np.cross(axis, one - start), np.cross(other - start, axis)
-    g_one = length * n_one / (n_one @ n_one)
-    g_other = length * n_other / (n_other @ n_other)
+    n_left, n_right = np.cross(axis, left - start), np.cross(right - start, axis)
+    g_left = length * n_left / (n_left @ n_left)
+    g_right = length * n_right / (n_right @ n_right)
 
     def share(wing: np.ndarray) -> float:
         return float((wing - start) @ axis / length**2)
 
-    g_end = -share(one) * g_one - share(other) * g_other
-    g_start = -(1 - share(one)) * g_one - (1 - share(other)) * g_other
-    return np.stack([g_start, g_end, g_one, g_other])
+    g_end = -share(left) * g_left - share(right) * g_right
+    g_start = -(1 - share(left)) * g_left - (1 - share(right)) * g_right
+    return np.stack([g_start, g_end, g_left, g_right])
 
 
 def panel_triangles(sheet) -> list[tuple[int, int, int, int]]:

@@ -48,7 +48,7 @@ class Deadly:
 
     def __call__(self, item: int) -> int:
         log(self.folder, item)
-        if item == 2 and sum(one == 2 for one, _ in begun(self.folder)) <= self.times:
+        if item == 2 and sum(number == 2 for number, _ in begun(self.folder)) <= self.times:
             os.kill(os.getpid(), signal.SIGKILL)
         return item * item
 
@@ -57,14 +57,14 @@ def contents(folder) -> dict[str, dict[str, tuple[str, tuple[int, ...], bytes]]]
     """Every bit of every column by its chunk's name; a compressor may pack the same otherwise."""
     import h5py
 
-    found = {}
-    for one in sorted(Path(folder).glob("chunk-*")):
-        with h5py.File(one) as file:
-            found[one.name] = {
+    chunks = {}
+    for path in sorted(Path(folder).glob("chunk-*")):
+        with h5py.File(path) as file:
+            chunks[path.name] = {
                 name: (str(column.dtype), column.shape, column[...].tobytes())
                 for name, column in file.items()
             }
-    return found
+    return chunks
 
 
 def refuse(item: int) -> int:

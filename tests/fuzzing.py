@@ -53,15 +53,15 @@ def cases(few: int, many: int) -> pytest.MarkDecorator:
 
 def broken(some: Iterable[Case]) -> list[str]:
     """Cases that broke a promise, and how: the first 60."""
-    found = []
+    faults = []
     for label, check in some:
         try:
             with deadline():
                 check()
         except (Exception, Hang) as error:
             what = str(error).partition("\n")[0]  # without what pytest adds to an assertion
-            found.append(f"{label}: {type(error).__name__}: {what}"[:600])
-    return found[:60]
+            faults.append(f"{label}: {type(error).__name__}: {what}"[:600])
+    return faults[:60]
 
 
 @contextlib.contextmanager
@@ -116,11 +116,11 @@ def command(*words: str) -> Answer:
 
 def check_answer(answer: Answer, *, as_json: bool = False, names: str = "") -> None:
     """Assert that an answer is clean: JSON without gaps, or one bounded sentence with the name."""
-    said = answer.err.strip()
-    assert "Traceback" not in said, said
-    assert "this is a bug" not in said, said
-    assert "Warning" not in said, said
-    lines = [line for line in said.splitlines() if not line.startswith("{")]  # no JSON
+    stderr = answer.err.strip()
+    assert "Traceback" not in stderr, stderr
+    assert "this is a bug" not in stderr, stderr
+    assert "Warning" not in stderr, stderr
+    lines = [line for line in stderr.splitlines() if not line.startswith("{")]  # no JSON
     last = lines[-1] if lines else ""
     assert len(last) <= LONGEST + len("error: "), f"{len(last)} characters: {last}"
     assert last.isprintable(), f"not printable: {last!r}"
@@ -137,11 +137,11 @@ def check_answer(answer: Answer, *, as_json: bool = False, names: str = "") -> N
 
 def check_error(error: SmoskinError, names: str = "") -> None:
     """Assert that a message is bounded, printable, and names its file."""
-    said = str(error)
-    assert said
-    assert len(said) <= LONGEST, f"{len(said)} characters: {said}"
-    assert said.isprintable(), f"not printable: {said!r}"
-    assert names in said, f"{names!r} is not named: {said}"
+    message = str(error)
+    assert message
+    assert len(message) <= LONGEST, f"{len(message)} characters: {message}"
+    assert message.isprintable(), f"not printable: {message!r}"
+    assert names in message, f"{names!r} is not named: {message}"
 
 
 def strict_json(text: str) -> object:

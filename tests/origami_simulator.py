@@ -50,8 +50,8 @@ def folds_to(opened: OpenPage, aim, within: float, deadline: float = 150.0) -> f
     count = len(aim)
 
     def lands():
-        told = opened.page.evaluate("Array.from(globals.model.getPositionsArray())")
-        return missed(np.array(told).reshape(-1, 3)[:count], aim) < within
+        positions = opened.page.evaluate("Array.from(globals.model.getPositionsArray())")
+        return missed(np.array(positions).reshape(-1, 3)[:count], aim) < within
 
     opened.page.evaluate(
         "() => { globals.numSteps = 1000; globals.creasePercent = 0.3;"

@@ -100,26 +100,26 @@ class FakeStage(Instrument):
 
     def take(self, data):
         for byte in data:
-            one = bytes([byte])
-            if one == b"?":
+            char = bytes([byte])
+            if char == b"?":
                 self.report()
-            elif one == b"!":
+            elif char == b"!":
                 moving, self._jog = self._jog is not None, None
                 if self.state != "Alarm":
                     self.state = "Idle" if moving else "Hold"
-            elif one == b"\x85":
+            elif char == b"\x85":
                 if self._jog is not None:
                     self.state, self._jog = "Idle", None
-            elif one == b"~":
+            elif char == b"~":
                 self.state = "Idle" if self.state == "Hold" else self.state
-            elif one == b"\x18":
+            elif char == b"\x18":
                 self._jog, self.state = None, "Alarm" if self._jog else "Idle"
                 self.say("Grbl 1.1h ['$' for help]")
-            elif one == b"\n":
+            elif char == b"\n":
                 self.obey(self._text.decode())
                 self._text = b""
             else:
-                self._text += one
+                self._text += char
 
     def report(self):
         x, y, z = 1e3 * self.world.place

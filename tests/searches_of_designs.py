@@ -12,12 +12,12 @@ class Told:
     """A listener that is a clock too: it goes on by a second whenever it is told of a design."""
 
     def __init__(self):
-        self.told = []
+        self.events = []
 
     def __call__(self, what, share):
-        self.told.append((what, share))
+        self.events.append((what, share))
 
     def clock(self):
         """Seconds since the work began; only designs that are tried take any."""
         idle = ("comparison", "made skins", "rounding")
-        return float(sum(what not in idle for what, _ in self.told))
+        return float(sum(what not in idle for what, _ in self.events))

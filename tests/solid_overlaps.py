@@ -11,10 +11,10 @@ TOUCH = 1e-13
 def overlaps(parts):
     """Pairs of parts that share more than rounding, by names, with the volume, m3."""
     boxes = np.array([part.solid.bounding_box() for part in parts])
-    found = {}
+    volumes = {}
     for i, j in combinations(range(len(parts)), 2):
         if (boxes[i, :3] < boxes[j, 3:]).all() and (boxes[j, :3] < boxes[i, 3:]).all():
             shared = (parts[i].solid ^ parts[j].solid).volume()
             if shared > TOUCH:
-                found[parts[i].name, parts[j].name] = shared
-    return found
+                volumes[parts[i].name, parts[j].name] = shared
+    return volumes

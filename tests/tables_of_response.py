@@ -58,8 +58,8 @@ def signals(design, readout, motion):
 def reduced_table(design):
     """The table of the design's reduced model."""
     where, push = presses(design, 4000)
-    said = signals(design, Readout(design), motions(design, where, push))
-    return fit_response_table(design, where, push, said, radius=POINT)
+    simulated = signals(design, Readout(design), motions(design, where, push))
+    return fit_response_table(design, where, push, simulated, radius=POINT)
 
 
 @cache

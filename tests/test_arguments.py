@@ -50,7 +50,7 @@ def test_what_annotations_admit_is_passed_on(right):
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "message"),
     [
         ({"force": "1"}, "force must be a number; got '1'"),
         ({"force": 1j}, "force must be a number; got 1j"),
@@ -66,10 +66,10 @@ def test_what_annotations_admit_is_passed_on(right):
         ({"exact": 1}, "exact must be True or False; got 1"),
     ],
 )
-def test_what_they_do_not_is_refused_by_name(wrong, said):
+def test_what_they_do_not_is_refused_by_name(wrong, message):
     with pytest.raises(ArgumentError) as refused:
         called(**wrong)
-    assert str(refused.value).startswith(said)
+    assert str(refused.value).startswith(message)
 
 
 def test_positional_arguments_and_records_are_checked_too():

@@ -98,12 +98,12 @@ def test_where_nothing_is_said_the_usual_is_done(name):
     module, names = name, []
     while True:
         try:
-            found = import_module(f"smoskin.{module}")
+            target = import_module(f"smoskin.{module}")
             break
         except ModuleNotFoundError:
             module, _, last = module.rpartition(".")
             names.insert(0, last)
     for part in names:
-        found = getattr(found, part)
-    usual = {key: given.default for key, given in inspect.signature(found).parameters.items()}
+        target = getattr(target, part)
+    usual = {key: given.default for key, given in inspect.signature(target).parameters.items()}
     assert {key: usual[key] for key in USUAL[name]} == USUAL[name]

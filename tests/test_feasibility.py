@@ -96,7 +96,7 @@ def test_a_magnet_fits_between_chip_and_sheet(planar):
     needed = planar.board.sensing_height + site.gap + magnet.height
     for height, fits in ((needed + 1e-6, True), (needed, False)):
         columns = replace(planar.columns, height=height, radius=1.8e-3)
-        loose = tuple(replace(one, play=0.02) for one in planar.magnets)
+        loose = tuple(replace(each, play=0.02) for each in planar.magnets)
         frame = replace(planar.frame, held_height=1e-3)
         design = replace(planar, columns=columns, magnets=loose, frame=frame)
         if fits:
@@ -111,7 +111,7 @@ def test_the_rated_press_may_not_sink_the_sheet_flat(planar):
     for share, works in ((1.001, True), (0.999, False)):
         # The columns' stiffness goes with the square of their radius.
         radius = planar.columns.radius * math.sqrt(share * depth / height)
-        weak = tuple(replace(one, remanence=1e3, play=0.1) for one in planar.magnets)
+        weak = tuple(replace(magnet, remanence=1e3, play=0.1) for magnet in planar.magnets)
         design = replace(planar, columns=replace(planar.columns, radius=radius), magnets=weak)
         if works:
             check_design(design)

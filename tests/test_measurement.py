@@ -16,9 +16,9 @@ NAN = float("nan")
 HEADER = "x_mm,y_mm,force_x_N,force_y_N,force_z_N"
 
 
-def same(one: TouchTable, other: TouchTable) -> bool:
+def same(left: TouchTable, right: TouchTable) -> bool:
     return all(
-        np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True)
+        np.array_equal(getattr(left, name), getattr(right, name), equal_nan=True)
         for name in ("position", "force", "depth", "field", "temperature", "held")
     )
 
@@ -81,13 +81,13 @@ def test_the_same_table_makes_the_same_file(tmp_path):
 def test_columns_that_may_be_missing_may(tmp_path):
     path = tmp_path / "t.csv"
     path.write_text(f"{HEADER}\n,,,,\n10,20,0,0,-1\n,,0,0,0\n")
-    found = read_touches(path)[0]
-    assert found.touched.tolist() == [False, True, False]
-    assert found.field.shape == (3, 0, 3)
-    assert found.force.tolist() == [[0, 0, 0], [0, 0, -1], [0, 0, 0]]
-    assert np.isnan(found.depth).all()
-    assert not found.made.any()
-    (contact,) = found.contacts
+    touches = read_touches(path)[0]
+    assert touches.touched.tolist() == [False, True, False]
+    assert touches.field.shape == (3, 0, 3)
+    assert touches.force.tolist() == [[0, 0, 0], [0, 0, -1], [0, 0, 0]]
+    assert np.isnan(touches.depth).all()
+    assert not touches.made.any()
+    (contact,) = touches.contacts
     assert contact.position.tolist() == [0.01, 0.02]
 
 
@@ -197,7 +197,7 @@ def test_a_recording_gives_each_touch_its_rest_and_its_readings():
     assert [touch.rest for touch in touches] == [(0.0, 1.0), (0.0, 1.0), (6.0, 7.0)]
     assert [touch.held for touch in touches] == [(2.0, 3.0), (4.0, 5.0), (8.0, 9.0)]
     times = [[r.time for r in touch.readings] for touch in touches]
-    assert [(one[0], one[-1]) for one in times] == [(0.0, 3.0), (3.25, 5.0), (5.25, 9.0)]
+    assert [(stamps[0], stamps[-1]) for stamps in times] == [(0.0, 3.0), (3.25, 5.0), (5.25, 9.0)]
 
 
 def test_rows_that_have_not_been_made_are_left_out():

@@ -7,9 +7,9 @@ from barhinge_oracle import hinge_gradient
 
 def angles(points):
     """Angles of hinges between two triangles, (H, 4, 3) to (H,)."""
-    start, end, one, other = np.moveaxis(points, 1, 0)
+    start, end, first, second = np.moveaxis(points, 1, 0)
     axis = end - start
-    left, right = np.cross(axis, one - start), np.cross(other - start, axis)
+    left, right = np.cross(axis, first - start), np.cross(second - start, axis)
     sine = (np.cross(left, right) * axis).sum(axis=1) / np.linalg.norm(axis, axis=1)
     return np.arctan2(sine, (left * right).sum(axis=1))
 

@@ -82,7 +82,7 @@ def decoded_by_others(path: Path) -> dict[str, list[tuple[int, object]]]:
     from rosbags.typesys import get_types_from_msg
     from rosbags.typesys.store import Typestore
 
-    found: dict[str, list[tuple[int, object]]] = {}
+    decoded: dict[str, list[tuple[int, object]]] = {}
     stores: dict[str, Typestore] = {}
     with open(path, "rb") as file:
         reader = make_reader(file, validate_crcs=True)
@@ -94,5 +94,5 @@ def decoded_by_others(path: Path) -> dict[str, list[tuple[int, object]]]:
                 store = stores[schema.name] = Typestore()
                 store.register(get_types_from_msg(schema.data.decode(), schema.name))
             content = stores[schema.name].deserialize_cdr(message.data, schema.name)
-            found.setdefault(channel.topic, []).append((message.log_time, content))
-    return found
+            decoded.setdefault(channel.topic, []).append((message.log_time, content))
+    return decoded

@@ -138,13 +138,13 @@ if __name__ == "__main__":
     env = Press()
     policy, ends, steps, begun = ByHand(env.middle), [], 0, time.perf_counter()
     for seed in range(5):
-        seen, told = env.reset(seed=seed)
+        seen, info = env.reset(seed=seed)
         reached = over = False
         while not (reached or over):
-            seen, reward, reached, over, told = env.step(policy(seen))
+            seen, reward, reached, over, info = env.step(policy(seen))
             steps += 1
         ends.append(reached)
-        print(f"seed {seed}: {1e3 * told['off']:.2f} mm and {100 * told['share']:.1f} % off")
+        print(f"seed {seed}: {1e3 * info['off']:.2f} mm and {100 * info['share']:.1f} % off")
     rate = steps / (time.perf_counter() - begun)
     print(f"{sum(ends)} of 5 goals reached, {rate:.0f} steps a second")
     assert sum(ends) == 5

@@ -46,12 +46,12 @@ def touch_error_rows(single: TouchErrors, pairs: PairErrors) -> list[Row]:
             "touch.solved",
             "Text S8",
             "two touches have 6 unknowns and the skin 9 signals: mathematically it can be solved",
-            f"the signals' slopes by the unknowns have rank 6 for {100 * pairs.told:.0f} % of "
-            f"{pairs.each.size} pairs; by the chips' noise alone the places of pairs from 40 mm "
+            f"the signals' slopes by the unknowns have rank 6 for {100 * pairs.identifiable:.0f} % "
+            f"of {pairs.each.size} pairs; by the chips' noise alone the places of pairs from 40 mm "
             "and 0.3 N on could be told to "
             f"{1e3 * np.median(pairs.each_bound[apart]):.1f} mm in the median, and are told to "
             f"{1e3 * np.nanmean(far):.1f} mm in the mean",
-            pairs.told == 1.0,
+            pairs.identifiable == 1.0,
             "Cramer-Rao bound and Bayesian estimator on a made skin after 60 calibration touches",
         ),
         stated(

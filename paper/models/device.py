@@ -270,8 +270,8 @@ def _key(share: Floats) -> bytes:
 if __name__ == "__main__":
     from smoskin.feasibility import load_design
 
-    found = seek(
+    trials = seek(
         load_design("planar"),
         progress=lambda what, share: print(f"\r{what}: {share:.1%}", end="", flush=True),
     )
-    study(found, population=40, rounds=45, seed=0).write(STUDY)
+    study(trials, population=40, rounds=45, seed=0).write(STUDY)

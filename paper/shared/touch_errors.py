@@ -88,7 +88,7 @@ class PairErrors:
     """(D, F, B), m: mean of both distances of each pair; NaN where it was not found as two."""
     each_bound: Floats
     """(D, F, B), m: of each pair."""
-    told: float
+    identifiable: float
     """Share of all pairs whose nine signals tell the six unknowns apart."""
 
     @property
@@ -140,7 +140,7 @@ def pair_errors(design: SkinDesign, skin: TrialSkin) -> PairErrors:
     each = off.reshape(*shape, 2).mean(axis=-1)
     right = (result.count == 2).reshape(shape)
     counted = right.mean(axis=2)
-    bound, told = _pair_bounds(skin.table, skin.noise, flat)
+    bound, identifiable = _pair_bounds(skin.table, skin.noise, flat)
     total = np.where(right, each, 0.0).sum(axis=2)
     return PairErrors(
         counted=counted,
@@ -150,7 +150,7 @@ def pair_errors(design: SkinDesign, skin: TrialSkin) -> PairErrors:
         bound=np.median(bound.reshape(shape), axis=2),
         each=each,
         each_bound=bound.reshape(shape),
-        told=told,
+        identifiable=identifiable,
     )
 
 

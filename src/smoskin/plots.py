@@ -307,7 +307,7 @@ def draw_pattern(pattern: CreasePattern, broken: Sequence[BrokenRule], title: st
         axes = figure.subplots()
         for letter in dict.fromkeys(pattern.assignments):
             colour, dash = _CREASES.get(letter, (GREY, "-"))
-            some = ends[[one == letter for one in pattern.assignments]]
+            some = ends[[assignment == letter for assignment in pattern.assignments]]
             axes.add_collection(
                 LineCollection(list(some), colors=colour, linestyles=dash, linewidths=0.8)
             )

@@ -173,15 +173,15 @@ class Trace:
     def __init__(
         self, *, gauge: ArrayLike, stage: ArrayLike, phases: Sequence[tuple[str, float, float]] = ()
     ) -> None:
-        told = tuple((str(name), float(begin), float(end)) for name, begin, end in phases)
-        assign(self, gauge=gauge, stage=stage, phases=told)
+        spans = tuple((str(name), float(begin), float(end)) for name, begin, end in phases)
+        assign(self, gauge=gauge, stage=stage, phases=spans)
         freeze(self, gauge=(None, 4), stage=(None, 4))
         for name in ("gauge", "stage"):
             times = getattr(self, name)[:, 0]
             if not (np.isfinite(times).all() and (np.diff(times) >= 0).all()):
                 raise ArgumentError(f"times of the {name} must be finite and never fall")
-        if not all(-math.inf < begin <= end < math.inf for _, begin, end in told):
-            raise ArgumentError(f"phases must end after they begin; got {told}")
+        if not all(-math.inf < begin <= end < math.inf for _, begin, end in spans):
+            raise ArgumentError(f"phases must end after they begin; got {spans}")
 
     def __eq__(self, other: object) -> bool:
         return _same(self, other)

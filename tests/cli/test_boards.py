@@ -117,7 +117,7 @@ def test_a_rig_makes_a_plan_and_goes_on_with_what_it_has_made(monkeypatch, folde
         rigs.extend([name, design.name])
         return Rig()
 
-    def press(rig, plan, *, made, keep, told, progress):
+    def press(rig, plan, *, made, keep, on_touch, progress):
         assert isinstance(rig, Rig)
         given.append((len(plan.contacts), None if made is None else len(made.contacts)))
         progress("touch 1 of 3", 0.0)
@@ -206,15 +206,15 @@ def test_sheets_are_learned_as_asked(monkeypatch, folder, recording):
     expected = None if recording is None else ["a", "b", "c"]
     assert [sheet.readings for sheet in learned.asked[0]] == [expected] * 2
     assert learned.options["seed"] == 4
-    assert set(learned.options) == {"seed", "chips", "progress", "told"}
+    assert set(learned.options) == {"seed", "chips", "progress", "on_judged"}
     assert learned.options["chips"] is None
     assert [str(path) for path in saved] == ["mine.model"]
     assert done.stdout == (
         "mine.model, judged by 5 folds of 30 places:\nplace_error_mm: 1.23\ninside: 0.9\n"
     )
     assert done.stderr.endswith("Now: smoskin run SOURCE --calibration mine.model\n")
-    told = json.loads(invoke("learn", *words, "--json").stdout)
-    assert told == {
+    answer = json.loads(invoke("learn", *words, "--json").stdout)
+    assert answer == {
         "file": "mine.model", "split": "5 folds of 30 places", "place_error_m": 1.23456e-3,
         "inside": 0.9,
     }  # fmt: skip
@@ -229,8 +229,8 @@ def test_sheets_are_learned_as_asked(monkeypatch, folder, recording):
     assert judged.asked[0] is model
     assert [sheet.name for sheet in judged.asked[1]] == ["three.csv", "four.csv"]
     assert [sheet.readings for sheet in judged.asked[1]] == [expected] * 2
-    told = json.loads(invoke("learn", *words, "--json").stdout)
-    assert told["test"] == {"place_error_m": 2e-3}
+    answer = json.loads(invoke("learn", *words, "--json").stdout)
+    assert answer["test"] == {"place_error_m": 2e-3}
     (folder / "mine.model").write_bytes(b"x")
     assert invoke("learn", *words).exit_code != 0
 
@@ -252,11 +252,11 @@ def test_a_board_is_simulated_as_asked(monkeypatch, wire, ask):
         "format": wire, "rate": 50.0, "seed": 2, "hand": False, "seconds": 3.0,
     }  # fmt: skip
     assert done.stderr == "12 frames sent, 3 that nobody read\n"
-    told = Worked()
-    monkeypatch.setattr("typer.echo", told)
+    echo = Worked()
+    monkeypatch.setattr("typer.echo", echo)
     announce("/dev/pts/7")
-    assert told.asked == (f"Read it by: smoskin run 'serial:///dev/pts/7{ask}'",)
-    assert told.options == {"err": True}
+    assert echo.asked == (f"Read it by: smoskin run 'serial:///dev/pts/7{ask}'",)
+    assert echo.options == {"err": True}
 
 
 @pytest.mark.parametrize("findings", [(), ("a loose wire",)])
@@ -289,10 +289,10 @@ def test_a_board_is_looked_at_as_asked(monkeypatch, findings):
     assert examined.options == {"seconds": 7.0, "moving": 2.0}
     assert invoke("doctor", "serial://port").exit_code == bool(findings)
     assert examined.options["design"] is None
-    told = Worked()
-    monkeypatch.setattr("typer.echo", told)
+    echo = Worked()
+    monkeypatch.setattr("typer.echo", echo)
     say("Move the robot.")
-    assert (told.asked, told.options) == (("Move the robot.",), {"err": True})
+    assert (echo.asked, echo.options) == (("Move the robot.",), {"err": True})
 
 
 def test_recordings_and_tables_are_converted_as_asked(monkeypatch):

@@ -72,7 +72,7 @@ def test_a_bench_calibrates_a_skin_and_the_skin_runs_with_it(tmp_path):
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
     assert answer["date"] == "2026-01-31"
-    names = {one["name"] for one in answer["numbers"]}
+    names = {number["name"] for number in answer["numbers"]}
     assert {"attenuation_x", "stiffness_variation", "board_stiffness_N_per_mm"} <= names
     source = "twin://planar?speed=max"
     ran = smoskin("run", source, "--calibration", str(file), "--seconds", "0.2", "--json")
@@ -93,7 +93,7 @@ def test_a_bench_calibrates_a_skin_and_the_skin_runs_with_it(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "reason"),
     [
         (
             ("info", "plannar"),
@@ -104,9 +104,9 @@ def test_a_bench_calibrates_a_skin_and_the_skin_runs_with_it(tmp_path):
         (("demo", "--headless", "--seconds", "0.1"), "error: seconds must be at least 1"),
     ],
 )
-def test_what_cannot_be_done_is_said_in_one_line(arguments, said):
+def test_what_cannot_be_done_is_said_in_one_line(arguments, reason):
     message = refused(*arguments)
-    assert said in message
+    assert reason in message
     assert message.count("\n") == 1
 
 

@@ -59,12 +59,12 @@ def test_control_characters_of_a_message_are_escaped(capsys):
 def test_what_is_unforeseen_is_a_bug_with_a_report(monkeypatch, tmp_path, capsys):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     assert ended(TypeError("x" * 1000)) == 70
-    said = capsys.readouterr().err
+    message = capsys.readouterr().err
     (report,) = (tmp_path / "smoskin").iterdir()
-    assert said.startswith("error: this is a bug in smoskin: TypeError: xxx")
-    assert said.endswith(f"xxx; the report lies at {report}\n")
-    assert len(said) <= 301
-    assert "Traceback" not in said
+    assert message.startswith("error: this is a bug in smoskin: TypeError: xxx")
+    assert message.endswith(f"xxx; the report lies at {report}\n")
+    assert len(message) <= 301
+    assert "Traceback" not in message
     text = report.read_text()
     assert "smoskin 0.1.0" in text
     assert "x" * 1000 in text
@@ -151,9 +151,13 @@ LATE = """
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGALRM])
 def test_a_signal_as_the_work_ends_leaves_no_traceback(number, call):
     """The signal itself, or the next try of one that waited."""
-    code, _, said = stopped(LATE.format(number=number, call=call), 0)
+    code, _, message = stopped(LATE.format(number=number, call=call), 0)
     heard = (128 + signal.SIGHUP, "Stopped by SIGHUP: the terminal is closed.\n")
-    assert (code, said) == heard or (number, code, said) == (signal.SIGHUP, -signal.SIGHUP, "")
+    assert (code, message) == heard or (number, code, message) == (
+        signal.SIGHUP,
+        -signal.SIGHUP,
+        "",
+    )
 
 
 WORK = """
@@ -166,15 +170,15 @@ WORK = """
 
 
 @pytest.mark.parametrize(
-    ("number", "said"),
+    ("number", "sentence"),
     [
         (signal.SIGINT, "Stopped by Ctrl-C; half is kept.\n"),
         (signal.SIGTERM, "Stopped by SIGTERM; half is kept.\n"),
         (signal.SIGHUP, "Stopped by SIGHUP: the terminal is closed; half is kept.\n"),
     ],
 )
-def test_a_signal_ends_the_work_with_a_sentence(number, said):
-    assert stopped(WORK, number) == (128 + number, "", said)
+def test_a_signal_ends_the_work_with_a_sentence(number, sentence):
+    assert stopped(WORK, number) == (128 + number, "", sentence)
 
 
 MASKED = """

@@ -42,14 +42,14 @@ KEPT = {
     ],
 )
 def test_the_summary_has_its_keys_and_a_broken_promise_is_the_exit_code(monkeypatch, broken, code):
-    told = KEPT | broken
-    found = Demonstration(touches=(), summary=FollowSummary(**told), asked_hz=100.0)
-    monkeypatch.setattr(demonstration, "demonstrate", lambda *args, **options: found)
+    figures = KEPT | broken
+    demo = Demonstration(touches=(), summary=FollowSummary(**figures), asked_hz=100.0)
+    monkeypatch.setattr(demonstration, "demonstrate", lambda *args, **options: demo)
     done = CliRunner().invoke(app, ["follow", "--headless", "--json"])
     assert done.exit_code == code, done.stderr
-    assert json.loads(done.stdout)["summary"] == told
+    assert json.loads(done.stdout)["summary"] == figures
     slow = "This machine can only turn 99 of 100 readings a second."
-    assert (slow in done.stderr) == (told["rate_hz"] < 100.0)
+    assert (slow in done.stderr) == (figures["rate_hz"] < 100.0)
 
 
 def test_it_is_told_what_to_record_and_a_recording_that_is_not_whole(monkeypatch, tmp_path):

@@ -69,9 +69,9 @@ def test_a_missed_touch_is_exit_code_1(monkeypatch):
     from smoskin.commands import demo
     from smoskin.commands.demo import DemoResult, Summary
 
-    for touches, unread, found, code in ((2, 0, 2, 0), (2, 0, 1, 1), (2, 1, 2, 0), (0, 2, 0, 1)):
+    for touches, unread, located, code in ((2, 0, 2, 0), (2, 0, 1, 1), (2, 1, 2, 0), (0, 2, 0, 1)):
         summary = Summary(
-            estimator="BayesEstimator", calibration_touches=15, touches=touches, found=found,
+            estimator="BayesEstimator", calibration_touches=15, touches=touches, found=located,
             unread=unread,
             mean_position_error_mm=0.3, mean_force_error_percent=0.2, rate_hz=100.0,
             latency_us_median=500.0, first_touch_after_s=5.0,
@@ -162,8 +162,8 @@ def test_every_command_has_an_example_and_a_whole_first_sentence():
     text = CliRunner().invoke(app, ["--help"]).output
     assert "..." not in text.partition("\n")[2]
     for name, command in commands.items():
-        for one in getattr(command, "commands", {"": command}).values():
-            assert "smoskin " in (one.epilog or ""), name
+        for subcommand in getattr(command, "commands", {"": command}).values():
+            assert "smoskin " in (subcommand.epilog or ""), name
 
 
 def test_minutes_are_counted_from_the_program_s_start(monkeypatch):

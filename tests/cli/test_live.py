@@ -46,9 +46,9 @@ def test_a_recording_needs_no_design_and_ends_in_a_summary(recording):
 
 def test_a_cut_recording_is_told_and_fails_when_strict(recording):
     recording.write_bytes(recording.read_bytes()[:-900])
-    told = run(f"replay:{recording}?speed=max", "--quiet")
-    assert told.exit_code == 0
-    assert "own.mcap is not whole" in told.stderr
+    done = run(f"replay:{recording}?speed=max", "--quiet")
+    assert done.exit_code == 0
+    assert "own.mcap is not whole" in done.stderr
     assert run(f"replay:{recording}?speed=max", "--quiet", "--strict").exit_code == 1
 
 
@@ -71,7 +71,10 @@ def test_skins_are_served_recorded_and_told_of(recording, tmp_path):
     assert "Touches of left, right at ws://127.0.0.1:" in done.stderr
     assert done.stderr.count("ws://127.0.0.1:") == 2
     counters = json.loads(done.stdout.splitlines()[-1])
-    assert {name: told["readings"] for name, told in counters.items()} == {"left": 40, "right": 40}
+    assert {name: counts["readings"] for name, counts in counters.items()} == {
+        "left": 40,
+        "right": 40,
+    }
     assert len(list(open_recording(out / "left.mcap"))) == 40
     assert "40 readings" in (tmp_path / "log").read_text()
     refused = CliRunner().invoke(app, ["serve", "a=replay:a.mcap", "a=replay:b.mcap"])

@@ -62,7 +62,7 @@ class Board:
                 self.line.send(frame)
 
 
-def followed(folder: Path, board: Board, told: Callable[[str], None], *arguments: str) -> str:
+def followed(folder: Path, board: Board, on_line: Callable[[str], None], *arguments: str) -> str:
     """What a command prints while somebody does what it says."""
     with subprocess.Popen(
         [sys.executable, "-m", "smoskin", *arguments], cwd=folder, stdout=subprocess.PIPE, text=True
@@ -73,7 +73,7 @@ def followed(folder: Path, board: Board, told: Callable[[str], None], *arguments
         printed = []
         for line in process.stdout:
             printed.append(line)
-            told(line)
+            on_line(line)
         giving_up.cancel()
     assert process.returncode == 0, "".join(printed)
     return "".join(printed)

@@ -61,7 +61,7 @@ def test_a_rig_finds_the_table_of_its_skin(skin, table, twin):
     assert missed(skin, twin, done.table) < 0.1 * missed(skin, twin, table)
     assert done.used == len(steps) == len(done.labels) == 20
     assert list(done.errors) == sorted(done.errors, reverse=True)
-    assert [one.error for one in steps] == list(done.errors[1:])
+    assert [step.error for step in steps] == list(done.errors[1:])
     # Each step names the next touch, which is then made.
     for before, after in pairwise(steps):
         assert np.allclose(before.following.position, after.contact.position, atol=2e-4)
@@ -84,7 +84,7 @@ def test_touches_that_no_chip_can_read_are_replaced(skin, table, twin):
     # Presses of 0.8 N in some places end the chip's range.
     rig = VirtualRig(Saturating(skin, 1.0e-3, seed=3), np.random.default_rng(0))
     done = calibrate(table, rig, design=skin, count=12, progress=steps.append)
-    lost = [one for one in done.labels if one.status is not None]
+    lost = [touch for touch in done.labels if touch.status is not None]
     assert lost
     assert done.used == 12
     assert len(done.labels) == 12 + len(lost)
@@ -93,8 +93,8 @@ def test_touches_that_no_chip_can_read_are_replaced(skin, table, twin):
             near = np.allclose(label.contact.position, other.contact.position, atol=2e-4)
             same = np.allclose(label.contact.force, other.contact.force, atol=0.02)
             assert label.status is None or not (near and same)
-    said = [one.sentence for one in steps if one.status is not None]
-    assert all(one.startswith("left out (saturated); touch") for one in said)
+    sentences = [step.sentence for step in steps if step.status is not None]
+    assert all(sentence.startswith("left out (saturated); touch") for sentence in sentences)
     assert missed(skin, twin, done.table, drag=0.0) < 0.15 * missed(skin, twin, table, drag=0.0)
 
 
@@ -110,7 +110,7 @@ def test_what_is_told_of_a_calibration(skin, table, twin):
     answer = json.loads(json.dumps(done.as_json()))
     assert answer["touches"] == 3
     assert answer["left_out"] == 0
-    assert answer["expected_error_mm"] == [round(1e3 * one, 4) for one in done.errors]
+    assert answer["expected_error_mm"] == [round(1e3 * error, 4) for error in done.errors]
     assert len(answer["made"]) == 3
     shown, judged = done.tables()
     assert shown.row_count == 4
@@ -138,7 +138,9 @@ def test_touches_that_have_been_made_calibrate_as_the_rig_that_makes_them(skin, 
     made = calibrate(table, rig, design=skin, count=8)
     again = VirtualRig(twin, np.random.default_rng(0))
     targets = plan_by_hand(skin, table, count=8, drag=0.3, place_spread=20e-6, force_spread=2e-3)
-    held = [again.press(Contact(position=one.position, force=one.force)) for one in targets]
+    held = [
+        again.press(Contact(position=target.position, force=target.force)) for target in targets
+    ]
     later = calibrate(table, held, design=skin, place_spread=20e-6, force_spread=2e-3)
     assert later.used == 8
     # The planner of the rig sees reported places, which the stage has moved by 20 um.
@@ -193,7 +195,7 @@ def filled(path, skin, twin, tmp_path, rows=None, noise=0.0):
 
 def test_a_filled_sheet_calibrates_a_skin(skin, table, twin, tmp_path):
     targets = plan_by_hand(skin, table, count=25)
-    assert all((one.force[:2] == 0).all() for one in targets)
+    assert all((target.force[:2] == 0).all() for target in targets)
     write_plan(tmp_path / "plan.csv", skin, targets)
     sheet = filled(tmp_path / "plan.csv", skin, twin, tmp_path, noise=2e-6)
     done = calibrate(table, sheet, design=skin, place_spread=1e-5, force_spread=1e-3)
@@ -213,9 +215,9 @@ def test_a_sheet_may_be_filled_in_part_and_the_plan_go_on_from_there(skin, table
     assert calibrate(table, plan, design=skin).used == 5
     more = plan_by_hand(skin, table, count=3, drag=0.0, made=made)
     # Places are rounded to a hundredth of a millimetre in a sheet.
-    for one, planned in zip(more, targets[5:8], strict=True):
-        assert np.allclose(one.position, planned.position)
-        assert np.allclose(one.force, planned.force)
+    for resumed, planned in zip(more, targets[5:8], strict=True):
+        assert np.allclose(resumed.position, planned.position)
+        assert np.allclose(resumed.force, planned.force)
     whole = plan_by_hand(skin, table, count=12, until=1.001 * more[0].error, drag=0.0)
     assert len(whole) == 6
 
@@ -286,7 +288,7 @@ def test_spreads_are_the_rig_s_a_person_s_or_those_given(skin, table, twin):
     """What the labels' errors make of the same touches."""
     rig = VirtualRig(twin, np.random.default_rng(0), stage=1e-3, gauge=0.05)
     plan = plan_by_hand(skin, table, count=3, drag=0.3, place_spread=1e-3, force_spread=0.05)
-    held = [rig.press(Contact(position=one.position, force=one.force)) for one in plan]
+    held = [rig.press(Contact(position=target.position, force=target.force)) for target in plan]
     again = VirtualRig(twin, np.random.default_rng(0), stage=1e-3, gauge=0.05)
     by_rig = calibrate(table, again, design=skin, count=3)
     planner = TouchPlanner(table, signal_noise(skin, table.chips))
@@ -377,18 +379,18 @@ def test_a_virtual_rig_calibrates_the_twin_that_then_runs(planar, tmp_path, monk
     url = "twin://planar?manufactured=yes&seed=4&creep=yes&speed=max"
     ran = smoskin("run", url, "--calibration", own, "--seconds", "0.5", "--json")
     assert ran.returncode == 0, ran.stderr
-    said = [json.loads(line)["status"] for line in ran.stdout.splitlines()]
-    assert set(said[:20]) == {"NOT_CALIBRATED"}
-    assert set(said[20:]) == {"NO_CONTACT"}
+    statuses = [json.loads(line)["status"] for line in ran.stdout.splitlines()]
+    assert set(statuses[:20]) == {"NOT_CALIBRATED"}
+    assert set(statuses[20:]) == {"NO_CONTACT"}
     source = open_source(url)
     monkeypatch.setattr(watching, "open_source", lambda url: source)
     touch = Contact(position=(0.07, 0.11), force=(0.0, 0.0, -0.6))
-    found = []
+    contacts = []
     for estimate in Watch(url, planar, calibration=own, seconds=0.8):
         if estimate.status is Status.NO_CONTACT:
             source.touch([touch])
-        found += estimate.contacts
-    off = np.array([one.position for one in found[5:]]) - touch.position
+        contacts += estimate.contacts
+    off = np.array([contact.position for contact in contacts[5:]]) - touch.position
     assert np.hypot(*off.T).mean() < 2.5e-3
 
 
@@ -420,8 +422,8 @@ def test_the_touches_of_a_refused_calibration_are_kept(
     with pytest.raises(CalibrationError, match="1000 times too large: in mN"):
         app([*words, "--touches", "12"], standalone_mode=False)
     sheet, recording = (tmp_path / f"skin.touches2.{end}" for end in ("csv", "mcap"))
-    told = f"the touches are kept: --sheet {sheet} --recording {recording}\n"
-    assert told in capsys.readouterr().err
+    message = f"the touches are kept: --sheet {sheet} --recording {recording}\n"
+    assert message in capsys.readouterr().err
     kept, _ = read_touches(sheet)
     assert kept.touched.sum() >= 12
     assert not own.exists()
@@ -462,8 +464,8 @@ def test_ctrl_c_keeps_the_touches_that_the_rig_has_made(
     if not made:
         assert answer.err.endswith("Stopped by Ctrl-C; no touch was made.\n")
         return
-    told = f"the touches are kept: --sheet {sheet} --recording {recording}"
-    assert answer.err.endswith(f"Stopped by Ctrl-C; {told}.\n")
+    message = f"the touches are kept: --sheet {sheet} --recording {recording}"
+    assert answer.err.endswith(f"Stopped by Ctrl-C; {message}.\n")
     kept, _ = read_touches(sheet)
     assert kept.touched.sum() == made
     done = calibrate(table, kept, design=skin, recording=recording, accept_bad_fit=True)

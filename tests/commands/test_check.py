@@ -141,11 +141,11 @@ def test_a_crease_pattern_is_told_by_the_rules_that_it_breaks(tmp_path):
         "edges_assignment": list("MVMVBBBB"),
     }
     file.write_text(json.dumps(document))
-    told = check_file(file)
-    assert (told.kind, told.problem) == ("a crease pattern (FOLD)", "")
-    assert told.facts["creases"] == "2 mountain, 2 valley, 0 unassigned"
-    assert told.facts["flat folding"] == "broken rules: 1"
-    assert told.facts["vertex 0"].startswith("Maekawa: 2 mountains and 2 valleys")
+    checked = check_file(file)
+    assert (checked.kind, checked.problem) == ("a crease pattern (FOLD)", "")
+    assert checked.facts["creases"] == "2 mountain, 2 valley, 0 unassigned"
+    assert checked.facts["flat folding"] == "broken rules: 1"
+    assert checked.facts["vertex 0"].startswith("Maekawa: 2 mountains and 2 valleys")
     done = CliRunner().invoke(app, ["check", str(file), "--plot", str(plot)])
     assert done.exit_code == 0, done.output
     assert plot.read_text().startswith("<?xml")

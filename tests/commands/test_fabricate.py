@@ -28,11 +28,11 @@ def test_one_command_writes_the_bundle_and_says_what_to_do_first(design, tmp_pat
     out = tmp_path / "skin"
     done = invoke(design, "--out", out, "--json")
     assert done.exit_code == 0, done.output
-    told = json.loads(done.stdout)
+    answer = json.loads(done.stdout)
     manifest = json.loads((out / "manifest.json").read_text())
-    assert told["design_hash"] == manifest["design_hash"]
-    assert len(told["files"]) == len(manifest["files"]) + 1
-    assert told["mass_g"] > 50
+    assert answer["design_hash"] == manifest["design_hash"]
+    assert len(answer["files"]) == len(manifest["files"]) + 1
+    assert answer["mass_g"] > 50
     assert "coupon.dxf" in done.stderr
     again = invoke(design, "--out", out)
     assert again.exit_code != 0

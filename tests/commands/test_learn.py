@@ -72,9 +72,9 @@ def test_fields_count_from_the_rest_before_and_forces_are_the_gauges(recording):
 
 def test_a_table_gives_the_course_of_its_recording(recording, tmp_path):
     export_recording(recording, tmp_path / "pad.csv")
-    one, other = read_course(recording), read_course(tmp_path / "pad.csv")
+    recorded, exported = read_course(recording), read_course(tmp_path / "pad.csv")
     for name in ("time", "field", "force", "position"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+        np.testing.assert_array_equal(getattr(recorded, name), getattr(exported, name))
 
 
 def table(path, rows, head="time_s,chip0_x_T,chip0_y_T,chip0_z_T,gauge_Fz_N"):
@@ -112,9 +112,9 @@ def test_the_command_learns_a_recording_that_then_runs(recording, tmp_path, monk
     words = ["learn", str(recording), "--past", "--test", str(recording), "--json"]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output
-    told = json.loads(done.stdout)
-    assert told["later_rmse_fz_N"] < 0.05
-    assert told["test"]["rmse_fz_N"] < 0.02
+    figures = json.loads(done.stdout)
+    assert figures["later_rmse_fz_N"] < 0.05
+    assert figures["test"]["rmse_fz_N"] < 0.02
     estimator = LearnedEstimator(load_model("own.model"), np.full((3, 3), 5e-3))
     estimates = [estimator.step(reading) for reading in touch(0).readings]
     middle = estimates[len(estimates) * 7 // 12]

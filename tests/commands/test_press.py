@@ -54,9 +54,9 @@ class Arm(Rig):
             for k, field in enumerate(fields)
         ]
         off = np.array([3e-5, 0.0]), np.array([0.0, 0.0, -4e-3])
-        told = Contact(position=contact.position + off[0], force=contact.force + off[1])
+        reported = Contact(position=contact.position + off[0], force=contact.force + off[1])
         rest, held = (begin, begin + 0.1), (begin + 0.2, begin + 0.3)
-        return HeldTouch(contact=told, readings=tuple(readings), rest=rest, held=held)
+        return HeldTouch(contact=reported, readings=tuple(readings), rest=rest, held=held)
 
     def close(self) -> None:
         pass
@@ -129,17 +129,17 @@ def test_a_campaign_is_planned_pressed_and_learned_by_commands(tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("smoskin.cli.rig.open_rig", lambda name, design: Arm())
 
-    def said(*words: str):
+    def run(*words: str):
         done = CliRunner().invoke(app, words)
         assert done.exit_code == 0, done.output
         return done
 
     grid = ("--columns", "4", "--rows", "5", "--forces-N", "0.3,0.6")
-    assert said("touches", "campaign", *grid).stdout == "43 touches\n"
-    said("touches", "press", "--out", "a.mcap", "--held-out", "0.3", "--picture", "a.svg")
-    told = json.loads(said("learn", "a.mcap", "--json", "--plot", "missed.svg").stdout)
+    assert run("touches", "campaign", *grid).stdout == "43 touches\n"
+    run("touches", "press", "--out", "a.mcap", "--held-out", "0.3", "--picture", "a.svg")
+    answer = json.loads(run("learn", "a.mcap", "--json", "--plot", "missed.svg").stdout)
     assert "Fz, held out" in (tmp_path / "missed.svg").read_text()
-    assert 0.0 <= told["test"]["refused"] <= 1.0
+    assert 0.0 <= answer["test"]["refused"] <= 1.0
     wrong = CliRunner().invoke(app, ("learn", "a.mcap", "--past", "--out", "b.model"))
     assert wrong.exit_code != 0
     bad = CliRunner().invoke(app, ("touches", "campaign", "--forces-N", "a", "--out", "b.csv"))

@@ -86,15 +86,15 @@ def test_a_name_that_another_program_takes_meanwhile_is_refused(planar, twin, tm
 
 
 def test_what_cannot_be_recorded_is_told_and_counted(planar, twin, tmp_path, monkeypatch):
-    told = []
-    with Recordings(planar, TwinSource(twin), home=tmp_path, say=told.append) as recordings:
+    messages = []
+    with Recordings(planar, TwinSource(twin), home=tmp_path, say=messages.append) as recordings:
         with monkeypatch.context() as patch:
             patch.setattr(recordings, "_folder", tmp_path / "nowhere")
             recordings.switch(True)
         assert not recordings.goes_on
         assert recordings.sentence.startswith("Not recorded: ")
         assert "No such file or directory" in recordings.sentence
-        assert told == [recordings.sentence]
+        assert messages == [recordings.sentence]
         recordings.switch(True)
         next(tmp_path.iterdir()).unlink()
         write(recordings, twin, 5)
@@ -104,7 +104,7 @@ def test_what_cannot_be_recorded_is_told_and_counted(planar, twin, tmp_path, mon
         lost = recordings.dropped
         assert f": {5 - lost} readings, {lost} lost. " in recordings.sentence
         assert lost >= 1
-        assert recordings.failure in told
+        assert recordings.failure in messages
         recordings.switch(True)  # a new file may do
         assert recordings.goes_on
     assert recordings.dropped == lost

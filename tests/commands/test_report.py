@@ -97,14 +97,14 @@ def known(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 def test_every_figure_of_a_known_skin_is_found(known: dict[str, Path]) -> None:
-    found = {figure.name: figure for figure in characterise([*known.values()]).figures}
-    unknown = {figure.name: figure.reason for figure in found.values() if figure.reason}
+    figures = {figure.name: figure for figure in characterise([*known.values()]).figures}
+    unknown = {figure.name: figure.reason for figure in figures.values() if figure.reason}
     assert unknown == {
         "rig_compliance": "no recording of a rigid block was given, with gauge and stage"
     }
 
     def close(name: str, expected: float, share: float) -> None:
-        measured = found[name].measured
+        measured = figures[name].measured
         assert_allclose(measured.value, expected, rtol=share, err_msg=name)
         assert measured.deviation >= 0.0 or name == "sensitivity", name
 
@@ -119,10 +119,10 @@ def test_every_figure_of_a_known_skin_is_found(known: dict[str, Path]) -> None:
     close("rest_temperature", 100 * WARMTH, 0.01)
     close("touch_temperature", 100 * WARMTH, 0.03)
     size = GAIN * (1 + 2 * OTHERS**2) ** 0.5
-    for label, value in found["sensitivity"].parts:
+    for label, value in figures["sensitivity"].parts:
         warm = 1.0 + WARMTH * ({"2": 15.0, "3": 40.0}.get(label[-1], 25.0) - 25.0)
         assert_allclose(value, 1e6 * size * warm, rtol=0.05)
-    slow = dict(found["repeatability"].parts)
+    slow = dict(figures["repeatability"].parts)
     expected = np.array([slow[label] for label in slow if label.endswith("recording 1")])
     assert 0.5 < expected.mean() < 4.0  # of 2 %, from four touches
 
@@ -201,25 +201,27 @@ def test_a_twin_on_a_virtual_rig_is_found_as_it_is(tmp_path: Path) -> None:
     with Campaign(path, DESIGN, rig={"rig": "virtual"}) as campaign:
         for force in forces:
             campaign.add(rig.press(Contact(position=place, force=(0.0, 0.0, -force))))
-    found = {figure.name: figure.measured for figure in characterise([path]).figures}
+    measured = {figure.name: figure.measured for figure in characterise([path]).figures}
     sigma = 1e6 * float(np.sqrt(np.square(mlx90393.noise(DESIGN.hall_setting)).mean()))
-    assert_allclose(found["noise"].value, sigma, rtol=0.25)  # and whole counts
+    assert_allclose(measured["noise"].value, sigma, rtol=0.25)  # and whole counts
     deepest = Contact(position=place, force=(0.0, 0.0, -0.8))
     depth = twin.depths((deepest,)).sum()
-    assert_allclose(found["stiffness"].value, 1e-3 * 0.8 / depth, rtol=0.03)
+    assert_allclose(measured["stiffness"].value, 1e-3 * 0.8 / depth, rtol=0.03)
     # Without creep nothing is lost but the gauge's noise.
-    assert found["hysteresis"].value < 1.0
+    assert measured["hysteresis"].value < 1.0
     field = twin.field(twin.motion((deepest,))) - twin.field(twin.motion(()))
-    assert_allclose(found["sensitivity"].value, 1e6 * np.linalg.norm(field) / 0.8, rtol=0.05)
+    assert_allclose(measured["sensitivity"].value, 1e6 * np.linalg.norm(field) / 0.8, rtol=0.05)
 
 
 def test_the_report_is_written_once(known: dict[str, Path], tmp_path: Path) -> None:
     done = characterise([known["slow"]])
     files = write_report(done, tmp_path / "report")
     assert [file.name for file in files] == ["report.json", "report.html", "report.svg"]
-    told = json.loads(files[0].read_text())
-    assert told["recordings"][0]["world"] == "a virtual skin on the rig by hand"
-    assert {"value", "deviation", "unit", "equation", "source", "reason"} <= set(told["figures"][0])
+    document = json.loads(files[0].read_text())
+    assert document["recordings"][0]["world"] == "a virtual skin on the rig by hand"
+    assert {"value", "deviation", "unit", "equation", "source", "reason"} <= set(
+        document["figures"][0]
+    )
     page = files[1].read_text()
     assert "Hysteresis of force over depth" in page
     assert "not known: the chips&#x27; temperature varied" in page
@@ -254,23 +256,23 @@ def test_a_stage_and_a_gauge_give_the_stiffness_of_what_they_press(tmp_path: Pat
     with Bench(World(stiffness=1500.0)) as bench:
         made = [bench.rig.press(straight(force, (0.01, 0.02))) for force in (0.3, 0.6)]
 
-    def three(one: HeldTouch) -> HeldTouch:
+    def three(held: HeldTouch) -> HeldTouch:
         return replace(
-            one,
+            held,
             readings=tuple(
-                Reading(time=r.time, field=np.resize(r.field, (3, 3))) for r in one.readings
+                Reading(time=r.time, field=np.resize(r.field, (3, 3))) for r in held.readings
             ),
         )
 
     with Campaign(path, DESIGN, rig={"source": "fake", "stage": "fake"}) as campaign:
-        for one in made:
-            campaign.add(three(one))
+        for pressed in made:
+            campaign.add(three(pressed))
     done = characterise([path])
-    found = {figure.name: figure for figure in done.figures}
+    figures = {figure.name: figure for figure in done.figures}
     assert done.recordings[0].world == "a real skin on fake, pressed by fake"
-    assert_allclose(found["stiffness"].measured.value, 1.5, rtol=0.05)
-    assert "let go slowly" in found["hysteresis"].reason
+    assert_allclose(figures["stiffness"].measured.value, 1.5, rtol=0.05)
+    assert "let go slowly" in figures["hysteresis"].reason
     # A spring is back as soon as the probe is.
-    back = found["recovery_10_percent"].measured
+    back = figures["recovery_10_percent"].measured
     assert 0.0 <= back.value < 0.2
     assert 0.0 < back.deviation < 0.2

@@ -80,19 +80,19 @@ def test_what_a_boards_line_did_is_told(planar):
     assert summary.readings == len(estimates)
     assert summary.line["readings"] >= len(estimates)
     assert summary.lost == summary.line["lost"]
-    told = str(replace(summary, line={"readings": 9, "lost": 0, "late": 2, "corrupt": 0}))
-    assert told.endswith("2 late.")
+    text = str(replace(summary, line={"readings": 9, "lost": 0, "late": 2, "corrupt": 0}))
+    assert text.endswith("2 late.")
 
 
 def test_a_touched_skin_is_read_by_its_own_table(skin, twin, own_table, monkeypatch):
     source = TwinSource(twin, speed=np.inf, creep=Creep(skin))
     touch = Contact(position=(0.043, 0.088), force=(0.1, -0.05, -0.6))
     estimates = watched(monkeypatch, source, touch, 40, calibration=own_table, seconds=1.0)
-    assert [one.status for one in estimates[:20]] == [Status.NOT_CALIBRATED] * 20
-    assert {one.status for one in estimates[20:40]} == {Status.NO_CONTACT}
-    assert {one.status for one in estimates[45:]} == {Status.CONTACT}
-    off = np.array([one.contacts[0].position for one in estimates[45:]]) - touch.position
-    push = np.array([one.contacts[0].force for one in estimates[45:]]) - touch.force
+    assert [estimate.status for estimate in estimates[:20]] == [Status.NOT_CALIBRATED] * 20
+    assert {estimate.status for estimate in estimates[20:40]} == {Status.NO_CONTACT}
+    assert {estimate.status for estimate in estimates[45:]} == {Status.CONTACT}
+    off = np.array([estimate.contacts[0].position for estimate in estimates[45:]]) - touch.position
+    push = np.array([estimate.contacts[0].force for estimate in estimates[45:]]) - touch.force
     assert np.hypot(*off.T).mean() < 1.5e-3
     assert np.abs(push[:, 2]).mean() < 0.03 * 0.6
 
@@ -103,9 +103,9 @@ def test_a_skin_is_read_by_a_network(planar, tmp_path, monkeypatch):
     source = TwinSource(ReducedTwin(planar, seed=None), speed=np.inf)
     touch = Contact(position=(0.05, 0.0667), force=(0.0, 0.0, -0.5))
     estimates = watched(monkeypatch, source, touch, 30, calibration=path, seconds=0.4)
-    assert [one.status for one in estimates[:20]] == [Status.NOT_CALIBRATED] * 20
-    assert {one.status for one in estimates[20:30]} == {Status.NO_CONTACT}
-    assert {one.status for one in estimates[32:]} == {Status.CONTACT}
+    assert [estimate.status for estimate in estimates[:20]] == [Status.NOT_CALIBRATED] * 20
+    assert {estimate.status for estimate in estimates[20:30]} == {Status.NO_CONTACT}
+    assert {estimate.status for estimate in estimates[32:]} == {Status.CONTACT}
     assert estimates[-1].time == pytest.approx(0.4)
 
 
@@ -114,8 +114,10 @@ def test_a_made_skin_without_calibration_is_zeroed_first(skin, twin, monkeypatch
     for zero, first in ((True, {Status.NOT_CALIBRATED}), (False, {Status.CONTACT})):
         source = TwinSource(twin, speed=np.inf)
         estimates = watched(monkeypatch, source, touch, 999, seconds=0.3, zero=zero)
-        assert {one.status for one in estimates[:20]} == first
-        assert {one.status for one in estimates[20:]} == ({Status.NO_CONTACT} if zero else first)
+        assert {estimate.status for estimate in estimates[:20]} == first
+        assert {estimate.status for estimate in estimates[20:]} == (
+            {Status.NO_CONTACT} if zero else first
+        )
 
 
 @pytest.fixture
@@ -132,8 +134,8 @@ def test_a_recording_is_read_as_its_own_design(planar, skin, recording, tmp_path
         Watch(recording, planar)
     kept = tmp_path / "kept.mcap"
     estimates = list(Watch(recording, record=kept))
-    assert [one.status for one in estimates[20:]] == [Status.NO_CONTACT] * 10
-    assert [one for _, one in open_recording(kept)] == estimates
+    assert [estimate.status for estimate in estimates[20:]] == [Status.NO_CONTACT] * 10
+    assert [estimate for _, estimate in open_recording(kept)] == estimates
     assert open_recording(kept).design == skin
     again = f"replay:{kept}?speed=max"
     with pytest.raises(FileError, match=r"kept\.mcap exists"):
@@ -149,18 +151,18 @@ def test_damage_is_told_before_and_after(recording):
     with open(path, "r+b") as file:
         file.seek(spans[1].offset + spans[1].length // 2)
         file.write(b"\0\0")
-    told = []
-    with Watch(recording, say=told.append) as watch:
+    messages = []
+    with Watch(recording, say=messages.append) as watch:
         given = list(watch)
-    assert told == [watch.summary.damage]
-    assert f"{30 - len(given)} of 30 readings are lost" in told[0]
+    assert messages == [watch.summary.damage]
+    assert f"{30 - len(given)} of 30 readings are lost" in messages[0]
     assert watch.summary.lost == 30 - len(given)
     assert watch.summary.readings == len(given)
 
 
 def test_a_recorder_that_fails_does_not_end_the_estimation(tmp_path):
-    told = []
-    with Watch(REDUCED, record=tmp_path / "a.mcap", seconds=0.4, say=told.append) as watch:
+    messages = []
+    with Watch(REDUCED, record=tmp_path / "a.mcap", seconds=0.4, say=messages.append) as watch:
         for number, _ in enumerate(watch):
             if number == 5:
                 (tmp_path / "a.mcap").unlink()
@@ -168,7 +170,7 @@ def test_a_recorder_that_fails_does_not_end_the_estimation(tmp_path):
     assert watch.summary.readings == 41
     assert watch.summary.not_recorded > 0
     assert "a.mcap cannot be written" in watch.summary.failure
-    assert told == [f"Making the skin of {REDUCED}.", watch.summary.failure]
+    assert messages == [f"Making the skin of {REDUCED}.", watch.summary.failure]
     assert "not recorded" in str(watch.summary)
 
 
@@ -204,7 +206,7 @@ def test_lines_are_thinned_by_time_and_by_changes():
 
     def shown(**options):
         worth = thinned(iter(estimates), **options)
-        return [k for k, (_, told) in enumerate(worth) if told]
+        return [k for k, (_, due) in enumerate(worth) if due]
 
     assert shown() == list(range(11))
     assert shown(changes=True) == [0, 4, 8]

@@ -18,26 +18,26 @@ from smoskin.twin.whole import Twin
 
 def test_a_press_of_the_reduced_model_is_told_in_the_units_of_people(planar):
     report = simulate_press(planar, ["45,80"], ["0,0,-0.5"], mechanics="reduced")
-    told = json.loads(json.dumps(report.as_json()))
-    (touch,) = told["touches"]
+    answer = json.loads(json.dumps(report.as_json()))
+    (touch,) = answer["touches"]
     assert (touch["at_mm"], touch["force_N"]) == ([45.0, 80.0], [0.0, 0.0, -0.5])
     twin = ReducedTwin(planar, seed=0)
     contact = Contact(position=(0.045, 0.080), force=(0.0, 0.0, -0.5))
     moved = twin.motion([contact]).magnets[1, :3] * 1e3
-    assert told["magnets"][1]["shift_mm"] == pytest.approx(moved.tolist(), rel=1e-8)
+    assert answer["magnets"][1]["shift_mm"] == pytest.approx(moved.tolist(), rel=1e-8)
     field = twin.field(twin.motion([contact]))
-    assert told["chips"][2]["field_mT"] == pytest.approx((field[2] * 1e3).tolist())
-    assert told["chips"][2]["reading_mT"] == (
+    assert answer["chips"][2]["field_mT"] == pytest.approx((field[2] * 1e3).tolist())
+    assert answer["chips"][2]["reading_mT"] == (
         pytest.approx((twin.read([contact]).field[2] * 1e3).tolist())
     )
-    assert told["valid"]
+    assert answer["valid"]
     assert 0.01 < touch["depth_mm"] < 0.3
     console = Console(width=120)
-    with console.capture() as said:
+    with console.capture() as capture:
         for table in report.tables():
             console.print(table)
     for words in ("45.0, 80.0", "0.000, 0.000, -0.500", "M3", "S1", "good"):
-        assert words in said.get()
+        assert words in capture.get()
 
 
 def test_a_press_of_the_whole_sheet(planar):
@@ -58,14 +58,14 @@ def test_a_press_of_the_whole_sheet(planar):
 def test_a_press_without_an_equilibrium_says_so(planar):
     pytest.importorskip("jax")
     report = simulate_press(planar, ["60,80"], ["0,0,-45"])
-    told = report.as_json()
-    assert not told["valid"]
-    assert told["chips"][0]["field_mT"] == [None] * 3
-    assert told["chips"][0]["flags"] == ["INVALID"]
+    answer = report.as_json()
+    assert not answer["valid"]
+    assert answer["chips"][0]["field_mT"] == [None] * 3
+    assert answer["chips"][0]["flags"] == ["INVALID"]
 
 
 @pytest.mark.parametrize(
-    ("at", "force", "more", "said"),
+    ("at", "force", "more", "reason"),
     [
         (["130,80"], ["0,0,-1"], {}, "must lie on the skin"),
         (["45,80"], ["0,0,1"], {}, "force must be finite and press"),
@@ -79,18 +79,18 @@ def test_a_press_without_an_equilibrium_says_so(planar):
         (["45,80"], ["0,0,-1"], {"manufactured": True}, "know neither grip nor manufactured"),
     ],
 )
-def test_presses_that_cannot_be_are_refused(planar, at, force, more, said):
+def test_presses_that_cannot_be_are_refused(planar, at, force, more, reason):
     with pytest.raises(ArgumentError) as refused:
         simulate_press(planar, at, force, mechanics="reduced", **more)
     if "grip" not in more:
-        assert said in str(refused.value)
+        assert reason in str(refused.value)
 
 
 def test_what_is_not_told_has_a_default(planar):
-    told = simulate_press(planar, mechanics="reduced").as_json()
-    assert told["touches"][0]["at_mm"] == pytest.approx([60.0, 80.0], abs=1e-3)
-    assert told["touches"][0]["force_N"] == [0.0, 0.0, -0.5]
-    assert told["temperature_degC"] == 25.0
+    answer = simulate_press(planar, mechanics="reduced").as_json()
+    assert answer["touches"][0]["at_mm"] == pytest.approx([60.0, 80.0], abs=1e-3)
+    assert answer["touches"][0]["force_N"] == [0.0, 0.0, -0.5]
+    assert answer["temperature_degC"] == 25.0
     alike = simulate_press(planar, ["45,80", "90,40"], ["0.1,0,-0.3"], mechanics="reduced")
     assert [contact.force.tolist() for contact in alike.contacts] == [[0.1, 0.0, -0.3]] * 2
 
@@ -132,7 +132,7 @@ def test_numbers_and_grips_in_words():
 
 
 @pytest.mark.parametrize(
-    ("act", "said"),
+    ("act", "reason"),
     [
         (lambda: parse_grip("sliding"), "grip must be sticking, frictionless, covered or sliding:"),
         (lambda: parse_grip("sliding:-1"), "friction must be finite and >= 0; got -1.0"),
@@ -140,18 +140,18 @@ def test_numbers_and_grips_in_words():
         (lambda: parse_numbers("forces", "0.1:1"), "forces must be numbers such as 0.1,0.5"),
     ],
 )
-def test_words_that_mean_nothing_are_refused(act, said):
+def test_words_that_mean_nothing_are_refused(act, reason):
     with pytest.raises(ArgumentError) as refused:
         act()
-    assert said in str(refused.value)
+    assert reason in str(refused.value)
 
 
 def test_the_command_presses_once():
     command = ["simulate", "planar", "--at", "45,80", "--mechanics", "reduced"]
     done = CliRunner().invoke(app, [*command, "--force", "0.1,0,-0.5", "--json"])
     assert done.exit_code == 0
-    told = json.loads(done.stdout)
-    assert told["touches"][0]["force_N"] == [0.1, 0.0, -0.5]
+    answer = json.loads(done.stdout)
+    assert answer["touches"][0]["force_N"] == [0.1, 0.0, -0.5]
     warm = CliRunner().invoke(app, [*command, "--temperature", "45", "--json"])
     assert json.loads(warm.stdout)["temperature_degC"] == 45.0
     plain = CliRunner().invoke(app, command)

@@ -61,7 +61,7 @@ def test_sweeps_are_written_in_words():
 
 
 @pytest.mark.parametrize(
-    ("act", "said"),
+    ("act", "reason"),
     [
         (lambda: plan("grid", count="5"), "count is no option of a grid sweep, which takes forces"),
         (lambda: plan("random"), "count must be given for a random sweep"),
@@ -73,10 +73,10 @@ def test_sweeps_are_written_in_words():
         (lambda: plan_sweep("grid", {}, temperatures="25,99"), "temperatures must lie in -40..75"),
     ],
 )
-def test_words_that_mean_nothing_are_refused(act, said):
+def test_words_that_mean_nothing_are_refused(act, reason):
     with pytest.raises(ArgumentError) as refused:
         act()
-    assert said in str(refused.value)
+    assert reason in str(refused.value)
 
 
 def test_the_command_sweeps_resumes_and_exports(tmp_path):
@@ -114,18 +114,18 @@ def test_a_summary_tells_what_is_missing_and_damaged(planar, tmp_path):
     made = run_sweep(planar, plan, folder, engine=Engine(1))
     assert made.sound
     assert summarise(folder) == made
-    told = json.loads(sweep("--summary", folder, "--json"))
-    assert told == made.as_json()
-    assert told["design_hash"] == planar.content_hash
-    assert told["sweep"]["presses"]["places"] == [4, 4]
+    summary = json.loads(sweep("--summary", folder, "--json"))
+    assert summary == made.as_json()
+    assert summary["design_hash"] == planar.content_hash
+    assert summary["sweep"]["presses"]["places"] == [4, 4]
     assert "missing" not in sweep("--summary", folder)
     (folder / "chunk-000001.h5").unlink()
     last = folder / "chunk-000003.h5"
     last.write_bytes(last.read_bytes() + b"0")
     lines = sweep("--summary", folder, code=1)
     assert "missing rows: 6; damaged chunks: 1; repeat the sweep" in lines
-    told = json.loads(sweep("--summary", folder, "--json", code=1))
-    assert (told["missing_rows"], told["damaged_chunks"]) == (6, 1)
+    summary = json.loads(sweep("--summary", folder, "--json", code=1))
+    assert (summary["missing_rows"], summary["damaged_chunks"]) == (6, 1)
     assert run_sweep(planar, plan, folder, engine=Engine(1)).sound
     assert json.loads(sweep("--summary", folder, "--json"))["damaged_chunks"] == 0
 
@@ -134,8 +134,8 @@ def test_the_folder_has_a_name_by_default(tmp_path, monkeypatch):
     pytest.importorskip("h5py")
     monkeypatch.chdir(tmp_path)
     words = ["--kind", "shear", "--places", "2x2", "--forces", "0.3", "--mechanics", "reduced"]
-    told = json.loads(sweep(*words, "--workers", 1, "--json"))
-    assert told["path"] == "planar-shear"
+    summary = json.loads(sweep(*words, "--workers", 1, "--json"))
+    assert summary["path"] == "planar-shear"
     assert open_dataset("planar-shear").complete
 
 
@@ -170,7 +170,7 @@ def test_the_whole_sheet_fills_a_set_bit_for_bit(planar, tmp_path):
         process.wait()
     assert not open_dataset(tmp_path / "killed").complete
     sets.append(run_sweep(planar, sweep, tmp_path / "killed").dataset)
-    images = [contents(one.path) for one in sets]
+    images = [contents(dataset.path) for dataset in sets]
     assert images[0] == images[1] == images[2]
     field = sets[0].column("field_T")
     assert np.isfinite(field[sets[0].column("valid")]).all()

@@ -24,7 +24,7 @@ from tables_of_response import reduced_table
 
 
 def run(*arguments):
-    return CliRunner().invoke(app, [str(one) for one in arguments])
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def test_a_table_is_made_with_the_effort_asked_for(planar, tmp_path, monkeypatch):
@@ -116,23 +116,23 @@ class Bench:
 def test_a_table_is_made_of_the_presses_that_its_effort_names(planar, monkeypatch, tmp_path):
     bench = Bench(monkeypatch, reduced_table(planar))
     effort = Effort(presses=4000, pairs=500, skins=3, draws=2, presses_a_skin=70, seed=4)
-    tolerances, engine, told = Tolerances(remanence=0.01), Engine(2), []
+    tolerances, engine, events = Tolerances(remanence=0.01), Engine(2), []
     table = make_table(
         planar,
         effort,
         tolerances=tolerances,
         folder=tmp_path,
         engine=engine,
-        progress=lambda task, share: told.append((task, share)),
+        progress=lambda task, share: events.append((task, share)),
     )
     assert table.origin == {"smoskin": version("smoskin"), "effort": asdict(effort)}
     given = [(path, engine) for path, _, engine in bench.sweeps.values()]
     assert given == [(tmp_path, engine)] * 4
-    assert [task for task, _ in told] == [
+    assert [task for task, _ in events] == [
         "designed: 5 rows", "pairs: 5 rows", "warmth: 5 rows", "skins: 5 rows"
     ]  # fmt: skip
     begun = np.cumsum([0, 4000, 500, 210, 210])
-    assert [share for _, share in told] == pytest.approx((begun[1:] + begun[:-1]) / 2 / begun[-1])
+    assert [share for _, share in events] == pytest.approx((begun[1:] + begun[:-1]) / 2 / begun[-1])
     sweeps = {name: sweep for name, (_, sweep, _) in bench.sweeps.items()}
     patterns = [sweep.presses for sweep in sweeps.values()]
     forces, cell = effort.force, geometry(planar).cell

@@ -39,21 +39,21 @@ def test_a_cylinder_gets_all_files_and_a_second_run_asks_first(tmp_path):
     line = ["tessellate", "cylinder:100", "--cells", "2", "2", "--out", str(out)]
     ran = RUN.invoke(app, [*line, "--json"])
     assert ran.exit_code == 0, ran.output
-    told = json.loads(ran.stdout)
-    assert told["holds"]
-    assert told["folds"]
+    answer = json.loads(ran.stdout)
+    assert answer["holds"]
+    assert answer["folds"]
     # Magnets of a skin this small stand too near each other.
-    assert "geometry alone: magnets" in told["sensing"]
+    assert "geometry alone: magnets" in answer["sensing"]
     assert {file.name for file in out.iterdir()} == SOUND
-    assert told["files"] == [str(out / name) for name in told_names(told)]
-    assert json.loads((out / "validity.json").read_text())["fold_share"] == told["fold_share"]
+    assert answer["files"] == [str(out / name) for name in told_names(answer)]
+    assert json.loads((out / "validity.json").read_text())["fold_share"] == answer["fold_share"]
     with pytest.raises(FileError, match=r"validity\.json exists"):
         RUN.invoke(app, line, catch_exceptions=False)
     assert RUN.invoke(app, [*line, "--force"]).exit_code == 0
 
 
-def told_names(told):
-    return [file.rsplit("/", 1)[1] for file in told["files"]]
+def told_names(answer):
+    return [file.rsplit("/", 1)[1] for file in answer["files"]]
 
 
 def test_no_pattern_is_left_of_a_sheet_that_must_not_be_cut(planar, tmp_path):
@@ -64,9 +64,9 @@ def test_no_pattern_is_left_of_a_sheet_that_must_not_be_cut(planar, tmp_path):
     page = (tmp_path / "report.html").read_text()
     assert "This sheet must not be cut: the search came 0 % of the way" in page
     assert page.count('class="NO"') == sum(not gate.holds for gate in report.made.gates) > 0
-    told = json.loads((tmp_path / "validity.json").read_text())
-    assert told["holds"] is False
-    assert told["advice"].endswith("there was no time left to look for what would fit")
+    validity = json.loads((tmp_path / "validity.json").read_text())
+    assert validity["holds"] is False
+    assert validity["advice"].endswith("there was no time left to look for what would fit")
 
 
 def test_a_cylinder_gives_a_design_whose_skin_is_that_sheet(tmp_path):
@@ -156,16 +156,18 @@ def test_a_press_folds_its_cell_on_every_cylinder_and_cone_as_on_a_plane(planar,
 
 def test_stiff_panels_give_way_to_thinner_ones_on_a_cylinder_and_files_say_so(planar, tmp_path):
     report = tessellate_surface("cylinder:100", planar, (6, 6), tmp_path)
-    told = json.loads((tmp_path / "validity.json").read_text())
-    assert told["panels_mm"] == 1.0
-    assert told["fold_share"] >= 0.85 * told["planar_fold_share"]
-    assert told["panels_reason"].startswith("plates of 0.5 mm, as with 0.6 mm a press folds its")
-    assert told["panels_reason"] in (tmp_path / "report.html").read_text()
+    validity = json.loads((tmp_path / "validity.json").read_text())
+    assert validity["panels_mm"] == 1.0
+    assert validity["fold_share"] >= 0.85 * validity["planar_fold_share"]
+    assert validity["panels_reason"].startswith(
+        "plates of 0.5 mm, as with 0.6 mm a press folds its"
+    )
+    assert validity["panels_reason"] in (tmp_path / "report.html").read_text()
     skin = read_design(tmp_path / "design.toml")
     assert skin == report.skin
     assert skin.panels.thickness == 1e-3
-    assert skin.provenance["panels.thickness"].reason == told["panels_reason"]
-    gap = next(gate for gate in told["gates"] if gate["name"] == "crease_gap")
+    assert skin.provenance["panels.thickness"].reason == validity["panels_reason"]
+    gap = next(gate for gate in validity["gates"] if gate["name"] == "crease_gap")
     assert gap["holds"]
     assert gap["value"] == pytest.approx(report.made.with_plate(6e-4).gates[-1].value / 1.2)
 
@@ -228,10 +230,10 @@ def test_a_surface_that_is_refused_leaves_the_bound_and_no_sheet(
     with pytest.raises(TooBentError) as refused:
         tessellate_surface(surface, planar, (12, 12), tmp_path, scale=0.6, force=True)
     assert {file.name for file in tmp_path.iterdir()} == {"validity.json"}
-    told = json.loads((tmp_path / "validity.json").read_text())
-    assert told["holds"] is False
-    assert told["advice"] == str(refused.value)
-    [gate] = told["gates"]
+    validity = json.loads((tmp_path / "validity.json").read_text())
+    assert validity["holds"] is False
+    assert validity["advice"] == str(refused.value)
+    [gate] = validity["gates"]
     assert (gate["name"], gate["unit"], gate["holds"]) == (name, unit, False)
     assert gate["value"] > gate["limit"] > 0
     assert gate.keys() == {"name", "value", "limit", "unit", "holds"}
@@ -242,12 +244,12 @@ def test_elsewhere_there_is_geometry_alone_and_an_older_design_goes(planar, tmp_
     report = tessellate_surface("sphere:267", planar, (2, 2), tmp_path, force=True)
     assert report.made.holds
     assert {file.name for file in tmp_path.iterdir()} == SOUND
-    told = json.loads((tmp_path / "validity.json").read_text())["sensing"]
-    assert told == (
+    sensing = json.loads((tmp_path / "validity.json").read_text())["sensing"]
+    assert sensing == (
         "geometry alone: skins are sensed on planes, cylinders and cones; film and circuit are "
         "flat and cannot lie on a surface that is bent two ways"
     )
-    assert told in (tmp_path / "report.html").read_text()
+    assert sensing in (tmp_path / "report.html").read_text()
 
 
 def test_pages_show_every_gate_and_ask_for_nothing_outside(planar, tmp_path):

@@ -30,7 +30,7 @@ def skin(planar):
 
 def run(*arguments):
     assert commands.app is app
-    return CliRunner().invoke(app, [str(one) for one in arguments])
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def test_a_training_gives_a_network_that_can_be_saved_and_gone_on_from(skin, tmp_path):
@@ -38,10 +38,10 @@ def test_a_training_gives_a_network_that_can_be_saved_and_gone_on_from(skin, tmp
     reduced_table(skin).save(pressed)
     first = train(pressed, design=skin, chips=(1, 2), effort=SHORT, seed=4)
     assert (first.ended, len(first.curve)) == ("all 2 epochs are done", 2)
-    told = json.loads(json.dumps(first.as_json()))
-    assert (told["epochs"], told["chips"], told["drag_N"]) == (2, [1, 2], 0.0)
-    assert told["held_out_nats"] == min(point.held_out for point in first.curve)
-    assert told["metrics"][0]["unit"] == "m"
+    answer = json.loads(json.dumps(first.as_json()))
+    assert (answer["epochs"], answer["chips"], answer["drag_N"]) == (2, [1, 2], 0.0)
+    assert answer["held_out_nats"] == min(point.held_out for point in first.curve)
+    assert answer["metrics"][0]["unit"] == "m"
     assert figure_rows(first).row_count == 4
     assert write_network(first, out, tmp_path / "net.onnx") == [out, tmp_path / "net.onnx"]
     again = load_network(out)
@@ -104,15 +104,15 @@ def test_the_command_trains_and_says_what_it_reached(skin, tmp_path, monkeypatch
     result = run("train", table, "--out", out, "--design", design, "--chips", "1,2",
                  "--drag", "0.3", "--members", "3", "--minutes", "5", "--json")  # fmt: skip
     assert result.exit_code == 0, result.output
-    told = json.loads(result.stdout)
-    assert told["chips"] == [1, 2]
-    assert told["drag_N"] == 0.3
+    answer = json.loads(result.stdout)
+    assert answer["chips"] == [1, 2]
+    assert answer["drag_N"] == 0.3
     model = load_network(out)
     assert model.members == 3
-    assert model.data_sha256 == told["data_sha256"]
+    assert model.data_sha256 == answer["data_sha256"]
     names = {"net.safetensors", "net.safetensors.curve.jsonl"}
     assert {path.name for path in tmp_path.iterdir()} == names | {"plain.toml", "plain.table"}
-    assert {Path(file).name for file in told["files"]} == names
+    assert {Path(file).name for file in answer["files"]} == names
     resumed = run("train", table, "--out", out, "--resume", "--force", "--design", design)
     assert isinstance(resumed.exception, ArgumentError)
     plot = tmp_path / "missed.svg"

@@ -92,8 +92,8 @@ def test_its_slopes_are_those_of_its_shares(law, planar):
 def test_it_weighs_along_a_single_row(law, planar):
     row = replace(planar, cells=(1, 6), magnets=(replace(planar.magnets[0], corner=(0, 3)),),
                   halls=planar.halls[:1])  # fmt: skip
-    one = Touches(position=[[(0.004, 0.08)]], force=[[(0.0, 0.0, -0.5)]])
-    assert shares_by(law, row, one).sum() == pytest.approx(1.0)
+    touch = Touches(position=[[(0.004, 0.08)]], force=[[(0.0, 0.0, -0.5)]])
+    assert shares_by(law, row, touch).sum() == pytest.approx(1.0)
 
 
 def test_the_usual_laws_are_the_functions_that_they_were(planar, touches):
@@ -175,14 +175,14 @@ def test_the_sheet_and_the_twin_press_as_their_law_says(planar):
 
     away = Touches(position=[[(0.1, 0.1)]], force=[[(0.0, 0.0, -0.3)]])
     there = Touches(position=[[geometry(planar).tops[0, 0]]], force=away.force, radius=1e-9)
-    found = BarHinge(planar, contact=Whole()).press(away)
+    pressed = BarHinge(planar, contact=Whole()).press(away)
     asked = BarHinge(planar).press(there)
-    assert_allclose(found.displacements, asked.displacements, atol=1e-10)
+    assert_allclose(pressed.displacements, asked.displacements, atol=1e-10)
     contact = Contact(position=(0.1, 0.1), force=(0.0, 0.0, -0.3))
     twin = Twin(planar, seed=None, contact=Whole())
     moved = twin.motion([contact]).magnets
     assert np.abs(moved - Twin(planar, seed=None).motion([contact]).magnets).max() > 1e-5
-    sunk = -found.displacements[0, geometry(planar).sheet.loaded[0, 0], 2]
+    sunk = -pressed.displacements[0, geometry(planar).sheet.loaded[0, 0], 2]
     assert twin.depths([contact])[0] == pytest.approx(sunk, rel=1e-4)
     with pytest.raises(ContractError, match="Garbage"):
         Twin(planar, contact=Garbage(lambda s: 2 * s))
@@ -205,8 +205,8 @@ def test_derivatives_follow_a_law_that_feels_the_force(planar):
     sheet = BarHinge(planar, contact=Wide())
 
     def pressed(force):
-        one = Touches(position=[[place]], force=[[(0.05, 0.0, -force)]])
-        return sheet.press(one, tolerance=1e-11).displacements[0], one
+        touch = Touches(position=[[place]], force=[[(0.05, 0.0, -force)]])
+        return sheet.press(touch, tolerance=1e-11).displacements[0], touch
 
     more, less = (pressed(0.5 + step)[0] for step in (1e-4, -1e-4))
     slopes = sheet.sensitivity(pressed(0.5)[1]).displacements[0, 0, 4]

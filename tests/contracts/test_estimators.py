@@ -186,10 +186,10 @@ def test_the_zero_takes_an_offset_off_and_tells_no_drift(make, design):
     moved.zero([*shifted, spoilt(twin.read(), flags=of_one(design, 1))])
     touched = twin.read([TOUCH], time=1.0)
     expected = plain.step(touched)
-    found = moved.step(spoilt(touched, field=touched.field + offset))
-    assert expected.status is found.status is Status.CONTACT
+    answer = moved.step(spoilt(touched, field=touched.field + offset))
+    assert expected.status is answer.status is Status.CONTACT
     for name in ("position", "force"):
-        there, here = (getattr(one.contacts[0], name) for one in (expected, found))
+        there, here = (getattr(estimate.contacts[0], name) for estimate in (expected, answer))
         # From the untouched field theory reads where magnets rest too, to some nanometres.
         rtol, atol = (3e-4, 1e-8) if isinstance(moved, ClosedFormEstimator) else (1e-6, 1e-8)
         np.testing.assert_allclose(there, here, rtol=rtol, atol=atol)
@@ -197,7 +197,7 @@ def test_the_zero_takes_an_offset_off_and_tells_no_drift(make, design):
     assert not moved.drift.any()
     moved.reset()
     other = moved.step(spoilt(touched, field=touched.field + offset))
-    assert other != found
+    assert other != answer
 
 
 def test_a_zero_needs_a_good_reading_of_the_same_chips(make, design):

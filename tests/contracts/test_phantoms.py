@@ -75,13 +75,13 @@ SLOW = pytest.mark.slow
 )
 def test_an_untouched_skin_on_a_turning_arm_is_never_touched(design, kind, count):
     estimator = ZeroFirst(ESTIMATORS[kind](design))
-    told = [
+    statuses = [
         estimator.step(reading).status
         for reading in turning(design, count, np.random.default_rng(7))
     ]
-    assert set(told[:20]) == {Status.NOT_CALIBRATED}
-    assert set(told[-count // 2 :]) == {Status.NO_CONTACT}
-    assert Status.CONTACT not in told
+    assert set(statuses[:20]) == {Status.NOT_CALIBRATED}
+    assert set(statuses[-count // 2 :]) == {Status.NO_CONTACT}
+    assert Status.CONTACT not in statuses
 
 
 def refused(estimator, readings) -> str:

@@ -78,7 +78,7 @@ def stream(
     return readings
 
 
-def told(design, readings, zeros=20, tracking=ON_AN_ARM):
+def answers(design, readings, zeros=20, tracking=ON_AN_ARM):
     """What is told of readings after those of the zero."""
     skin = smo.BayesEstimator(
         design,
@@ -93,7 +93,7 @@ def told(design, readings, zeros=20, tracking=ON_AN_ARM):
 
 def errors(estimates):
     """Distances from the place, mm, and shares of the force that are missed, of touches found."""
-    contacts = [one.contacts[0] for one in estimates]
+    contacts = [estimate.contacts[0] for estimate in estimates]
     away = [1e3 * np.hypot(*(contact.position - PLACE)) for contact in contacts]
     return np.array(away), np.array([contact.normal_force for contact in contacts])
 
@@ -103,7 +103,7 @@ def test_a_turning_board_makes_no_touch(design, rate):
     """A quarter turn to and fro in 20 s: 60 uT and a board that slides by 1.3 mm."""
     times = np.arange(-2.0, 40.0, 1 / rate)
     readings = stream(design, times, 0.0 * times)
-    assert {one.status for one in told(design, readings)} == {Status.NO_CONTACT}
+    assert {estimate.status for estimate in answers(design, readings)} == {Status.NO_CONTACT}
 
 
 @pytest.mark.parametrize("rate", [10.0, 50.0])
@@ -111,7 +111,7 @@ def test_a_board_that_turns_about_another_axis_at_once_makes_no_touch(design, ra
     """Its zero knows by then what turns about the first change, and nothing else."""
     times = np.arange(-2.0, 25.0, 1 / rate)
     readings = stream(design, times, 0.0 * times, world=CRANKED)
-    assert {one.status for one in told(design, readings)} == {Status.NO_CONTACT}
+    assert {estimate.status for estimate in answers(design, readings)} == {Status.NO_CONTACT}
 
 
 @pytest.mark.slow
@@ -120,15 +120,15 @@ def test_an_hour_on_an_arm_in_the_hard_world_makes_no_touch(design):
     """It turns by a quarter and back in 20 s beside a motor and steel, and loses as it moves."""
     times = np.arange(-2.0, 3600.0, 0.1)
     readings = stream(design, times, 0.0 * times, world=HARD)
-    assert {one.status for one in told(design, readings)} == {Status.NO_CONTACT}
+    assert {estimate.status for estimate in answers(design, readings)} == {Status.NO_CONTACT}
 
 
 def test_a_light_touch_is_found_once_a_turn_was_seen(design):
     """0.1 N, each for 0.3 s, while the arm turns on: as loud as its weight in a tenth of that."""
     times = np.arange(-2.0, 40.0, 0.1)
     held = ((times > 20.95) & (times % 1.0 < 0.35)).astype(float)
-    estimates = told(design, stream(design, times, held, ((PLACE, 0.1),)))
-    statuses = np.array([one.status for one in estimates])
+    estimates = answers(design, stream(design, times, held, ((PLACE, 0.1),)))
+    statuses = np.array([estimate.status for estimate in estimates])
     assert (statuses[held == 0] == Status.NO_CONTACT).all()
     assert np.mean(statuses[held > 0] == Status.CONTACT) > 0.95
 
@@ -137,11 +137,13 @@ def test_a_touch_on_a_turning_board_is_found_and_leaves_none(design):
     """Each held for 0.3 s, ten readings a second: found to a millimetre, and to 2 % of force."""
     times = np.arange(-2.0, 20.0, 0.1)
     held = ((times > 0.95) & (times % 1.0 < 0.35)).astype(float)
-    estimates = told(design, stream(design, times, held))
-    statuses = np.array([one.status for one in estimates])
+    estimates = answers(design, stream(design, times, held))
+    statuses = np.array([estimate.status for estimate in estimates])
     assert (statuses[held > 0] == Status.CONTACT).all()
     assert (statuses[held == 0] == Status.NO_CONTACT).all()
-    away, force = errors([one for one, there in zip(estimates, held, strict=True) if there])
+    away, force = errors(
+        [estimate for estimate, there in zip(estimates, held, strict=True) if there]
+    )
     assert away.mean() < 1.0
     assert np.abs(force - 0.5).mean() < 0.01
 
@@ -153,9 +155,9 @@ def test_the_earths_field_moves_a_touch_by_less_than_a_third_of_a_millimetre(des
     held = ((times > 0.95) & (times % 1.0 < 0.301)).astype(float)
     where = []
     for world in (World(name="plain"), World(name="earth", effects=(Earth(),))):
-        estimates = told(design, stream(design, times, held, world=world), tracking=FOLLOWING)
-        found = [one for one, there in zip(estimates, held, strict=True) if there]
-        places = np.array([one.contacts[0].position for one in found])
+        estimates = answers(design, stream(design, times, held, world=world), tracking=FOLLOWING)
+        touched = [estimate for estimate, there in zip(estimates, held, strict=True) if there]
+        places = np.array([estimate.contacts[0].position for estimate in touched])
         where.append(places.reshape(11, -1, 2).mean(axis=1))
     moved = 1e3 * np.hypot(*(where[1] - where[0]).T)
     assert moved.mean() < 0.3
@@ -166,8 +168,8 @@ def test_a_board_that_begins_to_turn_under_a_touch_is_followed(design):
     """For 1.7 s; what the weight then moves looks like the touch."""
     times = np.arange(-2.0, 12.0, 0.1)
     held = ((times > 0.95) & (times < 3.75)).astype(float)
-    estimates = told(design, stream(design, times, held, begin=2.0))
-    statuses = np.array([one.status for one in estimates])
+    estimates = answers(design, stream(design, times, held, begin=2.0))
+    statuses = np.array([estimate.status for estimate in estimates])
     assert (statuses[held > 0] == Status.CONTACT).all()
     assert (statuses[held == 0] == Status.NO_CONTACT).all()
 
@@ -177,8 +179,8 @@ def test_a_zero_taken_on_a_board_that_hangs_askew_serves(design):
     times = np.arange(0.0, 20.0, 0.1)
     held = ((times > 4.95) & (times % 1.0 < 0.35)).astype(float)
     askew = stream(design, times, held, begin=-10.0)
-    estimates = told(design, askew, zeros=4)
-    statuses = np.array([one.status for one in estimates])
+    estimates = answers(design, askew, zeros=4)
+    statuses = np.array([estimate.status for estimate in estimates])
     assert (statuses[held > 0] == Status.CONTACT).all()
     assert (statuses[held == 0] == Status.NO_CONTACT).all()
 
@@ -189,16 +191,20 @@ def test_a_long_touch_that_warms_stays_where_it_is(design):
     held = ((times > 0.0) & (times <= 1800.0)).astype(float)
     forces = ((PLACE, 0.3),)
     plain = World(name="plain")
-    estimates = told(
+    estimates = answers(
         design, stream(design, times, held, forces, world=plain, warm=5.0, drift=0.05e-6)
     )
-    away, force = errors([one for one, there in zip(estimates, held, strict=True) if there])
+    away, force = errors(
+        [estimate for estimate, there in zip(estimates, held, strict=True) if there]
+    )
     assert away[:100].mean() < 1.0
     assert away[-100:].mean() < 1.5
     # Noise of single readings is 0.7 %.
     np.testing.assert_allclose(force, 0.3, rtol=0.03)
     assert np.mean(np.abs(force / 0.3 - 1) < 0.02) > 0.99
-    left = [one.status for one, time in zip(estimates, times, strict=True) if time > 1800.0]
+    left = [
+        estimate.status for estimate, time in zip(estimates, times, strict=True) if time > 1800.0
+    ]
     assert set(left) == {Status.NO_CONTACT}
 
 
@@ -207,7 +213,7 @@ def test_a_light_touch_of_a_still_board_is_found_at_ten_readings_a_second(design
     times = np.arange(-2.0, 4.0, 0.1)
     held = ((times > 0.95) & (times < 2.95)).astype(float)
     readings = stream(design, times, held, ((place, 0.1),), world=World(name="plain"))
-    statuses = np.array([one.status for one in told(design, readings)])
+    statuses = np.array([estimate.status for estimate in answers(design, readings)])
     assert (statuses[held > 0] == Status.CONTACT).all()
     assert (statuses[held == 0] == Status.NO_CONTACT).all()
 
@@ -216,7 +222,7 @@ def test_two_touches_of_a_turning_board_are_two(design):
     times = np.arange(-2.0, 12.0, 0.1)
     held = ((times > 0.95) & (times % 1.0 < 0.35)).astype(float)
     forces = (((0.03, 0.04), 0.6), ((0.09, 0.12), 0.6))
-    estimates = told(design, stream(design, times, held, forces))
-    counts = np.array([len(one.contacts) for one in estimates])
+    estimates = answers(design, stream(design, times, held, forces))
+    counts = np.array([len(estimate.contacts) for estimate in estimates])
     assert (counts[held == 0] == 0).all()
     assert np.mean(counts[held > 0] == 2) > 0.9

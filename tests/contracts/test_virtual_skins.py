@@ -74,8 +74,8 @@ def test_a_place_without_force_is_no_touch(ideal):
     """Wherever it lies."""
     alone = Touches(position=[[ONE.position]], force=[[ONE.force]])
     filled = Touches(position=[[(9.0, 9.0), ONE.position]], force=[[(0.0, 0.0, 0.0), ONE.force]])
-    one, same = ideal.motions(alone), ideal.motions(filled)
-    assert_allclose(same.magnets, one.magnets, atol=1e-9)
+    single, same = ideal.motions(alone), ideal.motions(filled)
+    assert_allclose(same.magnets, single.magnets, atol=1e-9)
 
 
 def test_a_reading_is_the_motions(make):
@@ -99,10 +99,10 @@ def test_ideal_chips_read_the_field_in_their_own_axes(ideal, design):
 
 def test_samples_have_the_noise_of_their_generator_alone(ideal, design):
     motion = ideal.motions(touches_of([[ONE], []]))
-    one, same, other = (ideal.sample(motion, np.random.default_rng(k)).counts for k in (7, 7, 8))
-    assert one.shape == (2, len(design.halls), 3)
-    assert_array_equal(one, same)
-    assert (one != other).any()
+    first, same, other = (ideal.sample(motion, np.random.default_rng(k)).counts for k in (7, 7, 8))
+    assert first.shape == (2, len(design.halls), 3)
+    assert_array_equal(first, same)
+    assert (first != other).any()
 
 
 def test_an_invalid_state_is_a_bad_measurement(make):
@@ -140,7 +140,7 @@ def test_the_skin_sinks_under_each_finger(ideal, design):
         for cell, force in (((2, 3), 0.5), ((4, 1), 0.1))
     }
     # Round a limb a finger widens the arc, which rises elsewhere: there one at a time.
-    together = [[one] for one in fingers.values()]
+    together = [[finger] for finger in fingers.values()]
     if design.limb is None:
         together.append([*fingers.values()])
     for contacts in together:
@@ -148,7 +148,7 @@ def test_the_skin_sinks_under_each_finger(ideal, design):
         moved = ideal.sheet_vertices() - ideal.sheet_vertices(contacts)
         sunk = (moved * skin.axes[..., 2]).sum(axis=1)[skin.sheet.loaded]
         for contact, depth in zip(contacts, depths, strict=True):
-            [cell] = [cell for cell, one in fingers.items() if one is contact]
+            [cell] = [cell for cell, finger in fingers.items() if finger is contact]
             assert 5e-6 < depth < 2e-3
             assert 0.8 * sunk[cell] < depth <= 1.001 * sunk[cell]
     if design.limb is None:

@@ -30,8 +30,8 @@ def all_touches(sweep, design):
     """Position and force of every row, in order."""
     parts = [sweep.touches(design, chunk) for chunk in range(sweep.chunks)]
     return (
-        np.concatenate([one.position for one in parts]),
-        np.concatenate([one.force for one in parts]),
+        np.concatenate([part.position for part in parts]),
+        np.concatenate([part.force for part in parts]),
     )
 
 
@@ -42,7 +42,7 @@ def test_the_grid_of_the_paper(planar):
     assert xs == pytest.approx(np.arange(25) * 5e-3, abs=2e-6)
     assert ys == pytest.approx(np.arange(33) * 5e-3, abs=2e-6)
     assert (force[:, 0, :2] == 0).all()
-    assert np.unique(force[:, 0, 2]).tolist() == sorted(-one for one in TENTHS)
+    assert np.unique(force[:, 0, 2]).tolist() == sorted(-tenth for tenth in TENTHS)
 
 
 @settings(max_examples=30)
@@ -137,7 +137,7 @@ def test_a_chunk_is_the_same_whenever_it_is_asked_for(planar):
     assert np.array_equal(late.force, early.force)
     assert sweep.noise(2).normal() == sweep.noise(2).normal()
     others = [sweep.touches(planar, 1), replace(sweep, seed=4).touches(planar, 2)]
-    assert all(not np.array_equal(late.position, one.position) for one in others)
+    assert all(not np.array_equal(late.position, other.position) for other in others)
     assert sweep.noise(2).random() != sweep.noise(1).random() != late.position[0, 0, 0]
 
 
@@ -201,7 +201,7 @@ def test_whatever_changes_the_rows_changes_the_hash():
         replace(base, presses=Grid(forces=(0.1,), places=(3, 3))),
         *SWEEPS,
     ]
-    hashes = {one.content_hash for one in (base, *others)}
+    hashes = {sweep.content_hash for sweep in (base, *others)}
     assert len(hashes) == 1 + len(others)
 
 
@@ -224,7 +224,7 @@ def test_what_describes_no_sweep_is_refused(damage):
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "message"),
     [
         (lambda: Grid(forces=()), "forces must name at least one; got none"),
         (lambda: Grid(forces=(0.5, 51.0)), "forces must lie in 0..50 N; got 51"),
@@ -246,14 +246,14 @@ def test_what_describes_no_sweep_is_refused(damage):
         (lambda: sideways([0.1], 0), "directions must be at least 1; got 0"),
     ],
 )
-def test_absurd_patterns_are_refused_by_name(make, said):
+def test_absurd_patterns_are_refused_by_name(make, message):
     with pytest.raises(ArgumentError) as refused:
         make()
-    assert said in str(refused.value)
+    assert message in str(refused.value)
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"temperatures": (25.0, 90.0)}, "temperatures must lie in -40..75 degC; got 90"),
         ({"temperatures": ()}, "temperatures must name at least one"),
@@ -266,10 +266,10 @@ def test_absurd_patterns_are_refused_by_name(make, said):
         ({"mechanics": "reduced", "grip": Covered()}, "grip must be left out with reduced"),
     ],
 )
-def test_absurd_sweeps_are_refused_by_name(change, said):
+def test_absurd_sweeps_are_refused_by_name(change, message):
     with pytest.raises(ArgumentError) as refused:
         Sweep(presses=Grid(forces=(0.5,)), **change)
-    assert said in str(refused.value)
+    assert message in str(refused.value)
 
 
 def test_a_margin_wider_than_the_skin_is_refused(planar):

@@ -142,7 +142,7 @@ def test_a_complete_set_is_not_computed_again(planar, tmp_path, unbroken):
         planar,
         SMALL,
         simulation=made_up(planar, tmp_path),
-        progress=lambda *told: heard.append(told),
+        progress=lambda *step: heard.append(step),
     )
     assert work.begun(tmp_path / "begun") == []
     assert again == unbroken
@@ -151,7 +151,7 @@ def test_a_complete_set_is_not_computed_again(planar, tmp_path, unbroken):
 
 def test_columns_are_the_rows_of_the_chunks(planar, tmp_path, unbroken):
     expected = [made_up(planar, tmp_path)(chunk) for chunk in range(SMALL.chunks)]
-    assert set(COLUMNS) == {one.name for one in fields(Rows)}
+    assert set(COLUMNS) == {attribute.name for attribute in fields(Rows)}
     for field, column in COLUMNS.items():
         whole = np.concatenate([getattr(rows, field) for rows in expected])
         read = unbroken.column(column.name)
@@ -349,7 +349,7 @@ def test_progress_tells_rows_and_rate_of_what_is_computed_now(planar, tmp_path, 
     clock = SimpleNamespace(monotonic=lambda: float(next(ticks)))
     monkeypatch.setattr("smoskin.datasets.store.time", clock)
 
-    def told():
+    def reported():
         heard = []
         write_dataset(
             tmp_path / "set",
@@ -361,14 +361,14 @@ def test_progress_tells_rows_and_rate_of_what_is_computed_now(planar, tmp_path, 
         )
         return heard
 
-    first = told()
+    first = reported()
     assert first[:3] == [
         ("0/360 rows", 0.0), ("40/360 rows, 40/s", 40 / 360), ("80/360 rows, 40/s", 80 / 360)
     ]  # fmt: skip
     assert len(first) == 1 + SMALL.chunks
     assert first[-1][1] == 1.0
     (tmp_path / "set" / "chunk-000001.h5").unlink()
-    assert told() == [("320/360 rows", 320 / 360), ("360/360 rows, 40/s", 1.0)]
+    assert reported() == [("320/360 rows", 320 / 360), ("360/360 rows, 40/s", 1.0)]
 
 
 def test_failing_work_leaves_what_is_done(planar, tmp_path):
@@ -421,24 +421,24 @@ def test_the_reduced_model_fills_a_set_bit_for_bit(planar, tmp_path):
     from smoskin.records import Contact
     from smoskin.twin.reduced import ReducedTwin
 
-    one, two = (
+    serial, parallel = (
         write_dataset(tmp_path / str(workers), planar, REDUCED, engine=Engine(workers))
         for workers in (1, 2)
     )
-    assert contents(one.path) == contents(two.path)
-    field, valid = one.column("field_T"), one.column("valid")
+    assert contents(serial.path) == contents(parallel.path)
+    field, valid = serial.column("field_T"), serial.column("valid")
     assert valid.all()
     twin = ReducedTwin(planar, seed=None)
     for row in (0, 37, 95, 159):
         contact = Contact(
-            position=one.column("position_m")[row, 0], force=one.column("force_N")[row, 0]
+            position=serial.column("position_m")[row, 0], force=serial.column("force_N")[row, 0]
         )
-        degrees = float(one.column("temperature_degC")[row])
+        degrees = float(serial.column("temperature_degC")[row])
         expected = twin.field(twin.motion([contact], temperature=degrees), degrees)
         assert field[row] == pytest.approx(expected, rel=1e-12)
     seen = np.einsum("sij,rsi->rsj", [rotation(site) for site in planar.halls], field)
-    sensitivity = chip_factor(one.column("temperature_degC"))[:, None, None]
-    noise = one.column("reading_T") - seen * sensitivity
+    sensitivity = chip_factor(serial.column("temperature_degC"))[:, None, None]
+    noise = serial.column("reading_T") - seen * sensitivity
     assert 1e-6 < np.abs(noise).max() < 30e-6
 
 
@@ -448,8 +448,8 @@ def test_presses_of_another_chunk_do_not_reach_a_chunk(planar):
     used(0)
     for chunk in (2, 1):
         late, fresh = used(chunk), Simulation(planar, REDUCED)(chunk)
-        for one in fields(Rows):
-            assert np.array_equal(getattr(late, one.name), getattr(fresh, one.name))
+        for field in fields(Rows):
+            assert np.array_equal(getattr(late, field.name), getattr(fresh, field.name))
 
 
 def rotation(site):

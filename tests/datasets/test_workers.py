@@ -118,7 +118,7 @@ def test_wrong_use(engine):
 
 def test_only_the_item_of_the_killed_worker_is_computed_again(tmp_path):
     list(Engine(2).run(work.Deadly(str(tmp_path), 1), ITEMS))
-    counts = [sum(one == item for one, _ in work.begun(tmp_path)) for item in ITEMS]
+    counts = [sum(started == item for started, _ in work.begun(tmp_path)) for item in ITEMS]
     assert counts == [1, 1, 2, 1, 1, 1, 1, 1]
 
 

@@ -32,3 +32,38 @@ def test_docstrings_open_with_a_subject_or_a_verb(folder):
         if WITHOUT_SUBJECT.match(opening)
     ]
     assert bare == []
+
+
+SAY_NOTHING = {"said", "told", "one", "found"}
+WIRE = {
+    "src/smoskin/commands/demo/__init__.py": {"found"},
+    "src/smoskin/commands/demo/hand.py": {"found"},
+}
+"""Fields whose names are those of the demo's JSON."""
+
+
+def bound(path: Path) -> list[tuple[int, str]]:
+    """Line and name of all that a file binds: variables, arguments, attributes and functions."""
+    names = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        match node:
+            case ast.Name(id=name, ctx=ast.Store()) | ast.Attribute(attr=name, ctx=ast.Store()):
+                names.append((node.lineno, name))
+            case ast.arg(arg=name):
+                names.append((node.lineno, name))
+            case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name):
+                names.append((node.lineno, name))
+    return names
+
+
+@pytest.mark.parametrize(
+    "folder", ["src", "paper", "studies", "benchmarks", "docs", "examples", "tests"]
+)
+def test_names_say_what_they_hold(folder):
+    empty = [
+        f"{path.relative_to(ROOT)}:{line}: {name}"
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        for line, name in bound(path)
+        if name.strip("_") in SAY_NOTHING - WIRE.get(str(path.relative_to(ROOT)), set())
+    ]
+    assert empty == []

@@ -62,12 +62,12 @@ def test_it_is_one_command_and_three_more():
 def test_the_first_command_is_live_in_the_browser_to_parts_of_a_millimetre(home):
     """For twenty seconds of the hand instead of until Ctrl-C."""
     with typed(f"{COMMANDS[0].removeprefix(INSTALL)} --seconds 20", home) as process:
-        said = []
+        lines = []
         for line in process.stderr:
-            said.append(line)
+            lines.append(line)
             if address := re.search(r"http://\S+", line):
                 break
-        rest = threading.Thread(target=lambda: said.extend(process.stderr))
+        rest = threading.Thread(target=lambda: lines.extend(process.stderr))
         rest.start()
         with open_page(address[0]) as opened:
             opened.wait_until(lambda: opened.text("status") == "Touched", deadline=60.0)
@@ -115,8 +115,8 @@ def test_every_other_block_runs(home):
             (contact,) = estimate.contacts
             places[int(number)].append(contact.position)
     errors = [
-        np.linalg.norm(np.mean(found, axis=0) - hand[number].position)
-        for number, found in places.items()
+        np.linalg.norm(np.mean(positions, axis=0) - hand[number].position)
+        for number, positions in places.items()
     ]
     assert len(errors) >= 10
     assert np.mean(errors) <= 0.5e-3

@@ -68,10 +68,10 @@ class _Loads(HTMLParser):
         self.title = False
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        told = dict(attrs)
+        attributes = dict(attrs)
         self.title |= tag == "title"
-        if tag in ("script", "img") or (tag == "link" and told.get("rel") == "stylesheet"):
-            name = told.get("src") or told.get("href")
+        if tag in ("script", "img") or (tag == "link" and attributes.get("rel") == "stylesheet"):
+            name = attributes.get("src") or attributes.get("href")
             self.names += [name] if name and not name.startswith("data:") else []
 
 

@@ -29,13 +29,13 @@ class Host:
     def __init__(self) -> None:
         self.decoder = BoardDecoder()
         self.packets = []
-        self.said = bytearray()
+        self.pending = bytearray()
 
     def write(self, data: bytes) -> None:
         self.packets += self.decoder.feed(bytes(data))
 
     def read(self) -> bytes:
-        given, self.said = bytes(self.said[:64]), self.said[64:]
+        given, self.pending = bytes(self.pending[:64]), self.pending[64:]
         return given
 
 
@@ -134,7 +134,7 @@ def test_a_board_says_who_it_is(bus: FakeBus, host: Host) -> None:
     known = {"board": "smoskin", "serial": "e6605481db", "chips": "0c 0d 0e", "rate": "100"}
     assert host.decoder.identity == {**known, "firmware": "1"}
     host.decoder.identity.clear()
-    host.said += command(Kind.IDENTIFY)
+    host.pending += command(Kind.IDENTIFY)
     run(board, 1)
     assert host.decoder.identity["rate"] == "100"
     assert host.decoder.lost == 0
@@ -144,7 +144,7 @@ def test_rate_and_setting_are_changed_by_command(bus: FakeBus, host: Host) -> No
     board = built(bus, write=host.write, read=host.read)
     board.start()
     run(board, 5)
-    host.said += set_command(FAST, 250.0)
+    host.pending += set_command(FAST, 250.0)
     run(board, 50)
     times = np.array([packet.time for packet in host.packets])
     assert_allclose(np.diff(times[8:]), 4e-3, atol=2e-6)
@@ -154,7 +154,7 @@ def test_rate_and_setting_are_changed_by_command(bus: FakeBus, host: Host) -> No
 
 
 @pytest.mark.parametrize(
-    ("said", "why"),
+    ("order", "why"),
     [
         (set_command(PLANAR, 200.0), "rate must be at most 146 Hz at this setting"),
         (command(Kind.SET, bytes(10)), "registers must hold HALLCONF 0xC"),
@@ -162,10 +162,10 @@ def test_rate_and_setting_are_changed_by_command(bus: FakeBus, host: Host) -> No
         (command(Kind.READING), "the command is not known"),
     ],
 )
-def test_what_cannot_be_done_is_refused(bus: FakeBus, host: Host, said: bytes, why: str) -> None:
+def test_what_cannot_be_done_is_refused(bus: FakeBus, host: Host, order: bytes, why: str) -> None:
     board = built(bus, write=host.write, read=host.read)
     board.start()
-    host.said += said
+    host.pending += order
     run(board, 20)
     assert len(host.decoder.refusals) == 1
     assert host.decoder.refusals[0].startswith(why)
@@ -178,7 +178,7 @@ def test_a_board_starts_again_by_command(bus: FakeBus, host: Host) -> None:
         bus, write=host.write, read=host.read, restart=lambda: restarts.append(bus.clock())
     )
     board.start()
-    host.said += command(Kind.RESET)
+    host.pending += command(Kind.RESET)
     run(board, 2)
     assert len(restarts) == 1
 

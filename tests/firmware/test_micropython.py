@@ -75,8 +75,8 @@ class Witness:
 
         def noted(*given):
             answer = call(*given)
-            told = list(answer) if isinstance(answer, bytes | bytearray) else answer
-            self.calls.append((name, [_plain(each) for each in given], told))
+            logged = list(answer) if isinstance(answer, bytes | bytearray) else answer
+            self.calls.append((name, [_plain(each) for each in given], logged))
             return answer
 
         return noted
@@ -107,11 +107,11 @@ def _plain(value):
 def witnessed(bus: FakeBus) -> tuple[list, BoardDecoder]:
     """A board's life on this side: chips fail, hosts command, noise comes, the ticks wrap."""
     witness, decoder = Witness(), BoardDecoder()
-    said = bytearray()
+    pending = bytearray()
 
     def read() -> bytes:
-        given = bytes(said[:64])
-        del said[:64]
+        given = bytes(pending[:64])
+        del pending[:64]
         return given
 
     bus.clock.now = (1 << 30) * 1e-6 - 0.1
@@ -134,7 +134,7 @@ def witnessed(bus: FakeBus) -> tuple[list, BoardDecoder]:
         45: command(Kind.RESET),
     }
     for step in range(50):
-        said += orders.get(step, b"")
+        pending += orders.get(step, b"")
         if step == 8:
             bus.chips[0x0D].brown_out()
         if step == 12:

@@ -83,7 +83,7 @@ def running(design: Any) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]
     common = {"tracking": None, "creep": None, "false_alarms": 1e-6}
     rig, contact = smo.VirtualRig(twin), smo.Contact(position=(0.05, 0.06), force=(0, 0, -0.5))
     spoilt = {"drift": 0.0, "stage": 1e-5, "gauge": 1e-3, "seed": 0, "temperature": 25.0}
-    touch, told = rig.press(contact), {"progress": begin}
+    touch, hooks = rig.press(contact), {"progress": begin}
     source = {"source": Readings(reading), "estimator": closed, "sinks": (), "deadline": 1.0}
     asked = {"touches": rig, "design": design, "count": 2, "until": 0.0, "force": 0.8, "drag": 0.3}
     sizes = {"place_spread": 1e-4, "force_spread": 1e-2, "recording": None, "accept_bad_fit": True}
@@ -118,14 +118,14 @@ def running(design: Any) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]
         ),
         "Loop": (partial(looped, smo.Loop), source),
         "run": (partial(looped, smo.run), source),
-        "calibrate": (partial(smo.calibrate, **told), {"table": table, **asked, **sizes}),
-        "train": (partial(smo.train, **told), {"table": table, "members": 1, **training}),
+        "calibrate": (partial(smo.calibrate, **hooks), {"table": table, **asked, **sizes}),
+        "train": (partial(smo.train, **hooks), {"table": table, "members": 1, **training}),
         "make_table": (
-            partial(smo.make_table, **told),
+            partial(smo.make_table, **hooks),
             {"design": design, "effort": None, "tolerances": None, "folder": None, "engine": None},
         ),
         "score": (
-            partial(smo.score, **told),
+            partial(smo.score, **hooks),
             {"file_or_model": table, "design": design, **exam, **world},
         ),
         "Twin.read": (twin.read, {"contacts": [contact], "time": 0.0, "temperature": 25.0}),
@@ -137,7 +137,7 @@ def skins(design: Any, twin: Any, contact: Any) -> dict[str, tuple[Callable[...,
     """Designs, skins made of them, what chips read of their motion, and a training on examples."""
     examples = presses(passes=1, side=5)
     motion = twin.motion([contact])
-    parts = {one.name: getattr(design, one.name) for one in fields(design)}
+    parts = {field.name: getattr(design, field.name) for field in fields(design)}
     records = [part for part in parts.values() if is_dataclass(part)]
     records += [design, design.magnets[0], design.halls[0]]
     world = {"contact": None, "surroundings": None, "deviations": None}
@@ -149,7 +149,7 @@ def skins(design: Any, twin: Any, contact: Any) -> dict[str, tuple[Callable[...,
         **{
             type(record).__name__: (
                 type(record),
-                {one.name: getattr(record, one.name) for one in fields(record)},
+                {field.name: getattr(record, field.name) for field in fields(record)},
             )
             for record in records
         },

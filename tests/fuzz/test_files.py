@@ -83,11 +83,11 @@ def test_a_spoilt_data_set_is_the_same_or_tells(count, whole, tmp_path):
 def verdict(content: bytes) -> None:
     """What is said of a file can be read, by machines too."""
     Path("f").write_bytes(content)
-    told = check_file(Path("f"))
-    assert len(told.problem) <= 300
-    assert told.problem.isprintable()
-    strict_json(json.dumps(told.as_json()))
-    assert told.lines()
+    report = check_file(Path("f"))
+    assert len(report.problem) <= 300
+    assert report.problem.isprintable()
+    strict_json(json.dumps(report.as_json()))
+    assert report.lines()
 
 
 @cases(10, 600)

@@ -59,8 +59,8 @@ def replay(content: bytes, whole: list[str]) -> None:
     check_answer(answer, as_json=True, names=NAME)
     lines = answer.out.splitlines()
     if answer.code == 0 and len(lines) < len(whole):
-        told = bool(answer.err.strip())
-        assert told, f"{len(whole) - len(lines)} readings lost without a word"
+        warned = bool(answer.err.strip())
+        assert warned, f"{len(whole) - len(lines)} readings lost without a word"
     times = [json.loads(line)["time_s"] for line in lines]
     assert set(times) <= {json.loads(line)["time_s"] for line in whole}
 

@@ -120,15 +120,15 @@ def met(trial: Trial, folder: Path) -> tuple[str, str]:
     finally:
         process.kill()
         process.wait()
-    said = (folder / "err").read_text(errors="replace")
+    stderr = (folder / "err").read_text(errors="replace")
     stopped = 128 + trial.signal
     how = "ended before it" if done else "stopped" if heard else "not begun"
     if not done and code not in ((0, 1, stopped) if heard else (-trial.signal, stopped)):
-        return how, f"{trial}: exit code {code}; {said[-300:]}"
-    if "Traceback" in said or "this is a bug" in said:
-        return how, f"{trial}: {said[-500:]}"
-    if code == stopped and "Stopped by" not in said:
-        return how, f"{trial}: not a word; {said[-300:]}"
+        return how, f"{trial}: exit code {code}; {stderr[-300:]}"
+    if "Traceback" in stderr or "this is a bug" in stderr:
+        return how, f"{trial}: {stderr[-500:]}"
+    if code == stopped and "Stopped by" not in stderr:
+        return how, f"{trial}: not a word; {stderr[-300:]}"
     try:
         check_files(folder, closed=heard)
     except Exception as error:
@@ -160,9 +160,9 @@ def test_no_signal_breaks_a_program_or_its_files(tmp_path):
         number = numbers[(k // len(COMMANDS) + k) % 3]
         trials.append(Trial(k, command, number, float(rng.uniform(0.1, late)), k % 4 != 3))
     with ThreadPoolExecutor(AT_ONCE) as pool:
-        found = list(pool.map(lambda t: met(t, tmp_path / str(t.number)), trials))
-    print(Counter(how for how, _ in found))
-    assert [what for _, what in found if what] == []
+        outcomes = list(pool.map(lambda t: met(t, tmp_path / str(t.number)), trials))
+    print(Counter(how for how, _ in outcomes))
+    assert [what for _, what in outcomes if what] == []
 
 
 def lost(folder: Path, delay: float) -> tuple[float, float]:
@@ -191,6 +191,6 @@ def lost(folder: Path, delay: float) -> tuple[float, float]:
 def test_a_kill_loses_at_most_a_second_of_a_recording(tmp_path):
     delays = np.random.default_rng(2).uniform(0.0, 4.0, KILLS)
     with ThreadPoolExecutor(AT_ONCE) as pool:
-        found = list(pool.map(lambda k: lost(tmp_path / str(k), delays[k]), range(KILLS)))
-    print("lost, s:", [round(seconds, 2) for seconds, _ in found])
-    assert [(s, gap) for s, gap in found if s > 1.0 + gap + 0.05] == []
+        losses = list(pool.map(lambda k: lost(tmp_path / str(k), delays[k]), range(KILLS)))
+    print("lost, s:", [round(seconds, 2) for seconds, _ in losses])
+    assert [(s, gap) for s, gap in losses if s > 1.0 + gap + 0.05] == []

@@ -36,8 +36,8 @@ def readings(field: np.ndarray, *, flags=None, warmth=None) -> list[Reading]:
     ]
 
 
-def said(found) -> list[str]:
-    return [str(finding) for finding in found]
+def sentences(findings) -> list[str]:
+    return [str(finding) for finding in findings]
 
 
 def test_a_sound_skin_has_no_findings(sound: np.ndarray, planar: SkinDesign) -> None:
@@ -69,13 +69,13 @@ def test_each_fault_of_a_field_is_found(
 
     field = sound.copy()
     field[:, 1] = spoil(sound)[:, 1]
-    found = said(examine_readings(readings(field), planar))
-    assert found
-    assert all(finding.startswith("chip S2: ") for finding in found)
-    assert any(re.search(problem, finding) for finding in found), found
-    alone = [f for f in found if re.search(problem, f)]
+    findings = sentences(examine_readings(readings(field), planar))
+    assert findings
+    assert all(finding.startswith("chip S2: ") for finding in findings)
+    assert any(re.search(problem, finding) for finding in findings), findings
+    alone = [f for f in findings if re.search(problem, f)]
     # A hum or a drift is no noise; what freezes or is turned is not noisy either.
-    assert len(found) == len(alone)
+    assert len(findings) == len(alone)
 
 
 def test_mains_is_found_through_its_alias(sound: np.ndarray, planar: SkinDesign) -> None:
@@ -83,9 +83,9 @@ def test_mains_is_found_through_its_alias(sound: np.ndarray, planar: SkinDesign)
     time = np.arange(COUNT) / 45.0
     field = sound + 4e-6 * np.sin(2 * np.pi * 50.0 * time)[:, None, None]
     slow = [replace_time(r, t) for r, t in zip(readings(field), time, strict=True)]
-    found = said(examine_readings(slow, planar))
-    assert len(found) == 3
-    assert all("It hums at 50 Hz with" in finding for finding in found)
+    findings = sentences(examine_readings(slow, planar))
+    assert len(findings) == 3
+    assert all("It hums at 50 Hz with" in finding for finding in findings)
 
 
 def replace_time(reading: Reading, time: float) -> Reading:
@@ -100,11 +100,11 @@ def test_exchanged_chips_name_each_other(planar: SkinDesign) -> None:
     rest = twin.motion()
     field = np.array([twin.sense(rest).field for _ in range(100)])
     assert examine_readings(readings(field), near) == ()
-    found = said(examine_readings(readings(field[:, [1, 0, 2]]), near))
-    assert len(found) == 2
-    assert "chip S1" in found[0]
-    assert "That is the field of S2" in found[0]
-    assert "That is the field of S1" in found[1]
+    findings = sentences(examine_readings(readings(field[:, [1, 0, 2]]), near))
+    assert len(findings) == 2
+    assert "chip S1" in findings[0]
+    assert "That is the field of S2" in findings[0]
+    assert "That is the field of S1" in findings[1]
 
 
 @pytest.mark.parametrize(
@@ -122,13 +122,13 @@ def test_flags_are_told_with_their_share(
 ) -> None:
     flags = np.zeros((COUNT, 3), int)
     flags[::10, 2] = int(flag)
-    found = said(examine_readings(readings(sound, flags=flags), planar))
-    assert len(found) == 1
-    assert found[0].startswith(f"chip S3: {problem}")
+    findings = sentences(examine_readings(readings(sound, flags=flags), planar))
+    assert len(findings) == 1
+    assert findings[0].startswith(f"chip S3: {problem}")
     flags[:, 2] = int(flag)
-    found = said(examine_readings(readings(sound, flags=flags), planar))
-    assert len(found) == 1
-    assert ", every time." in found[0]
+    findings = sentences(examine_readings(readings(sound, flags=flags), planar))
+    assert len(findings) == 1
+    assert ", every time." in findings[0]
 
 
 @pytest.mark.parametrize(
@@ -138,17 +138,17 @@ def test_flags_are_told_with_their_share(
 def test_temperatures_that_cannot_be_are_told(sound, planar, degrees: float, problem: str) -> None:
     warmth = np.full((COUNT, 3), 25.0)
     warmth[:, 0] = degrees
-    found = said(examine_readings(readings(sound, warmth=warmth), planar))
-    assert len(found) == 1
-    assert found[0].startswith(f"chip S1: {problem}")
+    findings = sentences(examine_readings(readings(sound, warmth=warmth), planar))
+    assert len(findings) == 1
+    assert findings[0].startswith(f"chip S1: {problem}")
 
 
 def test_a_skin_that_warms_up_is_told_to_wait(sound: np.ndarray, planar: SkinDesign) -> None:
     warmth = 25.0 + 0.05 * TIME[:, None] * np.ones(3)
     field = sound * (1 - 0.005 * (warmth - 25.0))[..., None]
-    found = said(examine_readings(readings(field, warmth=warmth), planar))
-    assert len(found) == 3
-    assert all("while it warms by 3.0 K a minute" in finding for finding in found)
+    findings = sentences(examine_readings(readings(field, warmth=warmth), planar))
+    assert len(findings) == 3
+    assert all("while it warms by 3.0 K a minute" in finding for finding in findings)
 
 
 def test_a_robot_that_disturbs_is_told(sound: np.ndarray) -> None:
@@ -157,14 +157,14 @@ def test_a_robot_that_disturbs_is_told(sound: np.ndarray) -> None:
     assert quiet == ()
     moved = sound[200:].copy()
     moved[:, 1, 0] += 60e-6 * np.sin(TIME[200:])
-    found = said(interference(still, readings(moved), ("S1", "S2", "S3")))
-    assert len(found) == 1
-    assert found[0].startswith("chip S2: Its field changes by 6")
+    findings = sentences(interference(still, readings(moved), ("S1", "S2", "S3")))
+    assert len(findings) == 1
+    assert findings[0].startswith("chip S2: Its field changes by 6")
 
 
 def test_chips_need_no_design_but_enough_readings(sound: np.ndarray, planar: SkinDesign) -> None:
     field = np.broadcast_to(sound[0], sound.shape)
-    assert said(examine_readings(readings(field)))[0].startswith("chip 1: It says the same")
+    assert sentences(examine_readings(readings(field)))[0].startswith("chip 1: It says the same")
     with pytest.raises(ArgumentError, match="readings must be at least 30; got 10"):
         examine_readings(readings(sound[:10]), planar)
     with pytest.raises(ArgumentError, match="readings must have the design's 3; got 2"):

@@ -84,8 +84,8 @@ def test_a_board_that_is_not_there_is_told_at_once(planar: SkinDesign, clock: Cl
 
 
 def test_a_rate_that_the_setting_does_not_allow_is_refused(planar: SkinDesign, bus) -> None:
-    said = r"at most 146 Hz .* got 200 Hz, which oversampling 0 and digital_filter 3 allow"
-    with pytest.raises(ArgumentError, match=said):
+    message = r"at most 146 Hz .* got 200 Hz, which oversampling 0 and digital_filter 3 allow"
+    with pytest.raises(ArgumentError, match=message):
         source_of(planar, bus, rate=200.0)
     faster = replace(planar.hall_setting, oversampling=0, digital_filter=2)
     with source_of(replace(planar, hall_setting=faster), bus, rate=450.0, mode="burst") as source:

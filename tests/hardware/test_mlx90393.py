@@ -75,7 +75,7 @@ def test_nothing_stale_is_read_at_any_tolerance(
     for chip in bus.chips.values():
         # Every measurement that was given is a new one.
         assert (np.diff(chip.reads) > 0).all()
-    told = np.array([reading.time for reading in readings])
+    stamped = np.array([reading.time for reading in readings])
     field = np.array([reading.field[:, 0] for reading in readings])
     true = 100.0 + field / (2.5e4 * 0.15e-6)
     # A single measurement is over half of its time after its middle; in burst mode one may be
@@ -83,7 +83,7 @@ def test_nothing_stale_is_read_at_any_tolerance(
     single, burst = mlx90393.conversion_time, mlx90393.burst_period
     share, lasting = {"single": (0.75, single), "burst": (1.3, burst)}[mode]
     most = share * lasting(setting, 0, worst=True)
-    assert np.abs(true - told[:, None]).max() < most
+    assert np.abs(true - stamped[:, None]).max() < most
 
 
 def test_three_chips_in_burst_give_450_readings_a_second(bus: FakeBus) -> None:

@@ -51,26 +51,28 @@ def computer(tmp_path: Path) -> SimpleNamespace:
     )
 
 
-def told(computer: SimpleNamespace) -> list[str]:
-    found = hindrances(str(computer.device), system=computer.system, processes=computer.processes)
-    return [str(finding) for finding in found]
+def lines(computer: SimpleNamespace) -> list[str]:
+    findings = hindrances(
+        str(computer.device), system=computer.system, processes=computer.processes
+    )
+    return [str(finding) for finding in findings]
 
 
 def test_a_free_port_has_no_hindrance(computer: SimpleNamespace) -> None:
-    assert told(computer) == []
+    assert lines(computer) == []
 
 
 def test_each_hindrance_is_told_with_what_to_do(computer: SimpleNamespace) -> None:
     computer.latency.write_text("16\n")
     computer.process.write_text("ModemManager\n")
-    found = told(computer)
-    assert "Its bridge holds bytes back for 16 ms. echo 1 | sudo tee" in found[0]
-    assert "ModemManager runs" in found[1]
+    findings = lines(computer)
+    assert "Its bridge holds bytes back for 16 ms. echo 1 | sudo tee" in findings[0]
+    assert "ModemManager runs" in findings[1]
     computer.device.unlink()
-    assert "It is not there. Plug the board in, by a cable that carries data" in told(computer)[0]
+    assert "It is not there. Plug the board in, by a cable that carries data" in lines(computer)[0]
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
 def test_a_port_that_you_may_not_read_is_told(computer: SimpleNamespace) -> None:
     computer.device.chmod(0)
-    assert "Join the group dialout" in told(computer)[0]
+    assert "Join the group dialout" in lines(computer)[0]

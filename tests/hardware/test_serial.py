@@ -34,11 +34,11 @@ def complaint(source: SerialSource, text: str) -> None:
     """Read until the source says this of its silence, as a busy machine may hear late."""
     end = time.monotonic() + LONG
     while True:
-        with pytest.raises(SourceError) as said:
+        with pytest.raises(SourceError) as error:
             source.read(timeout=0.3)
-        if re.search(text, str(said.value)) or time.monotonic() > end:
+        if re.search(text, str(error.value)) or time.monotonic() > end:
             break
-    assert re.search(text, str(said.value))
+    assert re.search(text, str(error.value))
 
 
 def frames(design: SkinDesign, count: int, first: int = 0, rate: float = 200.0) -> list[bytes]:
@@ -194,7 +194,7 @@ def test_a_port_that_stays_away_is_told(planar: SkinDesign, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("data", "said"),
+    ("data", "message"),
     [
         (b"", "is open and silent: is it the right port"),
         (b"hello world\r\n" * 20, "260 bytes came and none is of the format smoskin: is baud"),
@@ -203,7 +203,7 @@ def test_a_port_that_stays_away_is_told(planar: SkinDesign, tmp_path: Path) -> N
         ("eflesh", "the board speaks the format eflesh: use format=eflesh"),
     ],
 )
-def test_silence_is_explained(planar: SkinDesign, data: bytes | str, said: str) -> None:
+def test_silence_is_explained(planar: SkinDesign, data: bytes | str, message: str) -> None:
     rng = np.random.default_rng(0)
     field = mlx90393.tesla(rng.integers(-900, 900, (20, 5, 3)), setting_of(6, 0))
     lines = {
@@ -213,7 +213,7 @@ def test_silence_is_explained(planar: SkinDesign, data: bytes | str, said: str) 
     }
     with Line() as line, SerialSource(line.port, design=planar) as source:
         line.send(lines[data] if isinstance(data, str) else data)
-        complaint(source, rf"no reading within 0\.3 s; .*{said}")
+        complaint(source, rf"no reading within 0\.3 s; .*{message}")
 
 
 def test_chips_at_other_addresses_are_named(planar: SkinDesign) -> None:
@@ -223,8 +223,8 @@ def test_chips_at_other_addresses_are_named(planar: SkinDesign) -> None:
     )
     with Line() as line, SerialSource(line.port, design=planar) as source:
         line.send(reading_frame(board))
-        said = r"must have chips at 0x0c 0x0d 0x0e, as the design has; it has 0x10 0x11 0x12"
-        with pytest.raises(SourceError, match=said):
+        message = r"must have chips at 0x0c 0x0d 0x0e, as the design has; it has 0x10 0x11 0x12"
+        with pytest.raises(SourceError, match=message):
             source.read(LONG)
 
 
@@ -381,9 +381,9 @@ def test_programs_of_others_read_a_virtual_board(planar: SkinDesign, package: st
     try:
         samples = reader.get_data(num_samples=20)
         fields = [s.data if package == "reskin_sensor" else s[1:] for s in samples]
-        told = np.array(fields).reshape(-1, 3, 3)
+        read = np.array(fields).reshape(-1, 3, 3)
     finally:
         reader.close()
         board.close()
         sending.join(5.0)
-    assert_allclose(told.mean(axis=0), rest.field * 1e6, atol=30.0)
+    assert_allclose(read.mean(axis=0), rest.field * 1e6, atol=30.0)

@@ -38,7 +38,7 @@ def test_placed_and_turned_magnets_agree_with_magpylib() -> None:
     rng = np.random.default_rng(1)
     places, turns = poses(rng, 3)
     points = rng.uniform(-0.05, 0.15, (40, 3)) + np.array([0, 0.03, 0])
-    discs = [magpylib_disc(*one) for one in zip(MAGNETS, places, turns, strict=True)]
+    discs = [magpylib_disc(*posed) for posed in zip(MAGNETS, places, turns, strict=True)]
     with np.errstate(all="ignore"):
         expected = magpylib.getB(discs, points, sumup=True)
     ours = arrangement_field(MAGNETS, places, rotation_matrix(turns), points)
@@ -65,8 +65,8 @@ def test_batches_of_poses_and_of_points_broadcast() -> None:
     points = rng.uniform(-0.1, 0.1, (4, 5, 3))
     batch = arrangement_field(MAGNETS, places, turns, points)
     for k in range(4):
-        one = arrangement_field(MAGNETS, places[k], turns[k], points[k])
-        assert_allclose(batch[k], one, rtol=1e-9, atol=1e-15)
+        single = arrangement_field(MAGNETS, places[k], turns[k], points[k])
+        assert_allclose(batch[k], single, rtol=1e-9, atol=1e-15)
     same_points = arrangement_field(MAGNETS, places, turns, points[0])
     assert_allclose(same_points[0], batch[0], rtol=1e-9, atol=1e-15)
     still = arrangement_field(MAGNETS, places[0], turns[0], points)

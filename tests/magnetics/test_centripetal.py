@@ -85,9 +85,9 @@ def test_corrected_inverse_finds_the_magnet(mount: str, polarity: int) -> None:
     magnet = replace(MAGNET, mount=mount, polarity=polarity)
     correction = fit_correction(magnet, GAP, 1e-3)
     moved = np.array([[0.5e-3, 0, 0], [0, -0.5e-3, 0], [0, 0, -0.4e-3], [0.4e-3, -0.3e-3, 0.2e-3]])
-    found = displacement(correction, at_chip(magnet, GAP, moved))
-    assert_allclose(found, moved, atol=6e-6)
-    assert_allclose(displacement(correction, at_chip(magnet, GAP, moved[3])), found[3])
+    recovered = displacement(correction, at_chip(magnet, GAP, moved))
+    assert_allclose(recovered, moved, atol=6e-6)
+    assert_allclose(displacement(correction, at_chip(magnet, GAP, moved[3])), recovered[3])
 
 
 def test_fit_respects_the_symmetry_of_the_disc() -> None:

@@ -31,9 +31,9 @@ def test_sectors_stronger_by_all_their_strength_are_the_magnet_again(planar, pol
     magnet = replace(planar.magnets[1], polarity=polarity)
     places, moments = sector_dipoles(magnet, np.ones(4))
     points = np.array([[0.0, 0.0, -7e-3], [1e-3, 2e-3, -7e-3], [4e-3, -3e-3, -8e-3]])
-    found = dipole_field(moments, points[:, None] - places).sum(axis=1)
+    field = dipole_field(moments, points[:, None] - places).sum(axis=1)
     exact = sector.field(magnet, points)
-    assert_allclose(found, exact, atol=0.03 * np.abs(exact).max())
+    assert_allclose(field, exact, atol=0.03 * np.abs(exact).max())
 
 
 def test_a_sector_of_its_own_pulls_along_its_bisector(planar):

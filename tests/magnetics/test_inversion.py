@@ -43,12 +43,15 @@ def test_one_reading_and_many_give_the_same(planar):
     moved = np.random.default_rng(1).uniform(-0.6e-3, 0.6e-3, (300, 3, 3)) * [1, 1, 0.2]
     fields = exact_fields(planar, moved)
     together = inverse.displacements(fields)
-    alone = [inverse.displacements(one[None]) for one in fields]
+    alone = [inverse.displacements(field[None]) for field in fields]
     np.testing.assert_allclose(
-        np.concatenate([one.moved for one in alone]), together.moved, rtol=1e-9, atol=1e-15
+        np.concatenate([estimate.moved for estimate in alone]),
+        together.moved,
+        rtol=1e-9,
+        atol=1e-15,
     )
     assert together.within.all()
-    assert all(one.within.all() for one in alone)
+    assert all(estimate.within.all() for estimate in alone)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])

@@ -206,7 +206,7 @@ def test_the_converters_noise_grows_with_its_step() -> None:
 def test_noise_is_set_by_the_time_of_conversion_alone() -> None:
     # 10 ms, made of filter or of oversampling, within the settings' own steps.
     slow = [setting(7, 0, osr, filt) for osr, filt in ((0, 5), (1, 4), (2, 3))]
-    noises = [noise(one)[0] * np.sqrt(conversion_time(one)) for one in slow]
+    noises = [noise(config)[0] * np.sqrt(conversion_time(config)) for config in slow]
     assert_allclose(noises, noises[0], rtol=0.1)
 
 
@@ -233,8 +233,8 @@ def test_three_pairs_of_oversampling_and_filter_are_not_allowed() -> None:
 
 
 def test_temperature_takes_its_time() -> None:
-    one = setting(oversampling=1, digital_filter=3)
-    extra = [conversion_time(one, osr2) - conversion_time(one) for osr2 in range(4)]
+    config = setting(oversampling=1, digital_filter=3)
+    extra = [conversion_time(config, osr2) - conversion_time(config) for osr2 in range(4)]
     assert_allclose(extra, [259e-6, 451e-6, 835e-6, 1603e-6])
     with pytest.raises(ArgumentError, match=r"temperature_oversampling must lie in 0\.\.3"):
-        conversion_time(one, 4)
+        conversion_time(config, 4)

@@ -6,7 +6,6 @@ import pytest
 from smoskin.magnetics import sector
 from smoskin.magnetics.nonlinearity import (
     Bend,
-    cross_matrices,
     cross_signals,
     field_curvature,
     straightened,
@@ -16,17 +15,17 @@ from smoskin.origami.geometry import geometry
 
 def changes(design, shift):
     """Of each chip's field when it moves so against its magnet, (3 S,), T."""
-    said = []
+    differences = []
     for site, rest in zip(design.halls, geometry(design).rest, strict=True):
         magnet = design.magnet(site.magnet)
-        said.append(sector.field(magnet, rest + shift) - sector.field(magnet, rest))
-    return np.concatenate(said)
+        differences.append(sector.field(magnet, rest + shift) - sector.field(magnet, rest))
+    return np.concatenate(differences)
 
 
 def test_two_motions_of_a_magnet_read_as_that_says(planar):
     curvature = field_curvature(planar)
-    one, other = np.array([1e-4, -5e-5, 8e-5]), np.array([-3e-5, 1e-4, 6e-5])
-    first, second, both = (changes(planar, shift) for shift in (one, other, one + other))
+    u, v = np.array([1e-4, -5e-5, 8e-5]), np.array([-3e-5, 1e-4, 6e-5])
+    first, second, both = (changes(planar, shift) for shift in (u, v, u + v))
     missing = both - first - second
     left = missing - cross_signals(curvature, first, second)
     assert np.abs(missing).max() > 50e-6
@@ -39,13 +38,11 @@ def test_its_own_field_has_no_sources(planar):
     assert curvature == pytest.approx(curvature.swapaxes(1, 2), abs=1e-3 * np.abs(curvature).max())
 
 
-def test_one_motion_of_two_is_a_matrix():
+def test_the_product_of_two_motions_is_that_of_each_chip():
     rng = np.random.default_rng(3)
-    curvature, one, other = rng.normal(size=(2, 3, 3, 3)), rng.normal(size=6), rng.normal(size=6)
-    expected = np.einsum("sijk,si,sj->sk", curvature, one.reshape(2, 3), other.reshape(2, 3))
-    by_chip = one.reshape(-1, 1, 3) @ cross_matrices(curvature, other)
-    assert by_chip.ravel() == pytest.approx(expected.ravel())
-    assert cross_signals(curvature, one, other) == pytest.approx(expected.ravel())
+    curvature, first, second = rng.normal(size=(2, 3, 3, 3)), rng.normal(size=6), rng.normal(size=6)
+    expected = np.einsum("sijk,si,sj->sk", curvature, first.reshape(2, 3), second.reshape(2, 3))
+    assert cross_signals(curvature, first, second) == pytest.approx(expected.ravel())
 
 
 def test_signals_freed_of_their_curvature_add_up():
@@ -53,10 +50,10 @@ def test_signals_freed_of_their_curvature_add_up():
     bend = rng.normal(size=(2, 3, 3, 3))
     bend = bend + bend.swapaxes(1, 2)
     flat = rng.normal(size=(2, 20, 6)) * 2e-3
-    one, other, both = (Bend(bend).bent(u) for u in (flat[0], flat[1], flat.sum(axis=0)))
+    first, second, both = (Bend(bend).bent(u) for u in (flat[0], flat[1], flat.sum(axis=0)))
     assert straightened(bend, both) == pytest.approx(flat.sum(axis=0), abs=1e-8)
     assert Bend(bend).bent(straightened(bend, both)) == pytest.approx(both, abs=1e-8)
     # To second order in the signals.
-    together = one + other + cross_signals(bend, one, other)
-    missed, plainly = (np.abs(said - both).max() for said in (together, one + other))
+    together = first + second + cross_signals(bend, first, second)
+    missed, plainly = (np.abs(total - both).max() for total in (together, first + second))
     assert missed < 0.1 * plainly

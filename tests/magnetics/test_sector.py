@@ -118,9 +118,9 @@ def clear_of_charge(magnet: Magnet, count: int, rng: np.random.Generator) -> Flo
     return points[kept]
 
 
-def relative(found: Floats, true: Floats) -> Floats:
+def relative(estimate: Floats, true: Floats) -> Floats:
     axes = tuple(range(1, true.ndim))
-    return np.sqrt(np.sum((found - true) ** 2, axis=axes) / np.sum(true**2, axis=axes))
+    return np.sqrt(np.sum((estimate - true) ** 2, axis=axes) / np.sum(true**2, axis=axes))
 
 
 def test_agrees_with_magpylib_at_ten_thousand_points() -> None:
@@ -307,10 +307,10 @@ def test_point_charges_take_one_reading_or_many() -> None:
     positions, charges = point_charges([MAGNET, MAGNET])
     points = np.full((7, 2, 3), -5e-3)
     density, gradient = charge_field_and_gradient(positions, charges, points)
-    one, slope = charge_field_and_gradient(positions, charges, points[0])
+    single, slope = charge_field_and_gradient(positions, charges, points[0])
     assert density.shape == (7, 2, 3)
     assert gradient.shape == (7, 2, 3, 3)
-    assert_allclose(density[4], one)
+    assert_allclose(density[4], single)
     assert_allclose(gradient[4], slope)
     with pytest.raises(ArgumentError, match="magnets must name at least one magnet"):
         point_charges([])

@@ -26,16 +26,16 @@ def test_motions_add_up_far_from_where_the_design_has_its_magnets(planar):
     rest = fields(planar, OFF)
     own = Straightening(planar, rest)
     weight, touch = np.array([5e-4, -4e-4, 1e-4]), np.array([-1e-4, 2e-4, -1.5e-4])
-    one, other, both = (fields(planar, OFF + u) - rest for u in (weight, touch, weight + touch))
-    bends = np.abs(both - one - other).max()
-    left = own.straightened(both) - own.straightened(one) - own.straightened(other)
+    first, second, both = (fields(planar, OFF + u) - rest for u in (weight, touch, weight + touch))
+    bends = np.abs(both - first - second).max()
+    left = own.straightened(both) - own.straightened(first) - own.straightened(second)
     # Point charges stand for the magnets to some millionths of the field.
     assert np.abs(left).max() < 1e-6
     # A second-order bend of the designed fields leaves a tenth.
     bend = Bend(field_curvature(planar))
-    rough = bend.straightened(both) - bend.straightened(one) - bend.straightened(other)
+    rough = bend.straightened(both) - bend.straightened(first) - bend.straightened(second)
     assert np.abs(rough).max() > 0.05 * bends > 1e-5
-    assert own.bent(own.straightened(one) + own.straightened(other)) == pytest.approx(
+    assert own.bent(own.straightened(first) + own.straightened(second)) == pytest.approx(
         both, abs=1e-6
     )
 
@@ -56,8 +56,8 @@ def test_there_and_back_is_the_same_in_any_shape(planar):
     linear = own.straightened(signals)
     assert linear.shape == signals.shape
     assert own.bent(linear) == pytest.approx(signals, abs=1e-9)
-    one = own.straightened(signals[3, 1].reshape(-1, 3))
-    assert one.ravel() == pytest.approx(linear[3, 1], abs=1e-10)
+    single = own.straightened(signals[3, 1].reshape(-1, 3))
+    assert single.ravel() == pytest.approx(linear[3, 1], abs=1e-10)
     assert own.straightened(np.zeros((3, 3))) == pytest.approx(np.zeros((3, 3)), abs=1e-12)
 
 

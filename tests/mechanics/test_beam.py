@@ -95,10 +95,10 @@ def test_a_prop_is_a_rigid_support_of_the_beam(share, place):
     top, held = loaded(1.0), loaded(place)
     give = np.array([[works(a, b) for b in (top, held)] for a in (top, held)])
     free, stopped = 1 / give[0, 0], np.linalg.inv(give)[0, 0]
-    found = beam.prop(beam.unloaded(share), share, place)
+    prop = beam.prop(beam.unloaded(share), share, place)
     assert free == pytest.approx(beam.unloaded(share), rel=1e-3)
-    assert found.stiffness == pytest.approx(stopped - free, rel=2e-3)
-    assert found.lever == pytest.approx(give[0, 1] / give[0, 0], rel=1e-3)
+    assert prop.stiffness == pytest.approx(stopped - free, rel=2e-3)
+    assert prop.lever == pytest.approx(give[0, 1] / give[0, 0], rel=1e-3)
 
 
 @pytest.mark.parametrize(("ratio", "stiffer"), [(4.0, 1.113), (6.67, 1.093), (14.0, 1.052)])

@@ -62,8 +62,8 @@ def test_softening_is_the_third_derivative_of_the_pillars_energy(name, request):
     local = (np.swapaxes(skin.roll.axes(flat[..., 1]), -1, -2) @ moved[..., None])[..., 0]
     energy = pillar.axial * layer.pillars * slope / 2
     energy *= (-local[..., 2] * (local[..., :2] ** 2).sum(axis=-1)).mean()
-    found = np.einsum("ijk,i,j,k", board.softening, motion, motion, motion) / 6
-    assert found == pytest.approx(energy, rel=1e-3)
+    by_softening = np.einsum("ijk,i,j,k", board.softening, motion, motion, motion) / 6
+    assert by_softening == pytest.approx(energy, rel=1e-3)
     for order in ((1, 0, 2), (2, 1, 0), (0, 2, 1)):
         turned, largest = board.softening.transpose(order), np.abs(board.softening).max()
         np.testing.assert_allclose(board.softening, turned, atol=1e-12 * largest)

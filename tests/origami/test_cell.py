@@ -43,8 +43,8 @@ def test_dihedrals_match_the_panels_normals(cell):
         n = np.cross(p[i + 1, j] - p[i, j], p[i, j + 1] - p[i, j])
         return n / np.linalg.norm(n)
 
-    def interior(one: np.ndarray, other: np.ndarray) -> float:
-        return math.pi - 2 * math.asin(np.linalg.norm(one - other) / 2)
+    def interior(first: np.ndarray, second: np.ndarray) -> float:
+        return math.pi - 2 * math.asin(np.linalg.norm(first - second) / 2)
 
     at_a, at_b = dihedral_angles(cell)
     assert interior(normal(0, 0), normal(1, 0)) == pytest.approx(float(at_a), abs=1e-7)

@@ -26,7 +26,7 @@ def star(sectors, letters):
 
 
 def rules(pattern):
-    return [(one.vertex, one.rule) for one in broken_rules(pattern)]
+    return [(broken.vertex, broken.rule) for broken in broken_rules(pattern)]
 
 
 # At the tolerance itself rounding decides.
@@ -34,8 +34,8 @@ OFF = st.floats(-0.15, 0.15).filter(lambda off: abs(abs(off) - 1e-4) > 1e-9)
 
 
 @given(st.floats(0.2, 1.3), st.floats(0.2, 1.3), OFF)
-def test_four_creases_fold_flat_where_opposite_sectors_add_up_to_half_a_turn(one, other, off):
-    sectors = np.array([one, other, np.pi - one, np.pi - other])
+def test_four_creases_fold_flat_where_opposite_sectors_add_up_to_half_a_turn(first, second, off):
+    sectors = np.array([first, second, np.pi - first, np.pi - second])
     # The odd one out is beside the smallest sector.
     letters = ["M"] * 4
     letters[int(np.argmin(sectors))] = "V"
@@ -48,12 +48,12 @@ def test_four_creases_fold_flat_where_opposite_sectors_add_up_to_half_a_turn(one
 
 def test_each_rule_is_named_with_what_is_the_case():
     sectors = np.radians([60.0, 100.0, 120.0, 80.0])
-    told = {
+    findings = {
         "MMMV": "big-little-big: a sector of 60.00 degrees, smaller than those beside it, lies "
         "between two mountains",
         "MVMV": "Maekawa: 2 mountains and 2 valleys, which are not two apart",
     }
-    for letters, finding in told.items():
+    for letters, finding in findings.items():
         (broken,) = broken_rules(star(sectors, letters))
         assert f"{broken.rule}: {broken.finding}" == finding
     (broken,) = broken_rules(star(np.radians([61.0, 99.0, 120.0, 80.0]), "VMMM"))

@@ -40,13 +40,13 @@ def test_mountains_are_ridges_and_dihedrals_match(sheet, planar):
     v, angles = mesh.vertices, dihedral_angles(planar.cell)
     sides = neighbours(mesh.facets)
     for crease, mountain, along_a in zip(mesh.creases, mesh.mountain, mesh.along_a, strict=True):
-        one, other = (mesh.facets[f] for f in sides[frozenset(crease)])
+        left, right = (mesh.facets[f] for f in sides[frozenset(crease)])
         normals = [
             (lambda n: n / np.linalg.norm(n))(np.cross(v[q[1]] - v[q[0]], v[q[3]] - v[q[0]]))
-            for q in (one, other)
+            for q in (left, right)
         ]
         assert normals[0][2] > 0  # counter-clockwise seen from above
-        beyond = normals[0] @ (v[other].mean(axis=0) - v[crease[0]])
+        beyond = normals[0] @ (v[right].mean(axis=0) - v[crease[0]])
         assert (beyond < 0) == mountain
         interior = np.pi - np.arccos(normals[0] @ normals[1])
         assert interior == pytest.approx(angles.at_a if along_a else angles.at_b, abs=1e-9)

@@ -22,7 +22,7 @@ def sure():
         along=np.full(COUNT, 1e-3),
         around=np.full(COUNT, 2e-3),
         force=np.full(COUNT, 0.01),
-        found=1.0,
+        detected=1.0,
     )
 
 
@@ -50,7 +50,7 @@ def test_a_touch_that_is_missed_counts_as_told_in_the_middle():
     np.testing.assert_allclose(counted.along, [1e-3, 0.04])
     np.testing.assert_allclose(counted.around, [2e-3, 0.07])
     np.testing.assert_allclose(counted.force, [0.02, 0.4])
-    assert counted.found == 0.5
+    assert counted.detected == 0.5
 
 
 def test_every_touch_is_in_a_histogram_beside_the_printed_mean(sure):

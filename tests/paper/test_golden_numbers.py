@@ -70,9 +70,9 @@ def test_dividing_line_151_is_not_reproduced(planar):
     assert ratio[:2].mean() == pytest.approx(1.3248, abs=5e-5)
     tried = dividing_lines()
     assert next(iter(tried.values())) == pytest.approx(ratio[:2].mean(), abs=5e-5)
-    found = [line for line in tried.values() if abs(line - 1.51) <= 0.005]
-    assert found == pytest.approx([np.abs(ratio[1:]).mean()], abs=5e-5)
-    assert found == pytest.approx([(1 + planar.coefficients.attenuation[0]) ** 2], abs=5e-5)
+    matches = [line for line in tried.values() if abs(line - 1.51) <= 0.005]
+    assert matches == pytest.approx([np.abs(ratio[1:]).mean()], abs=5e-5)
+    assert matches == pytest.approx([(1 + planar.coefficients.attenuation[0]) ** 2], abs=5e-5)
 
 
 def test_attenuation_that_the_dividing_line_needs_contradicts_the_displacements(planar):
@@ -84,7 +84,7 @@ def test_attenuation_that_the_dividing_line_needs_contradicts_the_displacements(
         return float((second[:2, 0, 0] / third[:2, 0, 0]).mean())
 
     v = brentq(lambda v: line(v) - 1.51, 0.05, 0.95)
-    (entry,) = [one for one in errata(planar) if one.number == "U1"]
+    (entry,) = [erratum for erratum in errata(planar) if erratum.number == "U1"]
     assert f"would need v_a = {v:.4f}" in entry.tried
     assert line(v) == pytest.approx(
         (1 + 2 * v + 2 * v**2 + (1 + 2 * v + 2 * v**2 + 2 * v**3) / (1 + 2 * v)) / 2, rel=1e-9

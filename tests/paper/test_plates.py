@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def found(planar) -> SimpleNamespace:
+def computed(planar) -> SimpleNamespace:
     from paper.beyond.attenuation_fit import assumptions
     from paper.beyond.displacement_field import press_field
     from paper.figure_s9 import recovery
@@ -37,51 +37,54 @@ def found(planar) -> SimpleNamespace:
 
 def texts(figure) -> str:
     """All that is written on a figure."""
-    return "\n".join(one.get_text() for one in figure.findobj(lambda a: hasattr(a, "get_text")))
+    return "\n".join(
+        artist.get_text() for artist in figure.findobj(lambda a: hasattr(a, "get_text"))
+    )
 
 
 # The reduced model against the whole sheet
 
 
-def test_granting_the_assumptions_brings_the_reduced_model_nearer(found):
-    built, guided, touching, sheared, hard, rigid = found.assumptions.variants
-    left = [one.columns.residual for one in (sheared, touching, guided, hard, rigid)]
+def test_granting_the_assumptions_brings_the_reduced_model_nearer(computed):
+    built, guided, touching, sheared, hard, rigid = computed.assumptions.variants
+    left = [variant.columns.residual for variant in (sheared, touching, guided, hard, rigid)]
     assert left == sorted(left, reverse=True)
     assert left[0] > 0.5
     assert left[-1] < 0.06
-    assert [one.cells_agreeing for one in (built, guided, hard, rigid)] == [36, 35, 36, 36]
+    assert [variant.cells_agreeing for variant in (built, guided, hard, rigid)] == [36, 35, 36, 36]
     assert (built.named, guided.named) == (34, 32)
     assert sheared.cells_agreeing < touching.cells_agreeing < 35
     assert sheared.named < touching.named < guided.named
-    for one in found.assumptions.variants:
-        assert one.columns.residual <= one.unscaled.residual + 1e-9
-        assert one.columns.residual <= 1.0
-        assert one.unscaled.scale == 1.0
+    for variant in computed.assumptions.variants:
+        assert variant.columns.residual <= variant.unscaled.residual + 1e-9
+        assert variant.columns.residual <= 1.0
+        assert variant.unscaled.scale == 1.0
 
 
-def test_creases_and_panels_take_little_of_a_press(found):
+def test_creases_and_panels_take_little_of_a_press(computed):
     """As the SI claims under S25; what it leaves out takes most."""
-    energy = found.assumptions.energy
+    energy = computed.assumptions.energy
     assert sum(energy) == pytest.approx(1.0)
     assert energy.creases < 0.01 < energy.sway < energy.panels < 0.2 < 0.5 < energy.sink
 
 
-def test_folding_grows_with_axial_stiffness_and_towards_one(found):
-    for folding in (found.assumptions.folding, found.assumptions.folding_sheared):
+def test_folding_grows_with_axial_stiffness_and_towards_one(computed):
+    for folding in (computed.assumptions.folding, computed.assumptions.folding_sheared):
         assert (np.diff(folding) > 0).all()
         assert folding[-1] > 0.98
-    assert (np.array(found.assumptions.folding_sheared) < found.assumptions.folding).all()
-    as_built = found.assumptions.variants[1].presses
-    assert found.assumptions.folding[0] == pytest.approx(as_built.folding.mean(), rel=1e-9)
-    assert found.assumptions.sizes[0].folding == pytest.approx(as_built.folding.mean(), rel=1e-9)
+    assert (np.array(computed.assumptions.folding_sheared) < computed.assumptions.folding).all()
+    as_built = computed.assumptions.variants[1].presses
+    assert computed.assumptions.folding[0] == pytest.approx(as_built.folding.mean(), rel=1e-9)
+    assert computed.assumptions.sizes[0].folding == pytest.approx(as_built.folding.mean(), rel=1e-9)
 
 
-def test_the_errata_say_what_came_out(planar, found):
+def test_the_errata_say_what_came_out(planar, computed):
     energies, entry = (
-        next(one for one in errata(planar) if one.number == number) for number in ("U4", "U5")
+        next(erratum for erratum in errata(planar) if erratum.number == number)
+        for number in ("U4", "U5")
     )
-    built, guided, touching, sheared, hard, rigid = found.assumptions.variants
-    energy = found.assumptions.energy
+    built, guided, touching, sheared, hard, rigid = computed.assumptions.variants
+    energy = computed.assumptions.energy
 
     def pair(fit, between=", "):
         return between.join(f"{v:.2f}" for v in fit.attenuation)
@@ -106,7 +109,7 @@ def test_the_errata_say_what_came_out(planar, found):
         assert text in entry.holds, text
     assert built.stiffness.attenuation[0] < 2 * LEAST_ATTENUATION
     half = 10 ** np.interp(
-        0.5, found.assumptions.folding, np.log10(found.assumptions.axial_factors)
+        0.5, computed.assumptions.folding, np.log10(computed.assumptions.axial_factors)
     )
     for text in (
         f"{touching.cells_agreeing} of 36 signs and {touching.named} cells named",
@@ -119,16 +122,16 @@ def test_the_errata_say_what_came_out(planar, found):
         assert text in entry.tried
 
 
-def test_the_fit_is_drawn_with_its_numbers(found):
+def test_the_fit_is_drawn_with_its_numbers(computed):
     from paper.beyond.attenuation_fit import draw
 
-    plate = draw(found.assumptions)
+    plate = draw(computed.assumptions)
     written = texts(plate.figure)
-    for one in found.assumptions.variants:
-        assert "{:.2f}, {:.2f}".format(*one.columns.attenuation) in written
-        assert f"{one.cells_agreeing} of 36" in written
+    for variant in computed.assumptions.variants:
+        assert "{:.2f}, {:.2f}".format(*variant.columns.attenuation) in written
+        assert f"{variant.cells_agreeing} of 36" in written
     for k in (0, 3, 4):
-        for left in found.assumptions.variants[k].columns.cell_residual.ravel():
+        for left in computed.assumptions.variants[k].columns.cell_residual.ravel():
             assert f"{left:.2f}" in written
     assert "Not in the paper" in plate.caption
 
@@ -161,8 +164,8 @@ def test_the_errata_say_what_the_search_for_the_device_found(planar):
     shown = press_all(device(planar, trials.values[trials.best])).guided
     stiffness = shown.stiffness.diagonal()[:3] / shown.stiffness[0, 0]
     ratio = f"1 : {stiffness[1]:.2f} : {stiffness[2]:.2f}"
-    motions = " and ".join(f"{one:.2f}" for one in fit_magnets(shown).attenuation)
-    entry = next(one for one in errata(planar) if one.number == "U5")
+    motions = " and ".join(f"{v:.2f}" for v in fit_magnets(shown).attenuation)
+    entry = next(erratum for erratum in errata(planar) if erratum.number == "U5")
     for text in (
         f"Of {study.tried} designs",
         f"more than {study.most_met} of {len(trials.nearest)} statements",
@@ -178,8 +181,8 @@ def test_the_errata_say_what_the_search_for_the_device_found(planar):
 # The displacement field
 
 
-def test_the_columns_carry_the_press(planar, found):
-    field = found.field
+def test_the_columns_carry_the_press(planar, computed):
+    field = computed.field
     feet = geometry(planar).sheet.columns
     sunk = -field.moved[feet, 2]
     # Columns that sway shorten besides.
@@ -189,19 +192,19 @@ def test_the_columns_carry_the_press(planar, found):
     assert np.abs(field.moved[feet][..., :2]).max() > 0.9 * np.abs(field.reduced).max()
 
 
-def test_the_displacement_field_is_drawn_with_its_scales(planar, found):
+def test_the_displacement_field_is_drawn_with_its_scales(planar, computed):
     from paper.beyond.displacement_field import draw
 
-    plate = draw(planar, found.field)
+    plate = draw(planar, computed.field)
     whole, reduced, section = plate.figure.axes[:3]
     arrows = whole.collections[1]
     factor = float(whole.get_title(loc="left").rpartition("x ")[2])
     feet = geometry(planar).sheet.columns
-    moved = found.field.moved[feet][..., :2].reshape(-1, 2) * 1e3 * factor
+    moved = computed.field.moved[feet][..., :2].reshape(-1, 2) * 1e3 * factor
     assert_allclose(np.stack([arrows.U, arrows.V], axis=-1), moved)
     assert float(reduced.get_title(loc="left").rpartition("x ")[2]) >= factor
-    assert_allclose(section.lines[0].get_ydata(), -field_row(planar, found.field) * 1e3)
-    assert f"{found.field.press * 1e3:.2f} mm at the pressed vertex" in plate.caption
+    assert_allclose(section.lines[0].get_ydata(), -field_row(planar, computed.field) * 1e3)
+    assert f"{computed.field.press * 1e3:.2f} mm at the pressed vertex" in plate.caption
 
 
 def field_row(design, field):
@@ -212,42 +215,44 @@ def field_row(design, field):
 # Figure S16
 
 
-def test_covers_make_the_motion_independent_of_the_place(found):
-    bare, covered = found.covers.bare, found.covers.covered
+def test_covers_make_the_motion_independent_of_the_place(computed):
+    bare, covered = computed.covers.bare, computed.covers.covered
     assert covered.spread.max() < 1e-9
     assert_allclose(
         covered.motion, np.broadcast_to(covered.table[:, :, None], covered.motion.shape),
         atol=1e-12,
     )  # fmt: skip
-    assert (covered.found == 1).all()
+    assert (covered.recall == 1).all()
     assert bare.spread.min() > 0.03
-    assert 0.5 < bare.found.mean() <= covered.found.mean()
+    assert 0.5 < bare.recall.mean() <= covered.recall.mean()
     assert covered.place_error.mean() <= bare.place_error.mean()
     # The middle of the cell is never further than its corner places.
     assert covered.place_error.max() == pytest.approx(0.4 * np.hypot(20e-3, 26.667e-3), rel=1e-3)
 
 
-def test_covers_are_drawn_with_their_spread(found):
+def test_covers_are_drawn_with_their_spread(computed):
     from paper.figure_s16 import draw
 
-    plate = draw(found.covers)
+    plate = draw(computed.covers)
     bare, covered, spread, errors = plate.figure.axes
     assert bare.get_xlim() == covered.get_xlim()
     written = {text.get_text() for text in spread.texts}
     for share, right in zip(
-        found.covers.bare.spread.ravel(), found.covers.bare.found.ravel(), strict=True
+        computed.covers.bare.spread.ravel(), computed.covers.bare.recall.ravel(), strict=True
     ):
         assert f"{100 * share:.0f}\n({100 * right:.0f})" in written
-    for line, one in zip(errors.lines, (found.covers.bare, found.covers.covered), strict=True):
-        assert line.get_xdata().mean() == pytest.approx(one.place_error.mean() * 1e3)
+    for line, coverage in zip(
+        errors.lines, (computed.covers.bare, computed.covers.covered), strict=True
+    ):
+        assert line.get_xdata().mean() == pytest.approx(coverage.place_error.mean() * 1e3)
     assert "the paper prints no number" in plate.caption
 
 
 # Figure S9
 
 
-def test_recovery_is_the_rubbers_creep(planar, found):
-    recovery = found.recovery
+def test_recovery_is_the_rubbers_creep(planar, computed):
+    recovery = computed.recovery
     prony = elastomer_prony(planar.columns.material)
     charged = prony.retardation_shares * -np.expm1(-10.0 / prony.retardation_times)
 
@@ -268,15 +273,15 @@ def test_recovery_is_the_rubbers_creep(planar, found):
     assert (recovery.signal.max(axis=1) > 100 * recovery.noise).all()
 
 
-def test_recovery_is_drawn_cell_by_cell(found):
+def test_recovery_is_drawn_cell_by_cell(computed):
     from paper.figure_s9 import draw
 
-    plate = draw(found.recovery)
-    shown = (found.recovery.times >= -2) & (found.recovery.times <= 12)
+    plate = draw(computed.recovery)
+    shown = (computed.recovery.times >= -2) & (computed.recovery.times <= 12)
     assert len(plate.figure.axes) == 6
     for k, axis in enumerate(plate.figure.axes):
         for s in range(2):
-            assert_allclose(axis.lines[s].get_ydata(), found.recovery.signal[k, shown, s] * 1e6)
+            assert_allclose(axis.lines[s].get_ydata(), computed.recovery.signal[k, shown, s] * 1e6)
         assert f"cell ({k + 1},{k + 1})" in axis.get_title(loc="left")
     assert "not in its text" in plate.caption
     assert "assumed" in plate.caption
@@ -285,8 +290,8 @@ def test_recovery_is_drawn_cell_by_cell(found):
 # Figure S15
 
 
-def test_all_three_components_fall_by_five_percent(found):
-    warmth = found.warmth
+def test_all_three_components_fall_by_five_percent(computed):
+    warmth = computed.warmth
     assert (np.abs(warmth.field[0]) > 4e-3).all()
     assert_allclose(warmth.loss, 0.05, rtol=2e-2)
     assert_allclose(warmth.read, warmth.field, atol=2e-5)
@@ -295,14 +300,14 @@ def test_all_three_components_fall_by_five_percent(found):
     assert warmth.left < 0.01 * np.abs(warmth.read[-1] / warmth.field[0] - 1).max()
 
 
-def test_warmth_is_drawn_as_it_was_read(found):
+def test_warmth_is_drawn_as_it_was_read(computed):
     from paper.figure_s15 import draw
 
-    plate = draw(found.warmth)
+    plate = draw(computed.warmth)
     fields, losses, rest = plate.figure.axes
     for k in range(3):
-        read = np.abs(found.warmth.read[:, k]) * 1e3
+        read = np.abs(computed.warmth.read[:, k]) * 1e3
         assert_allclose(fields.lines[2 * k + 1].get_ydata(), read)
-        assert f"{100 * found.warmth.loss[k]:.2f} % per 10" in texts(losses)
-        share = found.warmth.corrected[:, k] / found.warmth.field[0, k]
+        assert f"{100 * computed.warmth.loss[k]:.2f} % per 10" in texts(losses)
+        share = computed.warmth.corrected[:, k] / computed.warmth.field[0, k]
         assert_allclose(rest.lines[k].get_ydata(), 100 * (share - 1))

@@ -71,9 +71,9 @@ def test_quick_scripts_reproduce_what_is_printed(planar, name, tmp_path):
 def test_printed_counts_and_constants_are_reproduced(planar):
     from paper.text_numbers import rows
 
-    found = rows(Setting(planar))
-    assert {row.verdict for row in found} == {"reproduced"}
-    printed = {row.printed for row in found}
+    report = rows(Setting(planar))
+    assert {row.verdict for row in report} == {"reproduced"}
+    printed = {row.printed for row in report}
     assert {0.804e6, 0.804, -5227.78, 0.05, 825, 680625, 68062500, 9, 6, 3, 25, 33} <= printed
 
 
@@ -102,7 +102,7 @@ def test_the_whole_report(planar, tmp_path):
     steps: list[tuple[str, float]] = []
     out = tmp_path / "new" / "folder"
     rows = write_report(Setting(planar), out, lambda what, share: steps.append((what, share)))
-    counts = {one: sum(row.verdict == one for row in rows) for one in get_args(Verdict)}
+    counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in get_args(Verdict)}
     assert counts == {"reproduced": 76, "corrected": 27, "unresolved": 6}
     left = [row.id for row in rows if row.verdict == "unresolved"]
     assert left == ["U1", "U2", "U3", "U4", "U5", "U6"]
@@ -173,19 +173,19 @@ def test_errata_page_says_what_the_report_says(planar):
     listed = re.findall(r"^\| ([EU]\d+) ", written, re.M)
     entries = errata(planar)
     rows = {row.id: row for row in errata_rows(planar)}
-    assert listed == [one.number for one in entries] == list(rows)
-    for one in entries:
-        assert rows[one.number].computed == one.holds
-        assert rows[one.number].verdict == ("unresolved" if one.is_open else "corrected")
-    numbers = [int(one.number[1:]) for one in entries if not one.is_open]
+    assert listed == [erratum.number for erratum in entries] == list(rows)
+    for erratum in entries:
+        assert rows[erratum.number].computed == erratum.holds
+        assert rows[erratum.number].verdict == ("unresolved" if erratum.is_open else "corrected")
+    numbers = [int(erratum.number[1:]) for erratum in entries if not erratum.is_open]
     assert numbers == list(range(1, len(numbers) + 1))
 
 
 def test_errata_tell_wording_from_what_a_test_shows(planar):
-    for one in errata(planar):
-        if one.test.startswith("tests/"):
-            assert (ROOT / one.test).is_file()
-        elif one.test:
-            assert re.fullmatch(r"test_e\d+", one.test)
-            assert one.test == f"test_{one.number.lower()}"
-        assert "|" not in one.place + one.printed + one.holds + one.tried
+    for erratum in errata(planar):
+        if erratum.test.startswith("tests/"):
+            assert (ROOT / erratum.test).is_file()
+        elif erratum.test:
+            assert re.fullmatch(r"test_e\d+", erratum.test)
+            assert erratum.test == f"test_{erratum.number.lower()}"
+        assert "|" not in erratum.place + erratum.printed + erratum.holds + erratum.tried

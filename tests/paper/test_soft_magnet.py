@@ -68,8 +68,8 @@ def dented(amplitude: float = 1.5e-3) -> PressedBlock:
     """A smooth dent, deepest at the top, that is no equilibrium but bends every cell."""
     x, y, z = MESH.nodes.T
     bell = np.exp(-(x**2 + y**2) / (10e-3) ** 2) * z / BLOCK.size[2]
-    told = np.stack([20 * x * bell, 15 * y * bell, -bell], axis=-1) * amplitude
-    return moved(told[None])
+    displacement = np.stack([20 * x * bell, 15 * y * bell, -bell], axis=-1) * amplitude
+    return moved(displacement[None])
 
 
 def cuboids(stretches: tuple[float, float, float], points: Floats) -> Floats:
@@ -107,8 +107,8 @@ def slabs(points: Floats, count: int) -> Floats:
 
 @pytest.mark.parametrize("tolerance", [1e-5, 1e-8])
 def test_sectors_at_rest_are_four_cuboids(tolerance):
-    found = magnet_field(SECTORS, AT_REST, POINTS, tolerance=tolerance)[0]
-    assert np.abs(found - cuboids((1, 1, 1), POINTS)).max() < tolerance
+    field = magnet_field(SECTORS, AT_REST, POINTS, tolerance=tolerance)[0]
+    assert np.abs(field - cuboids((1, 1, 1), POINTS)).max() < tolerance
 
 
 def test_sinusoid_at_rest_is_the_limit_of_thin_slabs():
@@ -122,8 +122,8 @@ def test_sinusoid_at_rest_is_the_limit_of_thin_slabs():
 def test_stretched_rubber_carries_its_magnetisation():
     stretches = (1.2, 1.1, 1 / (1.2 * 1.1 * 1.02))
     states = moved((MESH.nodes * (np.array(stretches) - 1))[None])
-    found = magnet_field(SECTORS, states, POINTS[:4])[0]
-    assert_allclose(found, cuboids(stretches, POINTS[:4]), atol=1e-7)
+    field = magnet_field(SECTORS, states, POINTS[:4])[0]
+    assert_allclose(field, cuboids(stretches, POINTS[:4]), atol=1e-7)
 
 
 def test_turned_magnet_turns_its_field():
@@ -133,17 +133,17 @@ def test_turned_magnet_turns_its_field():
     states = moved((MESH.nodes @ turn.T + shift - MESH.nodes)[None])
     for magnet in (SECTORS, SINUSOID):
         still = magnet_field(magnet, AT_REST, POINTS[2:])[0]
-        found = magnet_field(magnet, states, POINTS[2:] @ turn.T + shift)[0]
-        assert_allclose(found, still @ turn.T, atol=1e-9)
+        field = magnet_field(magnet, states, POINTS[2:] @ turn.T + shift)[0]
+        assert_allclose(field, still @ turn.T, atol=1e-9)
 
 
 def test_tilted_lines_tilt_the_moment():
     # u_z = c |x| tilts M_x into z, downwards everywhere: far away one more vertical dipole.
     tilt = 0.1
-    told = np.zeros((2, *MESH.nodes.shape))
-    told[1, :, 2] = tilt * np.abs(MESH.nodes[:, 0])
+    displacements = np.zeros((2, *MESH.nodes.shape))
+    displacements[1, :, 2] = tilt * np.abs(MESH.nodes[:, 0])
     far = np.array([[0.0, 0.0, -4.0]])
-    rest, tilted = magnet_field(SECTORS, moved(told), far, tolerance=1e-16)[:, 0]
+    rest, tilted = magnet_field(SECTORS, moved(displacements), far, tolerance=1e-16)[:, 0]
     moment = -tilt * np.sqrt(0.5) * SECTORS.remanence * np.prod(BLOCK.size)
     dipole = VACUUM_PERMEABILITY / (2 * np.pi) * moment / (4.0 + BLOCK.size[2] / 2) ** 3
     assert_allclose(tilted - rest, [0, 0, dipole], rtol=2e-3, atol=1e-14)
@@ -153,8 +153,8 @@ def test_tilted_lines_tilt_the_moment():
 def test_quadrature_keeps_its_tolerance_in_bent_cells(magnet):
     exact = magnet_field(magnet, dented(), POINTS, tolerance=1e-10)
     for tolerance in (1e-4, 1e-6, 1e-8):
-        found = magnet_field(magnet, dented(), POINTS, tolerance=tolerance)
-        assert np.abs(found - exact).max() < tolerance
+        field = magnet_field(magnet, dented(), POINTS, tolerance=tolerance)
+        assert np.abs(field - exact).max() < tolerance
 
 
 def test_field_has_neither_sources_nor_curl():
@@ -169,9 +169,9 @@ def test_field_has_neither_sources_nor_curl():
 
 def test_states_share_their_quadrature():
     both = moved(np.concatenate([AT_REST.displacements, dented(1e-9).displacements]))
-    found = magnet_field(SINUSOID, both, POINTS[3:], tolerance=1e-4)
+    field = magnet_field(SINUSOID, both, POINTS[3:], tolerance=1e-4)
     exact = magnet_field(SINUSOID, both, POINTS[3:], tolerance=1e-10)
-    change, true = found[1] - found[0], exact[1] - exact[0]
+    change, true = field[1] - field[0], exact[1] - exact[0]
     assert np.abs(change - true).max() < 1e-3 * np.abs(true).max()
 
 
@@ -180,9 +180,9 @@ def test_unconverged_states_have_no_field():
         np.concatenate([dented().displacements, np.full((1, *MESH.nodes.shape), np.nan)])
     )
     states = replace(states, converged=np.array([True, False]))
-    found = magnet_field(SINUSOID, states, POINTS)
-    assert np.isfinite(found[0]).all()
-    assert np.isnan(found[1]).all()
+    field = magnet_field(SINUSOID, states, POINTS)
+    assert np.isfinite(field[0]).all()
+    assert np.isnan(field[1]).all()
     response = soft_response(SINUSOID, states, [[0.0, 0.0]])
     assert np.isnan(response.changes[1]).all()
     assert np.isfinite(response.changes[0]).all()
@@ -198,9 +198,9 @@ def test_sinusoid_is_centripetal_and_strongest_at_the_farther_rim():
     x, y = np.meshgrid(np.linspace(-20e-3, 20e-3, 9), np.linspace(-16e-3, 16e-3, 7))
     where = np.stack([x, y, 0 * x], axis=-1)
     for magnet in (SECTORS, SINUSOID):
-        found = magnetisation(magnet, where)
-        assert (np.sum(found * where, axis=-1)[np.hypot(x, y) > 0] < 0).all()
-        assert np.abs(found).max() <= magnet.remanence * (1 + 1e-12)
+        magnetised = magnetisation(magnet, where)
+        assert (np.sum(magnetised * where, axis=-1)[np.hypot(x, y) > 0] < 0).all()
+        assert np.abs(magnetised).max() <= magnet.remanence * (1 + 1e-12)
     assert_allclose(magnetisation(SINUSOID, [20e-3, 0, 0])[0], -SINUSOID.remanence)
 
 
@@ -264,9 +264,9 @@ class BrokenSkin(ReducedTwin):
     """A twin that finds no equilibrium beyond half a millimetre."""
 
     def sheet_vertices(self, contacts=()):
-        found = super().sheet_vertices(contacts)
-        deepest = (super().sheet_vertices() - found)[:, 2].max()
-        return np.full_like(found, np.nan) if deepest > 0.5e-3 else found
+        vertices = super().sheet_vertices(contacts)
+        deepest = (super().sheet_vertices() - vertices)[:, 2].max()
+        return np.full_like(vertices, np.nan) if deepest > 0.5e-3 else vertices
 
     def read(self, contacts=(), **_) -> Reading:
         return super().read(contacts)
@@ -317,12 +317,12 @@ def test_wrong_use_says_so(planar, study):
 
 @pytest.mark.slow
 def test_report_says_what_the_paper_says(planar, tmp_path):
-    found = compare(planar, ReducedTwin(watched_everywhere(planar), seed=None), fineness=4)
-    assert {row.verdict for row in comparison_rows(found)} == {"reproduced"}
-    assert found.section.shape == (2, len(found.section_z), len(found.section_x))
-    assert_allclose(found.section_x, -found.section_x[::-1], atol=1e-15)
-    assert np.isfinite(found.section).all()
-    plate = draw(found, MagnetisationLoop())
+    comparison = compare(planar, ReducedTwin(watched_everywhere(planar), seed=None), fineness=4)
+    assert {row.verdict for row in comparison_rows(comparison)} == {"reproduced"}
+    assert comparison.section.shape == (2, len(comparison.section_z), len(comparison.section_x))
+    assert_allclose(comparison.section_x, -comparison.section_x[::-1], atol=1e-15)
+    assert np.isfinite(comparison.section).all()
+    plate = draw(comparison, MagnetisationLoop())
     first, second = (plate.write(tmp_path).read_bytes() for _ in range(2))
     assert first == second
-    assert f"{found.visibility[1]:.2g} times the noise of one reading" in plate.caption
+    assert f"{comparison.visibility[1]:.2g} times the noise of one reading" in plate.caption

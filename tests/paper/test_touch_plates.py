@@ -37,7 +37,9 @@ pytestmark = pytest.mark.slow
 
 def texts(figure) -> str:
     """All that is written on a figure."""
-    return "\n".join(one.get_text() for one in figure.findobj(lambda a: hasattr(a, "get_text")))
+    return "\n".join(
+        artist.get_text() for artist in figure.findobj(lambda a: hasattr(a, "get_text"))
+    )
 
 
 def test_bench_signals_are_those_of_the_readout_in_noise(planar):
@@ -45,12 +47,12 @@ def test_bench_signals_are_those_of_the_readout_in_noise(planar):
     magnets = np.zeros((400, 3, 6))
     magnets[:, 1:, 0] = 1e-4
     motion = Motion(magnets=magnets, board=np.zeros((400, 6)))
-    found = bench_signals(planar, Readout(planar), motion, rng)
+    simulated = bench_signals(planar, Readout(planar), motion, rng)
     still = Motion.rest(3, (1,))
     expected = Readout(planar).field(motion)[0] - Readout(planar).field(still)[0]
     noise = np.sqrt(np.diag(signal_noise(planar))).reshape(3, 3)
-    assert_allclose(found.mean(axis=0), expected, atol=2 * noise.max())
-    assert_allclose(found.std(axis=0), noise, rtol=0.5)
+    assert_allclose(simulated.mean(axis=0), expected, atol=2 * noise.max())
+    assert_allclose(simulated.std(axis=0), noise, rtol=0.5)
 
 
 def test_a_table_of_other_chips_is_refused(planar):
@@ -79,35 +81,39 @@ def shear(twin):
 def jointly(shear):
     """As good as the model reads theory's sheet."""
     x, y = (
-        Jointly(readings=one.preprocessed, drag_error=np.full(len(DRAGS), 4e-3))
-        for one in (shear.theory.x, shear.theory.y)
+        Jointly(readings=sheared.preprocessed, drag_error=np.full(len(DRAGS), 4e-3))
+        for sheared in (shear.theory.x, shear.theory.y)
     )
     return x, y
 
 
 def test_without_shear_the_model_reads_both_sheets(shear):
     for sheet in (shear.whole, shear.theory):
-        for one in (sheet.x, sheet.y):
-            assert one.raw.distance[0].mean() < 1e-3
-            assert one.raw.force_error(one.true)[0] < 0.01
+        for sheared in (sheet.x, sheet.y):
+            assert sheared.raw.distance[0].mean() < 1e-3
+            assert sheared.raw.force_error(sheared.true)[0] < 0.01
 
 
 def test_preprocessing_mends_theorys_sheet(shear):
-    for one in (shear.theory.x, shear.theory.y):
-        errors = one.preprocessed.distance.mean(axis=1)
-        assert errors[SHOWN] < 1.2e-3 < 0.1 * one.raw.distance[SHOWN].mean()
-        assert one.preprocessed.force_error(one.true)[-1] < 0.05 < one.raw.force_error(one.true)[-1]
-        assert one.deducted.force_error(one.true)[-1] > 0.2  # without 1 + |F_p| / v_f
-        assert one.nearer > 0.9
+    for sheared in (shear.theory.x, shear.theory.y):
+        errors = sheared.preprocessed.distance.mean(axis=1)
+        assert errors[SHOWN] < 1.2e-3 < 0.1 * sheared.raw.distance[SHOWN].mean()
+        assert (
+            sheared.preprocessed.force_error(sheared.true)[-1]
+            < 0.05
+            < sheared.raw.force_error(sheared.true)[-1]
+        )
+        assert sheared.deducted.force_error(sheared.true)[-1] > 0.2  # without 1 + |F_p| / v_f
+        assert sheared.nearer > 0.9
     assert shear.theory.unasked < 1e-3
 
 
 def test_preprocessing_helps_the_whole_sheet_and_leaves_large_errors(shear):
     whole = shear.whole
-    for one in (whole.x, whole.y):
-        raw, after = (way.distance.mean(axis=1) for way in (one.raw, one.preprocessed))
+    for sheared in (whole.x, whole.y):
+        raw, after = (way.distance.mean(axis=1) for way in (sheared.raw, sheared.preprocessed))
         assert (np.diff(raw) > 0).all()
-        assert one.nearer > 0.5
+        assert sheared.nearer > 0.5
         assert 5e-3 < after[SHOWN] < 0.9 * raw[SHOWN]
         assert after[0] > 5 * raw[0]  # a finger that sticks looks like a drag
     assert whole.unasked > 0.02
@@ -123,10 +129,10 @@ def test_the_drag_found_in_straight_presses_is_the_pull_of_a_finger_that_sticks(
     sliding = shear_learning(twin).whole
     # The board's tilt under the press is what is left.
     assert sliding.unasked < 0.25 * shear.whole.unasked
-    for one, sticks in ((sliding.x, shear.whole.x), (sliding.y, shear.whole.y)):
-        spoilt, more = (item.preprocessed.distance[0].mean() for item in (one, sticks))
+    for slides, sticks in ((sliding.x, shear.whole.x), (sliding.y, shear.whole.y)):
+        spoilt, more = (item.preprocessed.distance[0].mean() for item in (slides, sticks))
         assert spoilt < 0.6 * more
-        assert one.preprocessed.distance[SHOWN].mean() > 5e-3
+        assert slides.preprocessed.distance[SHOWN].mean() > 5e-3
 
 
 def test_rows_of_the_shear_tell_what_came_out(shear, jointly):
@@ -147,14 +153,14 @@ def test_the_joint_estimator_reads_the_same_signals(planar, twin, shear):
     # Theory's signals by theory's table, where that can follow theory: without shear.
     skin = TrialSkin(twin=twin, table=reduced_table(plain(planar)), noise=signal_noise(planar))
     straight = tuple(
-        replace(one, signals=np.broadcast_to(one.signals[:1], one.signals.shape))
-        for one in (shear.theory.x, shear.theory.y)
+        replace(sheared, signals=np.broadcast_to(sheared.signals[:1], sheared.signals.shape))
+        for sheared in (shear.theory.x, shear.theory.y)
     )
     x, y = read_jointly(skin, replace(shear.theory, x=straight[0], y=straight[1]))
-    for one, said in zip((x, y), straight, strict=True):
-        assert one.readings.distance[0].mean() < 2e-3
-        assert one.readings.force_error(said.true)[0] < 0.02
-        assert one.drag_error[0] < 5e-3
+    for joint, sheared in zip((x, y), straight, strict=True):
+        assert joint.readings.distance[0].mean() < 2e-3
+        assert joint.readings.force_error(sheared.true)[0] < 0.02
+        assert joint.drag_error[0] < 5e-3
 
 
 def test_where_preprocessing_mends_everything_the_row_does_not_hold(shear, jointly):
@@ -168,7 +174,9 @@ def test_the_shear_is_drawn_in_the_papers_order(shear, jointly):
 
     plate = draw(shear, jointly)
     axes = plate.figure.axes
-    assert [axis.get_title(loc="left")[:3] for axis in axes] == [f"({one})" for one in "abcdefghi"]
+    assert [axis.get_title(loc="left")[:3] for axis in axes] == [
+        f"({letter})" for letter in "abcdefghi"
+    ]
     raw, after, joint = axes[1].lines
     expected = shear.whole.x.by_cell(np.abs(shear.whole.x.raw.place[SHOWN, :, 0])) * 1e3
     assert_allclose(raw.get_ydata(), expected)
@@ -211,7 +219,7 @@ def pairs() -> PairErrors:
         bound=np.median(bound, axis=2),
         each=each,
         each_bound=bound,
-        told=1.0,
+        identifiable=1.0,
     )
 
 
@@ -251,7 +259,7 @@ def test_pairs_are_drawn_with_their_numbers(pairs, touches):
 def test_rows_of_two_touches_judge_counts_and_rank(touches, pairs):
     solved, switch = touch_error_rows(touches, pairs)
     assert (solved.verdict, switch.verdict) == ("reproduced", "reproduced")
-    solved, switch = touch_error_rows(replace(touches, idle=0.5), replace(pairs, told=0.9))
+    solved, switch = touch_error_rows(replace(touches, idle=0.5), replace(pairs, identifiable=0.9))
     assert (solved.verdict, switch.verdict) == ("unresolved", "unresolved")
     assert "50 % of the moments" in switch.computed
 
@@ -261,7 +269,7 @@ def test_blind_strips_and_patches_are_named():
     slopes = np.zeros((11, 21, 3, 5))
     slopes[..., 0, 0] = slopes[..., 1, 1] = slopes[..., 2, 4] = 1.0
     slopes[0, :, 0, 0] = slopes[:, 19:, 1, 1] = slopes[5, 5, 0, 0] = 0.0
-    found = bound_of_slopes(x, y, slopes, 1e-12 * np.eye(3), drags=False)
-    assert blind_regions(found) == ["x <= 0 mm", "y >= 190 mm", "0.4% of the skin elsewhere"]
-    found = bound_of_slopes(x, y, 0 * slopes, 1e-12 * np.eye(3), drags=False)
-    assert blind_regions(found) == ["the whole skin"]
+    bound = bound_of_slopes(x, y, slopes, 1e-12 * np.eye(3), drags=False)
+    assert blind_regions(bound) == ["x <= 0 mm", "y >= 190 mm", "0.4% of the skin elsewhere"]
+    bound = bound_of_slopes(x, y, 0 * slopes, 1e-12 * np.eye(3), drags=False)
+    assert blind_regions(bound) == ["the whole skin"]

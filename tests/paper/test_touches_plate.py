@@ -65,14 +65,14 @@ def test_more_touches_make_better_estimates(planar):
 
     small = Effort(presses=4000, pairs=0, skins=10, draws=3, presses_a_skin=200)
     table = make_table(planar, small).of_chips((1, 2))
-    told = []
+    shares = []
     curve = touch_curve(
         planar,
         table,
         CurveEffort(seeds=(1,), counts=(1, 30), forces=(0.5,), places=40),
-        progress=lambda what, share: told.append(share),
+        progress=lambda what, share: shares.append(share),
     )
-    assert told == [0.0]
+    assert shares == [0.0]
     assert curve.planned[0, 1] < 0.7 * curve.planned[0, 0]
     assert curve.bound < curve.planned[0, 1] < 1.9e-3
     assert curve.expected[1] < curve.expected[0]

@@ -60,8 +60,10 @@ def pushed(arm, clock, touch):
         push = posture.of_skin(roll.axes(touch.position[1]) @ touch.force)
         jacobian = posture.jacobian(place)
         least = min(least, np.linalg.svd(jacobian, compute_uv=False)[-1])
-        told = Estimate(time=clock[0], status=Status.CONTACT, contacts=(touch,), covariance=SURE)
-        command = follow.step(clock[0], Seen(told, clock[0]), state)
+        estimate = Estimate(
+            time=clock[0], status=Status.CONTACT, contacts=(touch,), covariance=SURE
+        )
+        command = follow.step(clock[0], Seen(estimate, clock[0]), state)
         arm.push(place, push)
         if not command.speeds.any():
             arm.stop()
@@ -77,16 +79,16 @@ def pushed(arm, clock, touch):
 @pytest.mark.slow
 def test_the_touched_place_goes_along_the_force_in_any_pose_or_stands():
     """Near-singular poses included: where the joints cannot go that way, it stands."""
-    rng, clock, found, refused = np.random.default_rng(7), [0.0], [], Counter()
+    rng, clock, pushes, refused = np.random.default_rng(7), [0.0], [], Counter()
     for number in range(150):
         with SimulatedArm(DESIGN, lambda: clock[0]) as arm:
             arm.pose(any_angles(arm.chain, rng, number))
             try:
-                found.append(pushed(arm, clock, touch_of(rng, rng.uniform(0.6, 1.2))))
+                pushes.append(pushed(arm, clock, touch_of(rng, rng.uniform(0.6, 1.2))))
             except ArgumentError as error:  # it meets itself or the ground there
                 refused[str(error)] += 1
-    moved = [(least, max(away)) for least, away in found if away]
-    assert len(found) > 60, refused
+    moved = [(least, max(away)) for least, away in pushes if away]
+    assert len(pushes) > 60, refused
     assert len(moved) > 40
     assert sum(least < 0.05 for least, _ in moved) >= 5
     assert max(angle for _, angle in moved) < 10.0

@@ -74,9 +74,9 @@ def test_legs_far_apart_are_touches_of_their_own_by_the_law_of_the_lever():
         f'<geom type="sphere" size="0.004" pos="{x} {y} -0.01"/>'
         for x, y in ((-0.02, 0.02), (-0.02, -0.02), (0.03, 0.0))
     )
-    found = touches(*settled(body(feet, "0 0 0.014")))
-    assert len(found) == 3
-    by_x = sorted(found, key=lambda touch: touch.position[0])
+    contacts = touches(*settled(body(feet, "0 0 0.014")))
+    assert len(contacts) == 3
+    by_x = sorted(contacts, key=lambda touch: touch.position[0])
     shares = [touch.normal_force / WEIGHT for touch in by_x]
     assert shares == pytest.approx([0.3, 0.3, 0.4], abs=0.01)
     assert by_x[2].position == pytest.approx(np.add(MIDDLE, [0.03, 0.0]), abs=2e-4)

@@ -209,12 +209,12 @@ def test_disarming_and_closing_stop_it_at_once():
 
 
 def test_its_own_thread_looks_again_and_again():
-    told = []
+    commands = []
     arm = IdealArm(forearm_chain())
-    with Driver(arm, Follow(arm.chain, DESIGN), on_command=told.append) as driver:
+    with Driver(arm, Follow(arm.chain, DESIGN), on_command=commands.append) as driver:
         driver.start(200.0)
-        while len(told) < 5:
+        while len(commands) < 5:
             pass
-    count = len(told)
+    count = len(commands)
     assert count >= 5
-    assert told[-1].reason is Reason.DISARMED
+    assert commands[-1].reason is Reason.DISARMED

@@ -78,8 +78,8 @@ class Controller:
 
     def joint_states(self, is_radian=None, num=3):
         assert is_radian is True
-        told = [self.angles.tolist(), self.speeds.tolist(), [0.0] * 7]
-        return self.codes.get("joints", 0), told
+        joints = [self.angles.tolist(), self.speeds.tolist(), [0.0] * 7]
+        return self.codes.get("joints", 0), joints
 
 
 @pytest.fixture
@@ -96,12 +96,12 @@ def controller(chain):
 def test_it_moves_as_it_is_asked_and_tells_what_it_does(controller, chain):
     with XArm("192.168.1.1", chain, connect=lambda host: controller.api) as arm:
         asked = np.array([0.2, -0.1, 0.3, 99.0])
-        told = arm.move(asked)
-        np.testing.assert_allclose(told, [0.2, -0.1, 0.3, chain.speed[3]])
+        commanded = arm.move(asked)
+        np.testing.assert_allclose(commanded, [0.2, -0.1, 0.3, chain.speed[3]])
         controller.wait(0.05)
         state = arm.state()
-        np.testing.assert_allclose(state.speeds, told)
-        np.testing.assert_allclose(state.angles, 0.05 * told)
+        np.testing.assert_allclose(state.speeds, commanded)
+        np.testing.assert_allclose(state.angles, 0.05 * commanded)
         arm.stop()
         assert not arm.state().speeds.any()
     assert controller.api.disconnect.call_count == 1

@@ -27,8 +27,8 @@ def test_the_mean_of_figures_leaves_out_what_is_not_known() -> None:
 def test_noise_is_found_beneath_a_drift_as_surely_as_is_said() -> None:
     rng, sigma = np.random.default_rng(0), 2e-6
     drift = np.linspace(0.0, 50e-6, 40)[:, None]
-    found = [noise(drift + sigma * rng.normal(size=(40, 3))) for _ in range(400)]
-    values = np.array([each.value for each in found])
+    estimates = [noise(drift + sigma * rng.normal(size=(40, 3))) for _ in range(400)]
+    values = np.array([each.value for each in estimates])
     # A drift of 1.3 um a reading adds a fifth to a variance; without it the noise is unbiased.
     assert_allclose(values.mean(), (sigma**2 + (50e-6 / 39) ** 2 / 2) ** 0.5, rtol=0.02)
     still = [noise(sigma * rng.normal(size=(40, 3))) for _ in range(400)]
@@ -39,8 +39,8 @@ def test_noise_is_found_beneath_a_drift_as_surely_as_is_said() -> None:
 
 def test_a_slope_is_as_sure_as_it_says() -> None:
     rng, x = np.random.default_rng(1), np.linspace(0.0, 1.0, 12)
-    found = [slope(x, 3.0 - 7.0 * x + 0.1 * rng.normal(size=12)) for _ in range(500)]
-    pulls = [(each.value + 7.0) / each.deviation for each in found]
+    estimates = [slope(x, 3.0 - 7.0 * x + 0.1 * rng.normal(size=12)) for _ in range(500)]
+    pulls = [(each.value + 7.0) / each.deviation for each in estimates]
     # Student's t of ten degrees has a deviation of 1.118.
     assert_allclose(np.std(pulls), 1.118, rtol=0.12)
     assert abs(np.mean(pulls)) < 0.15
@@ -60,8 +60,8 @@ def test_a_loop_of_known_area(share: float) -> None:
     # Neither units nor a zero of the drive change a share, and hardly does a late beginning.
     assert_allclose(loop_share(5.0 - 1e-3 * drive, -2e-6 * response, 500), share, atol=2e-5)
     late = drive >= 0.05
-    found = loop_share(drive[late], response[late], int(late[:501].sum()) - 1)
-    assert_allclose(found, share, rtol=0.02, atol=2e-5)
+    partial = loop_share(drive[late], response[late], int(late[:501].sum()) - 1)
+    assert_allclose(partial, share, rtol=0.02, atol=2e-5)
 
 
 def test_a_viscous_loop_in_closed_form() -> None:
@@ -75,10 +75,10 @@ def test_a_viscous_loop_in_closed_form() -> None:
 
 def test_repeatability_is_the_relative_spread() -> None:
     rng = np.random.default_rng(2)
-    found = [repeatability(-5.0 * (1 + 0.03 * rng.normal(size=8))) for _ in range(500)]
-    assert_allclose(np.mean([each.value for each in found]) / 0.9650, 0.03, rtol=0.03)  # c_4 of 8
-    spread = np.std([each.value for each in found])
-    assert_allclose(np.mean([each.deviation for each in found]), spread, rtol=0.1)
+    spreads = [repeatability(-5.0 * (1 + 0.03 * rng.normal(size=8))) for _ in range(500)]
+    assert_allclose(np.mean([each.value for each in spreads]) / 0.9650, 0.03, rtol=0.03)  # c_4 of 8
+    spread = np.std([each.value for each in spreads])
+    assert_allclose(np.mean([each.deviation for each in spreads]), spread, rtol=0.1)
 
 
 def test_crosstalk_is_what_others_touches_give() -> None:
@@ -88,9 +88,9 @@ def test_crosstalk_is_what_others_touches_give() -> None:
 
 def test_a_temperature_coefficient_at_its_reference() -> None:
     degrees = np.array([15.0, 25.0, 45.0])
-    found = relative_slope(degrees, 3e-3 * (1 - 0.005 * (degrees - 25.0)))
-    assert_allclose(found.value, -0.005, rtol=1e-12)
-    assert found.deviation < 1e-15
+    coefficient = relative_slope(degrees, 3e-3 * (1 - 0.005 * (degrees - 25.0)))
+    assert_allclose(coefficient.value, -0.005, rtol=1e-12)
+    assert coefficient.deviation < 1e-15
     assert_allclose(relative_slope(degrees, 1 - 0.005 * (degrees - 25.0), 45.0).value, -0.005 / 0.9)
 
 
@@ -98,8 +98,8 @@ def test_a_temperature_coefficient_at_its_reference() -> None:
 def test_a_recovery_of_known_time_constant(part: float) -> None:
     times = np.linspace(-1.0, 5.0, 3001)
     signal = np.where(times < 0.0, 1.0, np.exp(-times / 0.7)) + 3.0
-    found = recovery_time(times, signal, 0.0, within=part, rest=3.0)
-    assert_allclose(found, -0.7 * np.log(part), atol=1e-4)
+    recovery = recovery_time(times, signal, 0.0, within=part, rest=3.0)
+    assert_allclose(recovery, -0.7 * np.log(part), atol=1e-4)
     short = times < 0.5
     assert np.isnan(recovery_time(times[short], signal[short], 0.0, within=part, rest=3.0))
 

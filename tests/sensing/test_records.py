@@ -47,7 +47,7 @@ def test_arrays_are_read_only_copies_of_what_was_given(name):
         np.testing.assert_array_equal(kept, given[key])
         assert kept.dtype == (np.int64 if key in ("exponents", "group", "run") else np.float64)
     arrays = [getattr(record, part.name) for part in fields(record)]
-    for array in (one for one in arrays if isinstance(one, np.ndarray)):
+    for array in (each for each in arrays if isinstance(each, np.ndarray)):
         assert not array.flags.writeable
 
 

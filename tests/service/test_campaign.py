@@ -51,7 +51,7 @@ class Arm(Rig):
 def test_each_touch_is_kept_with_the_rest_before_it():
     heard, kept = [], []
     table = press_plan(
-        Arm(), PLAN, keep=kept.append, every=0.0, progress=lambda *said: heard.append(said)
+        Arm(), PLAN, keep=kept.append, every=0.0, progress=lambda *event: heard.append(event)
     )
     assert table.touched.tolist() == 6 * [False, True]
     assert_allclose(table.position[1::2], PLAN.position + 1e-5)

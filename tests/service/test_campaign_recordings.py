@@ -88,13 +88,13 @@ def test_a_touch_comes_back_as_it_was_made(tmp_path: Path) -> None:
 def test_all_streams_are_open_to_other_programs(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     pressed(path)
-    found = decoded_by_others(path)
+    messages = decoded_by_others(path)
     counts = {"/skin/reading": 120, "/rig/gauge": 240, "/rig/stage": 60, "/rig/phase": 12}
-    assert {topic: len(found[topic]) for topic in counts} == counts
-    assert [message.touch for _, message in found["/rig/touch"]] == list(range(6))
+    assert {topic: len(messages[topic]) for topic in counts} == counts
+    assert [message.touch for _, message in messages["/rig/touch"]] == list(range(6))
     # One time base: the gauge feels the load when the chips see it.
-    loaded = [stamp for stamp, message in found["/rig/gauge"] if message.wrench.force.z < -0.3]
-    seen = [stamp for stamp, message in found["/skin/reading"] if message.field[0] > 1.0005e-3]
+    loaded = [stamp for stamp, message in messages["/rig/gauge"] if message.wrench.force.z < -0.3]
+    seen = [stamp for stamp, message in messages["/skin/reading"] if message.field[0] > 1.0005e-3]
     assert abs(min(loaded) - min(seen)) < 1_000_000
     from mcap.reader import make_reader
 

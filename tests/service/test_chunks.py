@@ -51,9 +51,9 @@ def test_no_more_is_unpacked_than_a_chunk_says_that_it_holds(name, size, monkeyp
         return unpacked[-1]
 
     monkeypatch.setattr(mcap, "_unpacked", noted)
-    found = load(*chunk(PACKED[name], name, size=size))
+    loaded = load(*chunk(PACKED[name], name, size=size))
     if name and size < len(DATA):
-        assert found is None
+        assert loaded is None
         assert all(len(data) <= max(size, 1) for data in unpacked)
 
 

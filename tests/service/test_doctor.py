@@ -30,8 +30,8 @@ def test_a_sound_board_is_called_so(planar: SkinDesign) -> None:
 def test_a_board_of_another_format_is_told_its_format(planar: SkinDesign) -> None:
     with sending(TwinSource(ReducedTwin(planar), rate=400.0), "anyskin") as port:
         diagnosis = examine_source(f"serial://{port}", seconds=0.5)
-    told = [str(f) for f in diagnosis.findings if f.where == "source"]
-    assert "use format=anyskin&chips=3" in told[0]
+    sentences = [str(f) for f in diagnosis.findings if f.where == "source"]
+    assert "use format=anyskin&chips=3" in sentences[0]
 
 
 def test_a_chip_that_is_missing_is_named(planar: SkinDesign) -> None:
@@ -50,8 +50,8 @@ def test_a_chip_that_is_missing_is_named(planar: SkinDesign) -> None:
 
     with sending(Spoilt(twin, rate=400.0)) as port:
         diagnosis = examine_source(f"serial://{port}", seconds=0.5)
-    told = [str(f) for f in diagnosis.findings if f.where.startswith("chip")]
-    assert told == [
+    sentences = [str(f) for f in diagnosis.findings if f.where.startswith("chip")]
+    assert sentences == [
         "chip S2: It does not answer, every time. Look at its supply, its wires and "
         "pull-ups, and the order code, which gives the address."
     ]
@@ -62,24 +62,24 @@ def test_a_silent_port_and_one_that_is_not_there_are_findings(planar: SkinDesign
         diagnosis = examine_source(f"serial://{line.port}", seconds=1.0)
     assert any("is open and silent" in str(finding) for finding in diagnosis.findings)
     diagnosis = examine_source("serial:///dev/ttyNone7", seconds=1.0)
-    told = " ".join(map(str, diagnosis.findings))
-    assert "by a cable that carries data" in told
-    assert "cannot be opened" in told
+    text = " ".join(map(str, diagnosis.findings))
+    assert "by a cable that carries data" in text
+    assert "cannot be opened" in text
     with pytest.raises(ArgumentError, match="url must be"):
         examine_source("morse:7")
 
 
 def test_a_robot_may_move_meanwhile(planar: SkinDesign) -> None:
-    told: list[str] = []
+    messages: list[str] = []
     diagnosis = examine_source(
         "twin://planar?mechanics=reduced&creep=no&rate=400",
         seconds=0.5,
         moving=0.5,
-        say=told.append,
+        say=messages.append,
     )
     assert diagnosis.findings == ()
     assert str(diagnosis).endswith("Nothing is wrong.")
-    assert told[1].startswith("Move the robot for 0.5 s")
+    assert messages[1].startswith("Move the robot for 0.5 s")
 
 
 def test_what_there_is_is_listed_with_what_reads_it(

@@ -19,16 +19,16 @@ def plan(count: int = 6) -> TouchTable:
 
 
 def followed(readings, wanted: TouchTable) -> tuple[GuidedTouches, list[str]]:
-    said: list[str] = []
-    guided = GuidedTouches(wanted, say=said.append)
+    sentences: list[str] = []
+    guided = GuidedTouches(wanted, say=sentences.append)
     for reading in readings:
         guided.step(reading)
-    return guided, said
+    return guided, sentences
 
 
 def test_every_touch_is_recorded_with_the_rest_before_it() -> None:
     wanted = plan()
-    guided, said = followed(hand(wanted), wanted)
+    guided, sentences = followed(hand(wanted), wanted)
     assert guided.done
     table = guided.table
     assert table.touched.tolist() == [False, True] * 6
@@ -39,12 +39,14 @@ def test_every_touch_is_recorded_with_the_rest_before_it() -> None:
         true = pressed(contact.position, 0.5)
         assert np.abs(row - REST - true).max() < 0.25 * np.abs(true).max()
     assert (table.held[1:, 0] > table.held[:-1, 1]).all()
-    assert said[0] == "Let nothing touch the skin."
+    assert sentences[0] == "Let nothing touch the skin."
     x, y = 1e3 * wanted.contacts[0].position
-    assert said[1] == f"1 of 6: press at x {x:.1f} mm, y {y:.1f} mm with 0.50 N, and hold still."
-    assert said[2] == "Got it: let go."
-    assert said[-1] == "Got it: that was the last one."
-    assert len(said) == 1 + 2 * 6
+    assert (
+        sentences[1] == f"1 of 6: press at x {x:.1f} mm, y {y:.1f} mm with 0.50 N, and hold still."
+    )
+    assert sentences[2] == "Got it: let go."
+    assert sentences[-1] == "Got it: that was the last one."
+    assert len(sentences) == 1 + 2 * 6
 
 
 def test_only_what_is_held_still_counts() -> None:
@@ -71,8 +73,8 @@ def test_only_what_is_held_still_counts() -> None:
 def test_a_hand_that_waits_is_waited_for() -> None:
     wanted = plan(2)
     readings = list(hand(wanted))
-    guided, said = followed([readings[k] for k in range(60)], wanted)
-    held = len(said)
+    guided, sentences = followed([readings[k] for k in range(60)], wanted)
+    held = len(sentences)
     later = [
         Reading(time=2.0 + k / 60, field=readings[k % 50].field, temperature=np.full(5, 25.0))
         for k in range(600)
@@ -81,9 +83,9 @@ def test_a_hand_that_waits_is_waited_for() -> None:
         guided.step(reading)
     assert guided.made == 0
     assert held == 2
-    assert len(said) == 3
-    assert said[2].startswith(said[1])
-    assert re.search(r"The field is \d uT from rest; a touch changes it by 30 uT", said[2])
+    assert len(sentences) == 3
+    assert sentences[2].startswith(sentences[1])
+    assert re.search(r"The field is \d uT from rest; a touch changes it by 30 uT", sentences[2])
 
 
 @pytest.mark.parametrize("rate", [5.0, 19.0, 500.0])
@@ -113,8 +115,8 @@ def test_what_keeps_the_next_touch_from_being_made_is_said() -> None:
     def reading(k: int, seen: np.ndarray, flags: list[int]) -> Reading:
         return Reading(time=k / 60, field=seen, temperature=np.full(5, 25.0), flags=flags)
 
-    _, said = followed([reading(k, REST, fault) for k in range(700)], wanted)
-    assert said[1:] == ["Chip 3 has a fault: smoskin doctor says what to do."]
+    _, sentences = followed([reading(k, REST, fault) for k in range(700)], wanted)
+    assert sentences[1:] == ["Chip 3 has a fault: smoskin doctor says what to do."]
     warming = [reading(k, REST * (1 + 0.01 * k), calm) for k in range(700)]
     assert followed(warming, wanted)[1][1:] == [
         "The skin does not rest yet: let nothing touch or move it."

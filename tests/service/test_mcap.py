@@ -97,12 +97,12 @@ def test_one_damaged_byte_is_never_a_silent_wrong_answer(
         assert recording.description == whole.description
         if recording.reading_count == count and position % 16:
             continue
-        found = assert_readings_true(recording, originals)
-        if found < count:
+        kept = assert_readings_true(recording, originals)
+        if kept < count:
             incomplete += 1
             assert recording.lost_chunks > 0 or recording.truncated
             if closed:
-                assert (recording.lost_chunks, found) == (1, count - 1)
+                assert (recording.lost_chunks, kept) == (1, count - 1)
     assert refused > 0
     assert incomplete > 0
 
@@ -170,8 +170,8 @@ sink.close()
 print(sink.dropped)
 """
     command = [sys.executable, "-c", script]
-    said = subprocess.run(command, timeout=60, check=True, capture_output=True, text=True)
-    sentence, dropped = said.stdout.splitlines()
+    done = subprocess.run(command, timeout=60, check=True, capture_output=True, text=True)
+    sentence, dropped = done.stdout.splitlines()
     assert sentence == f"{path} cannot be written: File too large; nothing more is recorded"
     recording = open_recording(path)
     assert recording.truncated
@@ -180,14 +180,14 @@ print(sink.dropped)
 
 
 def test_a_recording_that_somebody_removes_is_missed_once(tmp_path: Path) -> None:
-    told: list[str] = []
-    with recorder(tmp_path / "gone.mcap", flush_interval=0.0, on_failure=told.append) as sink:
+    failures: list[str] = []
+    with recorder(tmp_path / "gone.mcap", flush_interval=0.0, on_failure=failures.append) as sink:
         for index, (reading, estimate) in enumerate(moments(5)):
             sink.write(reading, estimate)
             if index == 1:
                 (tmp_path / "gone.mcap").unlink()
-    assert len(told) == 1
-    assert "gone.mcap cannot be written: No such file" in told[0]
+    assert len(failures) == 1
+    assert "gone.mcap cannot be written: No such file" in failures[0]
     assert sink.dropped == 3
 
 
@@ -198,8 +198,8 @@ def test_a_reading_that_is_interrupted_leaves_whole_chunks(tmp_path: Path) -> No
         return 0.0
 
     stop: list[bool] = []
-    path, told = tmp_path / "touch.mcap", list[str]()
-    sink = recorder(path, flush_interval=0.0, clock=interrupted, on_failure=told.append)
+    path, failures = tmp_path / "touch.mcap", list[str]()
+    sink = recorder(path, flush_interval=0.0, clock=interrupted, on_failure=failures.append)
     for reading, estimate in moments(3):
         sink.write(reading, estimate)
     stop.append(True)
@@ -207,7 +207,7 @@ def test_a_reading_that_is_interrupted_leaves_whole_chunks(tmp_path: Path) -> No
         sink.write(*moments(4)[3])
     sink.close()
     assert open_recording(path).reading_count >= 3
-    assert "was interrupted" in told[0]
+    assert "was interrupted" in failures[0]
 
 
 def test_a_file_that_changes_after_opening_is_reported(recorded: Path) -> None:
@@ -308,12 +308,12 @@ def test_a_message_that_cannot_be_read_is_named_with_its_place(recorded: Path) -
 
 def records_of(chunk: bytes) -> list[bytes]:
     """Records of an unpacked chunk, one by one."""
-    found = []
+    records = []
     while chunk:
         (length,) = struct.unpack_from("<Q", chunk, 1)
-        found.append(chunk[: 9 + length])
+        records.append(chunk[: 9 + length])
         chunk = chunk[9 + length :]
-    return found
+    return records
 
 
 def test_an_estimate_whose_reading_is_missing_is_nobodys(recorded: Path) -> None:
@@ -325,8 +325,8 @@ def test_an_estimate_whose_reading_is_missing_is_nobodys(recorded: Path) -> None
     del chunks[2][1], chunks[3][0], chunks[5][0]
     recording = open_recording(chunked(recorded, *map(b"".join, chunks)))
     pairs = [(reading.time, estimate and estimate.time) for reading, estimate in recording]
-    told = [(time, time) for time in times]
-    assert pairs == [told[0], (times[1], None), told[3], told[5]]
+    complete = [(time, time) for time in times]
+    assert pairs == [complete[0], (times[1], None), complete[3], complete[5]]
 
 
 def test_what_is_lost_is_told(recorded: Path) -> None:

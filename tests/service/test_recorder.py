@@ -89,13 +89,13 @@ def test_every_bit_comes_back(
 
 def test_the_description_says_what_was_recorded(recorded: Path) -> None:
     recording = open_recording(recorded)
-    said = recording.description
-    assert said.design == DESIGN.name
-    assert said.design_hash == DESIGN.content_hash
-    assert said.setting == DESIGN.hall_setting
-    assert said.chips == CHIPS
-    assert said.version
-    assert said.start == WALL * 1e-9
+    description = recording.description
+    assert description.design == DESIGN.name
+    assert description.design_hash == DESIGN.content_hash
+    assert description.setting == DESIGN.hall_setting
+    assert description.chips == CHIPS
+    assert description.version
+    assert description.start == WALL * 1e-9
     assert recording.duration == pytest.approx(0.05)
 
 
@@ -136,8 +136,8 @@ def test_a_recording_of_nothing_is_a_recording(tmp_path: Path) -> None:
 
 def test_iterating_twice_at_once_gives_the_same(recorded: Path) -> None:
     recording = open_recording(recorded)
-    for one, other in zip(recording, recording, strict=True):
-        assert one == other
+    for first, second in zip(recording, recording, strict=True):
+        assert first == second
     assert list(recording.estimates()) == [estimate for _, estimate in moments(6)]
 
 
@@ -198,21 +198,21 @@ def test_viewers_find_standard_messages(tmp_path: Path) -> None:
         later = Reading(time=7.75, field=reading.field)
         sink.write(later, Estimate(time=7.75, status=Status.NO_CONTACT))
         sink.write(later, Estimate(time=7.75, status=Status.STALE))
-    found = decoded_by_others(tmp_path / "touch.mcap")
+    messages = decoded_by_others(tmp_path / "touch.mcap")
 
-    chip = [content.magnetic_field for _, content in found["/skin/chip1/field"]]
+    chip = [content.magnetic_field for _, content in messages["/skin/chip1/field"]]
     assert (chip[0].x, chip[0].y, chip[0].z) == tuple(reading.field[1])
     for index in (0, 2):  # a missing and a wrapped chip have no field to show
-        lost = found[f"/skin/chip{index}/field"][0][1].magnetic_field
+        lost = messages[f"/skin/chip{index}/field"][0][1].magnetic_field
         assert np.isnan([lost.x, lost.y, lost.z]).all()
-        assert not np.isnan(found[f"/skin/chip{index}/field"][1][1].magnetic_field.x)
+        assert not np.isnan(messages[f"/skin/chip{index}/field"][1][1].magnetic_field.x)
 
     for index, contact in enumerate(contacts):
-        [(_, shown)] = found[f"/skin/contact{index}"]
+        [(_, shown)] = messages[f"/skin/contact{index}"]
         assert shown.header.frame_id == "skin"
         assert (shown.point.x, shown.point.y, shown.point.z) == (*contact.position, 0.0)
 
-    (stamp, pushed), (next_stamp, free) = found["/skin/wrench"]
+    (stamp, pushed), (next_stamp, free) = messages["/skin/wrench"]
     assert (stamp, next_stamp) == (WALL, WALL + 500_000_000)
     assert (pushed.header.stamp.sec, pushed.header.stamp.nanosec) == divmod(WALL, 10**9)
     force, torque = pushed.wrench.force, pushed.wrench.torque
@@ -230,10 +230,10 @@ def test_an_arm_stands_beside_the_readings(tmp_path: Path) -> None:
             sink.write_arm(reading.time + 0.001, angles, speeds, "moving: it is pushed")
     with pytest.raises(RecordingError, match="the recorder is closed"):
         sink.write_arm(9.0, angles, speeds, "")
-    found = decoded_by_others(tmp_path / "touch.mcap")
-    assert [word.data for _, word in found["/arm/state"]] == 3 * ["moving: it is pushed"]
-    stamps = [stamp for stamp, _ in found["/skin/reading"]]
-    for stamp, (at, joints) in zip(stamps, found["/arm/joints"], strict=True):
+    messages = decoded_by_others(tmp_path / "touch.mcap")
+    assert [word.data for _, word in messages["/arm/state"]] == 3 * ["moving: it is pushed"]
+    stamps = [stamp for stamp, _ in messages["/skin/reading"]]
+    for stamp, (at, joints) in zip(stamps, messages["/arm/joints"], strict=True):
         assert at - stamp == pytest.approx(1_000_000, abs=1)
         assert (joints.name, joints.header.frame_id) == (["joint0", "joint1"], "base")
         np.testing.assert_array_equal([joints.position, joints.velocity], [angles, speeds])
@@ -261,13 +261,13 @@ def test_attachments_come_back_whatever_becomes_of_the_readings(tmp_path: Path) 
 def test_our_own_messages_explain_themselves(recorded: Path) -> None:
     from mcap.reader import make_reader
 
-    found = decoded_by_others(recorded)
-    for (_, content), (reading, _) in zip(found["/skin/reading"], moments(6), strict=True):
+    messages = decoded_by_others(recorded)
+    for (_, content), (reading, _) in zip(messages["/skin/reading"], moments(6), strict=True):
         assert content.time == reading.time
         np.testing.assert_array_equal(content.field.reshape(-1, 3), reading.field)
         assert content.SATURATED == ChipFlag.SATURATED
-    assert {content.status for _, content in found["/skin/estimate"]} == {"CONTACT"}
-    assert found["/skin/description"][0][1].design == DESIGN.name
+    assert {content.status for _, content in messages["/skin/estimate"]} == {"CONTACT"}
+    assert messages["/skin/description"][0][1].design == DESIGN.name
     with open(recorded, "rb") as file:
         schemas = make_reader(file).get_summary().schemas.values()
     [text] = [schema.data.decode() for schema in schemas if schema.name.endswith("/Reading")]
@@ -319,8 +319,8 @@ extras = {"mcap", "rosbags", "zstandard", "viser", "jax"}
 print(sorted(extras & {name.split(".")[0] for name in sys.modules}))
 """
     command = [sys.executable, "-c", script]
-    said = subprocess.run(command, timeout=60, check=True, capture_output=True, text=True)
-    assert said.stdout.strip() == "[]"
+    done = subprocess.run(command, timeout=60, check=True, capture_output=True, text=True)
+    assert done.stdout.strip() == "[]"
 
 
 def test_other_numbers_of_chips_are_recorded_alike(tmp_path: Path) -> None:

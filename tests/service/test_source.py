@@ -84,8 +84,8 @@ def test_an_impossible_touch_raises_where_it_is_made() -> None:
 
 def test_the_same_seed_gives_the_same_readings() -> None:
     url = "twin://planar?rate=1000&seed={}&speed=max&mechanics=reduced"
-    one, same, other = (open_source(url.format(seed)) for seed in (7, 7, 8))
-    first = one.read()
+    source, same, other = (open_source(url.format(seed)) for seed in (7, 7, 8))
+    first = source.read()
     assert first is not None
     assert first == same.read()
     assert first != other.read()

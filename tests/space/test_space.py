@@ -13,8 +13,8 @@ from smoskin.space import Body, Shade, page
 
 def bodies(groups):
     """Bodies as a page carries them."""
-    found = re.search(r"^const groups = (.*);$", groups.decode(), re.MULTILINE)
-    return json.loads(found[1])
+    match = re.search(r"^const groups = (.*);$", groups.decode(), re.MULTILINE)
+    return json.loads(match[1])
 
 
 def numbers(text, kind):

@@ -73,14 +73,14 @@ def test_estimates_are_the_same_to_the_bit(recordings: Path, force: bool) -> Non
     ]
     batch = estimates(estimator, readings)
     assert sum(estimate.status is Status.CONTACT for estimate in batch) > ROWS / 4
-    for one, other in zip(batch, estimates(estimator, wired), strict=True):
-        assert one == other
+    for expected, actual in zip(batch, estimates(estimator, wired), strict=True):
+        assert expected == actual
     # And the same as the whole recording at once.
     zeroed = np.stack([reading.field for reading in readings]) - (run.field - run.field_rezeroed)[0]
     encoding = estimator.model.encoding
     whole = estimator.model.predict(encoding.encode(run.time[:ROWS] - run.time[0], zeroed))
-    for told, values in zip(batch, whole.values, strict=True):
-        for contact in told.contacts:
+    for estimate, values in zip(batch, whole.values, strict=True):
+        for contact in estimate.contacts:
             answer = contact.force[2:] if force else contact.position
             np.testing.assert_array_equal(answer, values)
 
@@ -97,9 +97,9 @@ def test_estimates_over_a_port_are_the_same_places(recordings: Path) -> None:
             assert reading is not None
             wired.append(reading)
     batch = estimates(estimator, readings)
-    for one, other in zip(batch, estimates(estimator, wired), strict=True):
-        assert one.status is other.status
-        for here, there in zip(one.contacts, other.contacts, strict=True):
+    for expected, actual in zip(batch, estimates(estimator, wired), strict=True):
+        assert expected.status is actual.status
+        for here, there in zip(expected.contacts, actual.contacts, strict=True):
             np.testing.assert_array_equal(here.position, there.position)
 
 
@@ -124,10 +124,10 @@ def test_forces_over_a_port_are_the_same_by_the_times_at_which_they_come(recordi
         wired = [source.read(10.0) for _ in part]
         sending.join()
     batch, live = estimates(estimator, part), estimates(estimator, wired)
-    assert [one.status for one in live] == [one.status for one in batch]
-    touched = [k for k, one in enumerate(batch) if one.contacts]
+    assert [estimate.status for estimate in live] == [estimate.status for estimate in batch]
+    touched = [k for k, estimate in enumerate(batch) if estimate.contacts]
     assert len(touched) > 80
-    forces = [[one[k].contacts[0].force[2] for k in touched] for one in (live, batch)]
+    forces = [[series[k].contacts[0].force[2] for k in touched] for series in (live, batch)]
     assert np.ptp(forces[1]) > 10.0
     # A busy machine may read a few late.
     off = np.abs(np.subtract(*forces))
@@ -173,7 +173,7 @@ def course_of(run: ProbeRun) -> Course:
     )
 
 
-def told(metrics: tuple[Metric, ...]) -> dict[str, float]:
+def by_name(metrics: tuple[Metric, ...]) -> dict[str, float]:
     return {metric.name: metric.value for metric in metrics}
 
 
@@ -185,10 +185,10 @@ def test_force_is_learned_with_its_past_and_holds_on_another_run(
     runs = [course_of(run) for run in read_eflesh(recordings) if run.set == "normal_force"]
     for own, other, limit in zip(runs, runs[::-1], most, strict=True):
         learned = learn_courses([own], chips=chips)
-        figures = told(judge_courses(learned, [other]))
+        figures = by_name(judge_courses(learned, [other]))
         assert figures["rmse_fz"] < limit
         assert 0.85 < figures["inside_90_percent_range_fz"] < 0.95
-        assert told(learned.metrics)["rmse_fz"] < 0.2
+        assert by_name(learned.metrics)["rmse_fz"] < 0.2
 
 
 @pytest.mark.slow
@@ -208,7 +208,7 @@ def test_ranges_of_force_hold_later_in_the_session_that_was_learned(
             learned = learn_courses([before], chips=chips)
             age = -float(whole.time[np.isfinite(before.force[:, 2])].mean())
             rest = replace(whole, force=np.where(late, whole.force, np.nan))
-            figures = told(judge_courses(learned, [rest], age=age))
+            figures = by_name(judge_courses(learned, [rest], age=age))
             inside.append(figures["inside_90_percent_range_fz"])
             assert figures["rmse_fz"] < 0.19
     assert 0.85 < np.mean(inside) < most

@@ -62,8 +62,8 @@ def test_sets_and_runs_come_in_order(tmp_path):
     for name in reversed(EFLESH_SETS):
         for run in ("2_probe", "1_probe"):
             write(tmp_path, tables(load=name != "spatial_resolution"), name, run)
-    found = [(run.set, run.name) for run in read_eflesh(str(tmp_path))]
-    assert found == [(name, run) for name in EFLESH_SETS for run in ("1_probe", "2_probe")]
+    runs = [(run.set, run.name) for run in read_eflesh(str(tmp_path))]
+    assert runs == [(name, run) for name in EFLESH_SETS for run in ("1_probe", "2_probe")]
     assert np.isnan(read_eflesh(tmp_path)[0].load).all()
 
 
@@ -241,9 +241,9 @@ def test_columns_may_stand_in_any_order_and_be_more(tmp_path):
     touch_file(
         tmp_path / "multi_touch_2.csv", dict(reversed(table.items())) | {"note": table["ty"]}
     )
-    one, other = read_touches(str(tmp_path))
+    first, second = read_touches(str(tmp_path))
     for name in ("time", "field", "load", "cells"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+        np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
 
 
 def without(names, *gone):

@@ -32,11 +32,11 @@ def test_half():
 
 def changes(source: str, **options) -> dict[str, set[str]]:
     """Last line of each fault's difference, by kind."""
-    found: dict[str, set[str]] = {}
+    by_kind: dict[str, set[str]] = {}
     for fault in faults_in("a.py", source, **options):
         line = fault.diff(source).splitlines()[-1].removeprefix("+").strip()
-        found.setdefault(fault.kind, set()).add(line)
-    return found
+        by_kind.setdefault(fault.kind, set()).add(line)
+    return by_kind
 
 
 @pytest.mark.parametrize(
@@ -123,7 +123,9 @@ def test_messages_are_changed_where_asked():
 
 def test_a_fault_leaves_the_rest_of_the_file_as_it_was():
     source = "µ = 'é'; y = a + b  # why\nz = 1\n"
-    (fault,) = [one for one in faults_in("a.py", source) if one.kind == "arithmetic"]
+    (fault,) = [
+        candidate for candidate in faults_in("a.py", source) if candidate.kind == "arithmetic"
+    ]
     assert fault.applied(source) == "µ = 'é'; y = (a - b)  # why\nz = 1\n"
     assert fault.line == 1
     assert fault.key_in(source) != fault.key_in(source.replace("why", "that"))
@@ -169,7 +171,9 @@ def test_the_nearest_tests_come_first(project):
 
 def wanted(kind: str, line: int):
     path = "src/smoskin/room/half.py"
-    return next(one for one in faults_in(path, HALF) if (one.kind, one.line) == (kind, line))
+    return next(
+        fault for fault in faults_in(path, HALF) if (fault.kind, fault.line) == (kind, line)
+    )
 
 
 def test_a_fault_is_killed_by_the_test_that_notices_it(project):
@@ -242,7 +246,7 @@ def test_a_run_is_taken_up_where_it_ended(project, tmp_path, monkeypatch):
     assert first.exit_code == 1, "guards of this project have no test"
     written = json.loads(out.read_text("utf-8"))
     assert len(written) == 2
-    assert {"killed", "survived"} == {one["outcome"] for one in written.values()}
+    assert {"killed", "survived"} == {judgement["outcome"] for judgement in written.values()}
     monkeypatch.setattr(command, "judge_all", lambda root, faults, **rest: faults == [] or 1 / 0)
     again = CliRunner().invoke(app, [*options, "--out", str(out)])
     assert again.output.splitlines()[-1] == first.output.splitlines()[-1]

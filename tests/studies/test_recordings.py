@@ -191,18 +191,18 @@ def test_it_goes_out_as_json_and_as_a_table(benchmark_of_all):
     sent = json.loads(json.dumps(benchmark_of_all.as_json()))
     assert all(list(row) == KEYS for row in sent["results"])
     console = Console(width=250, record=True, file=None, quiet=False)
-    with console.capture() as said:
+    with console.capture() as captured:
         console.print(benchmark_of_all.table())
-    assert "trained on 0_probe, judged on 1_probe" in said.get()
-    assert "0.500 N" in said.get()
+    assert "trained on 0_probe, judged on 1_probe" in captured.get()
+    assert "0.500 N" in captured.get()
 
 
 def test_absent_sets_are_left_out_with_a_word(tmp_path):
     save_force(tmp_path, "normal_force", 1)
-    found = bench_recordings(tmp_path, effort=LITTLE)
-    assert {score.set for score in found.scores} == {"normal_force"}
-    assert {score.test for score in found.scores} == {"last fifth"}
-    assert [note.split(":")[0] for note in found.notes if "left out" in note] == [
+    benchmark = bench_recordings(tmp_path, effort=LITTLE)
+    assert {score.set for score in benchmark.scores} == {"normal_force"}
+    assert {score.test for score in benchmark.scores} == {"last fifth"}
+    assert [note.split(":")[0] for note in benchmark.notes if "left out" in note] == [
         "spatial_resolution",
         "shear_force",
     ]
@@ -210,15 +210,15 @@ def test_absent_sets_are_left_out_with_a_word(tmp_path):
 
 def test_too_little_is_left_out_with_a_word(tmp_path):
     save_location(tmp_path, side=3)
-    found = bench_recordings(tmp_path, effort=LITTLE)
-    assert found.scores == ()
-    assert "spatial_resolution: 9 places; location needs 10" in found.notes
+    benchmark = bench_recordings(tmp_path, effort=LITTLE)
+    assert benchmark.scores == ()
+    assert "spatial_resolution: 9 places; location needs 10" in benchmark.notes
 
 
 def test_the_same_seed_gives_the_same_figures(tmp_path):
     save_force(tmp_path, "shear_force", 1)
-    one, other = (bench_recordings(tmp_path, seed=3, effort=LITTLE) for _ in range(2))
-    assert one == other
+    first, second = (bench_recordings(tmp_path, seed=3, effort=LITTLE) for _ in range(2))
+    assert first == second
 
 
 def test_wrong_use(made_up, tmp_path):
@@ -263,9 +263,9 @@ def test_a_pair_is_one_in_whichever_order_its_cells_stand(tmp_path):
 
 def test_too_few_touches_are_left_out_with_a_word(tmp_path):
     save_touches(tmp_path / "data", pairs=4)
-    found = bench_recordings(tmp_path, effort=LITTLE)
-    assert found.scores == ()
-    assert found.notes[-1] == (
+    benchmark = bench_recordings(tmp_path, effort=LITTLE)
+    assert benchmark.scores == ()
+    assert benchmark.notes[-1] == (
         "touches: 4 pairs of cells and 9 single cells; a test needs two cells, and 5 pairs or none"
     )
 
@@ -280,8 +280,8 @@ def test_single_touches_alone_are_placed_but_not_counted(tmp_path):
 def test_moments_say_two_places_whatever_their_order(numbers):
     pair = np.array(numbers).reshape(2, 2)
     np.testing.assert_allclose(moments(pair), moments(pair[::-1]), atol=1e-12)
-    found = places(moments(pair))
-    ways = [np.abs(found - order).max() for order in (pair, pair[::-1])]
+    recovered = places(moments(pair))
+    ways = [np.abs(recovered - order).max() for order in (pair, pair[::-1])]
     assert min(ways) < 1e-6
 
 

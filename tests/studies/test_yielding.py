@@ -20,9 +20,9 @@ def test_trajectories_go_as_fast_as_may_be_and_rest_between():
         np.linalg.norm(chain.posture(angles).corner_motions @ speed, axis=1).max()
         for angles, speed in zip(path, speeds, strict=True)
     ]
-    swing, one = 450, 350  # readings
+    swing, period = 450, 350  # readings
     assert max(fastest[355:449]) < 1e-9
-    for begin in (swing, swing + one):
+    for begin in (swing, swing + period):
         assert 0.9 * HARD_LIMIT < max(fastest[begin : begin + 300]) <= HARD_LIMIT * 1.03
         assert max(fastest[begin + 302 : begin + 349]) < 1e-9
     assert (path >= chain.lower).all()

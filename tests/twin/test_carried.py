@@ -45,8 +45,8 @@ def test_weight_and_acceleration_are_one(twin):
 def test_the_earth_is_felt_alike_by_all_chips_along_the_skin(twin):
     earth = np.array([30e-6, 0.0, -40e-6])
     field, none = (
-        mean(CarriedSkin(twin, seed=seed, earth=one, drift=0.0), TURN)
-        for seed, one in enumerate((earth, NOWHERE))
+        mean(CarriedSkin(twin, seed=seed, earth=ambient, drift=0.0), TURN)
+        for seed, ambient in enumerate((earth, NOWHERE))
     )
     inward = np.swapaxes(geometry(DESIGN).chip_axes, 1, 2)
     for site, axes, felt in zip(DESIGN.halls, inward, field - none, strict=True):

@@ -20,12 +20,12 @@ def test_a_history_is_what_each_rubber_makes_of_it(planar):
     steps = np.array([0.0, 0.02, 0.3, 0.02, 5.0])
     motion = held(len(steps), len(planar.magnets))
     moved = Creep(planar).steps(steps, motion)
-    for rubber, elastic, found in [
+    for rubber, elastic, crept in [
         (planar.columns.material, motion.magnets, moved.magnets),
         (planar.shear_layer.material, motion.board, moved.board),
     ]:
         known = creep(elastomer_prony(rubber), np.cumsum(steps), elastic)
-        np.testing.assert_allclose(found, known, atol=1e-15)
+        np.testing.assert_allclose(crept, known, atol=1e-15)
     assert 0 < moved.magnets[-1].max() < moved.magnets[3].max()
 
 

@@ -20,17 +20,17 @@ from smoskin.twin.manufacture import (
 )
 
 
-def same(one: object, other: object) -> bool:
+def same(left: object, right: object) -> bool:
     """Whether all numbers in two records agree."""
-    if not is_dataclass(one):
-        return np.array_equal(one, other)
-    return all(same(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
+    if not is_dataclass(left):
+        return np.array_equal(left, right)
+    return all(same(getattr(left, f.name), getattr(right, f.name)) for f in fields(left))
 
 
 def test_the_same_stream_draws_the_same_skin_and_another_does_not(planar):
-    one, same_seed, other = (draw(planar, np.random.default_rng(k)) for k in (5, 5, 6))
-    assert same(one, same_seed)
-    assert not same(one, other)
+    first, same_seed, other = (draw(planar, np.random.default_rng(k)) for k in (5, 5, 6))
+    assert same(first, same_seed)
+    assert not same(first, other)
 
 
 @pytest.mark.parametrize(
@@ -74,8 +74,8 @@ def test_without_tolerances_the_skin_is_as_designed(planar):
     for name in ("bar_stiffness", "hinge_stiffness", "crease_set"):
         assert_array_equal(getattr(lattice, name), getattr(plain, name))
     for part in ("supports", "stops"):
-        for one in fields(getattr(plain, part)):
-            made, designed = (getattr(getattr(of, part), one.name) for of in (lattice, plain))
+        for field in fields(getattr(plain, part)):
+            made, designed = (getattr(getattr(of, part), field.name) for of in (lattice, plain))
             assert_allclose(made, designed, rtol=1e-12)
 
 

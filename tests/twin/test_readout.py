@@ -60,10 +60,10 @@ def magpylib_reading(design, made, around, motion):
             disc.rotate(turn, anchor=middle)
             disc.move(slide)
         sources.append(disc)
-        for one in around.neighbours:
+        for neighbour in around.neighbours:
             other = magpylib_disc(magnet, place, [0, 0, 0])
-            other.rotate(Rotation.from_rotvec(one.turn.copy()), anchor=(0, 0, 0))
-            other.move(one.place)
+            other.rotate(Rotation.from_rotvec(neighbour.turn.copy()), anchor=(0, 0, 0))
+            other.move(neighbour.place)
             sources.append(other)
     seen = []
     for s, site in enumerate(design.halls):

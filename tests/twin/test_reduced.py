@@ -38,8 +38,11 @@ def twin_stiffness(twin: ReducedTwin) -> np.ndarray:
 
 def test_two_presses_add_up(planar):
     twin = ReducedTwin(planar, seed=None)
-    one, other = press(0.03, 0.04), press(0.09, 0.12, 0.8)
-    together, apart = twin.motion([one, other]), [twin.motion([each]) for each in (one, other)]
+    first, second = press(0.03, 0.04), press(0.09, 0.12, 0.8)
+    together, apart = (
+        twin.motion([first, second]),
+        [twin.motion([each]) for each in (first, second)],
+    )
     np.testing.assert_allclose(together.magnets, apart[0].magnets + apart[1].magnets, atol=1e-15)
 
 

@@ -26,7 +26,7 @@ def test_a_rig_gives_rest_and_hold_of_each_touch(skin):
         last = -np.inf
         for _ in range(3):
             touch = rig.press(PRESS)
-            times = [one.time for one in touch.readings]
+            times = [reading.time for reading in touch.readings]
             assert times == sorted(times)
             assert times[0] > last
             last = times[-1]
@@ -126,10 +126,10 @@ def test_rigs_that_there_are_not_are_named(planar, name, message):
 
 
 def test_the_same_generator_gives_the_same_touches(skin):
-    one, other = (VirtualRig(MadeTwin(skin), np.random.default_rng(5)).press(PRESS)
+    first, second = (VirtualRig(MadeTwin(skin), np.random.default_rng(5)).press(PRESS)
                   for _ in range(2))  # fmt: skip
-    assert one.readings == other.readings
-    assert one.contact == other.contact
+    assert first.readings == second.readings
+    assert first.contact == second.contact
 
 
 def test_a_rig_that_is_given_no_time_says_so(skin):
@@ -176,7 +176,7 @@ def test_labels_say_what_a_settled_touch_reads(skin):
     errors = []
     for creep in (rubber, None):
         rig = VirtualRig(twin, np.random.default_rng(1))
-        off = [one.values - exact(skin, twin) for one in pressed_labels(skin, rig, 5, creep)]
+        off = [label.values - exact(skin, twin) for label in pressed_labels(skin, rig, 5, creep)]
         errors.append(np.linalg.norm(off, axis=(1, 2)).max() / size)
     # Creep undone leaves the signals' curvature; not undone, the creep itself.
     assert errors[0] < 0.02
@@ -186,7 +186,7 @@ def test_labels_say_what_a_settled_touch_reads(skin):
 def test_drift_takes_no_part_in_labels(skin):
     twin = MadeTwin(skin)
     rig = VirtualRig(twin, np.random.default_rng(1), drift=20e-6, creep=False)
-    off = np.array([one.values for one in pressed_labels(skin, rig, 40)]) - exact(skin, twin)
+    off = np.array([label.values for label in pressed_labels(skin, rig, 40)]) - exact(skin, twin)
     # 20 uT a second would come to 130 uT in the end; within half a second to a few.
     assert np.sqrt(np.mean(off[20:] ** 2)) < 25e-6
 
@@ -195,8 +195,8 @@ def test_a_touch_that_ends_a_chips_range_is_not_labelled(skin):
     rig = VirtualRig(Saturating(skin, 0.4e-3), np.random.default_rng(1), creep=False)
     labeller = Labeller(skin)
     light = Contact(position=PRESS.position, force=0.3 * PRESS.force)
-    labels = [labeller.label(rig.press(one)) for one in (light, PRESS, light)]
-    assert [one.status for one in labels] == [None, Status.SATURATED, None]
+    labels = [labeller.label(rig.press(contact)) for contact in (light, PRESS, light)]
+    assert [label.status for label in labels] == [None, Status.SATURATED, None]
     touches = labelled_touches(labels, (1, 2), place_spread=0.0, force_spread=0.0)
     assert touches.signals.shape == (2, 2, 3)
     with pytest.raises(ArgumentError, match="at least one that can be used; got 1"):

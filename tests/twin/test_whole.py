@@ -44,13 +44,14 @@ def test_untouched_the_skin_is_at_rest(ideal, planar):
 def test_motions_of_many_states_are_those_of_each(ideal):
     contacts = [press(0.03, 0.05), press(0.08, 0.12, 0.8)]
     touches = Touches(
-        position=[[one.position] for one in contacts], force=[[one.force] for one in contacts]
+        position=[[contact.position] for contact in contacts],
+        force=[[contact.force] for contact in contacts],
     )
     many = ideal.motions(touches)
     assert many.magnets.shape == (2, 3, 6)
     assert many.valid.all()
-    for row, one in enumerate(contacts):
-        alone = ideal.motion([one])
+    for row, contact in enumerate(contacts):
+        alone = ideal.motion([contact])
         scale = np.abs(many.magnets[row]).max()
         assert_allclose(many.magnets[row], alone.magnets, atol=1e-4 * scale)
         assert_allclose(many.board[row], alone.board, atol=1e-7)
@@ -66,9 +67,9 @@ def test_magnets_go_with_the_columns_that_hold_them(ideal, planar):
 def test_small_touches_add_up(ideal):
     """Held patches are one system, so that two that stick add only where nothing holds them."""
     skin = Twin(ideal.design, seed=None, grip=Frictionless())
-    one, other = press(0.03, 0.04, 1e-3), press(0.09, 0.12, 2e-3)
-    apart = skin.motion([one]).magnets + skin.motion([other]).magnets
-    together = skin.motion([one, other]).magnets
+    first, second = press(0.03, 0.04, 1e-3), press(0.09, 0.12, 2e-3)
+    apart = skin.motion([first]).magnets + skin.motion([second]).magnets
+    together = skin.motion([first, second]).magnets
     assert_allclose(together, apart, atol=1e-3 * np.abs(together).max())
 
 
@@ -114,14 +115,14 @@ def test_held_touches_are_not_solved_again_and_others_start_from_the_last(planar
 
     monkeypatch.setattr(BarHinge, "press", counted)
     skin = Twin(planar, seed=None)
-    one, other = press(0.05, 0.07), press(0.05, 0.071)
-    for held in ([], [one], [one], [other], [one], [press(0.05, 0.07)]):
+    first, second = press(0.05, 0.07), press(0.05, 0.071)
+    for held in ([], [first], [first], [second], [first], [press(0.05, 0.07)]):
         skin.motion(held)
         skin.sheet_vertices(held)
     assert len(starts) == 2
     still = geometry(planar).sheet.vertices
     assert_array_equal(starts[0], np.zeros((1, *still.shape)))  # the untouched skin came first
-    assert_allclose(still + starts[1][0], skin.sheet_vertices([one]), atol=1e-15)
+    assert_allclose(still + starts[1][0], skin.sheet_vertices([first]), atol=1e-15)
 
 
 # ------------------------------------------------------------- readings
@@ -137,13 +138,13 @@ def test_readings_add_what_the_chips_add(planar, ideal):
 
 
 def test_the_same_seed_is_the_same_skin_with_the_same_noise(planar):
-    one, same, other = (Twin(planar, seed=seed, manufactured=True) for seed in (1, 1, 2))
+    first, same, other = (Twin(planar, seed=seed, manufactured=True) for seed in (1, 1, 2))
     touched = [press(0.05, 0.05)]
-    readings = [[skin.read(touched) for _ in range(3)] for skin in (one, same, other)]
+    readings = [[skin.read(touched) for _ in range(3)] for skin in (first, same, other)]
     assert readings[0] == readings[1]
     assert readings[0] != readings[2]
     # Noise and skin come from streams of their own.
-    assert np.abs(one.field(one.motion()) - other.field(other.motion())).max() > 1e-4
+    assert np.abs(first.field(first.motion()) - other.field(other.motion())).max() > 1e-4
     designed = Twin(planar, seed=1)
     assert_array_equal(designed.deviations.columns, 1.0)
 
@@ -159,10 +160,10 @@ def test_a_made_skin_differs_from_the_designed_one(planar, ideal):
 def test_a_batch_of_readings_has_the_noise_of_its_generator(ideal):
     touches = Touches(position=np.full((4, 1, 2), 0.06), force=np.tile([0.0, 0.0, -0.3], (4, 1, 1)))
     motion = ideal.motions(touches)
-    one, same, other = (ideal.sample(motion, np.random.default_rng(k)).counts for k in (7, 7, 8))
-    assert one.shape == (4, 3, 3)
-    assert_array_equal(one, same)
-    assert (one != other).any()
+    first, same, other = (ideal.sample(motion, np.random.default_rng(k)).counts for k in (7, 7, 8))
+    assert first.shape == (4, 3, 3)
+    assert_array_equal(first, same)
+    assert (first != other).any()
 
 
 def test_the_surroundings_are_felt(planar, ideal):
@@ -244,7 +245,7 @@ def test_a_made_skin_needs_a_seed(planar):
 
 def test_two_touches_on_one_place_are_one(ideal):
     half = (0.0, 0.0, -0.25)
-    one = ideal.motion([Contact(position=(0.0, 0.0), force=(0.0, 0.0, -0.5))])
-    two = ideal.motion([Contact(position=(0.0, 0.0), force=half)] * 2)
-    assert two.valid
-    assert_allclose(two.magnets, one.magnets, atol=1e-9)
+    whole = ideal.motion([Contact(position=(0.0, 0.0), force=(0.0, 0.0, -0.5))])
+    halves = ideal.motion([Contact(position=(0.0, 0.0), force=half)] * 2)
+    assert halves.valid
+    assert_allclose(halves.magnets, whole.magnets, atol=1e-9)

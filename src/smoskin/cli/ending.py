@@ -158,11 +158,11 @@ def _bug(error: Exception) -> str:
 
     from smoskin import __version__
 
-    told = "".join(traceback.format_exception(error))
+    trace = "".join(traceback.format_exception(error))
     if os.environ.get("SMOSKIN_DEBUG"):
-        sys.stderr.write(told)
+        sys.stderr.write(trace)
 
-    report = f"smoskin {__version__}, Python {sys.version}\n{sys.argv}\n\n{told}"
+    report = f"smoskin {__version__}, Python {sys.version}\n{sys.argv}\n\n{trace}"
     home = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
     lies = "could not be written"
     for folder in (Path(home) / "smoskin", Path(tempfile.gettempdir())):

@@ -73,12 +73,12 @@ def check(
 
     if plot is not None:
         _draw_pattern(paths, plot, force=overwrite)
-    found = [check_file(path) for path in paths]
+    reports = [check_file(path) for path in paths]
     if as_json:
-        typer.echo(json.dumps([one.as_json() for one in found]))
+        typer.echo(json.dumps([report.as_json() for report in reports]))
     else:
-        typer.echo("\n".join(line for one in found for line in one.lines()))
-    if any(one.problem for one in found):
+        typer.echo("\n".join(line for report in reports for line in report.lines()))
+    if any(report.problem for report in reports):
         raise typer.Exit(1)
 
 

@@ -148,13 +148,13 @@ class _ProgressLines:
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        self._begin = self._told = clock()
+        self._begin = self._printed = clock()
 
     def __call__(self, what: str, share: float) -> None:
         """Tell what is being done and the share that is done, if it is time to."""
         now = self._clock()
-        if now - self._told >= _EVERY:
-            self._told = now
+        if now - self._printed >= _EVERY:
+            self._printed = now
             typer.echo(f"{now - self._begin:5.0f} s {100 * share:4.0f} %  {what}", err=True)
 
 

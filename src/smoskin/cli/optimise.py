@@ -45,7 +45,7 @@ def optimise(
     require("writing a design", "cli", "tomli_w")
     seconds = math.inf if minutes is None else 60 * minutes
     with progress_bar() as progress:
-        found = vary(
+        optimised = vary(
             load_design(design),
             name=out.stem,
             objective=Objective(force=force),
@@ -54,15 +54,15 @@ def optimise(
             progress=progress,
             clock=clock_of(context),
         )
-    document, beside = found.write(out)
+    document, beside = optimised.write(out)
     if as_json:
-        typer.echo(json.dumps(found.as_json()))
+        typer.echo(json.dumps(optimised.as_json()))
     else:
-        for table in found.tables():
+        for table in optimised.tables():
             show(table)
         typer.echo(f"{document} and {beside}")
-    if found.warning:
-        typer.echo(f"warning: {found.warning}", err=True)
-    typer.echo(found.verdict(), err=True)
-    if not found.kept:
+    if optimised.warning:
+        typer.echo(f"warning: {optimised.warning}", err=True)
+    typer.echo(optimised.verdict(), err=True)
+    if not optimised.kept:
         raise typer.Exit(1)

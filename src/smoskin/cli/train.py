@@ -244,8 +244,8 @@ def _report(
     """Print what a model reached, and by what was not learned."""
     figures, missed = _figures(model.metrics), _figures(judged)
     if as_json:
-        told = {"file": str(out), "split": model.split, **figures}
-        typer.echo(json.dumps(told | ({"test": missed} if judged else {})))
+        document = {"file": str(out), "split": model.split, **figures}
+        typer.echo(json.dumps(document | ({"test": missed} if judged else {})))
         return
     _tell(f"{out}, judged by {model.split}:", figures)
     if judged:

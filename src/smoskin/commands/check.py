@@ -228,8 +228,8 @@ def _pattern(path: Path) -> Facts:
     yield "creases", f"{letters['M']} mountain, {letters['V']} valley, {letters['U']} unassigned"
     broken = broken_rules(pattern)
     yield "flat folding", f"broken rules: {len(broken)}" if broken else "no vertex forbids it"
-    for one in broken[:_TOLD]:
-        yield f"vertex {one.vertex}", f"{one.rule}: {one.finding}"
+    for fault in broken[:_TOLD]:
+        yield f"vertex {fault.vertex}", f"{fault.rule}: {fault.finding}"
     if len(broken) > _TOLD:
         yield "and", f"{len(broken) - _TOLD} more; --plot FILE shows all"
 

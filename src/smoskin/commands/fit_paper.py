@@ -122,7 +122,9 @@ class CalibrationReport:
         for name in ("values", "rms", "rms of each touch by the others", "unit"):
             residuals.add_column(name, justify="right")
         for group, left in zip(self.fit.evidence.residuals, self.fit.left_out, strict=True):
-            fitted, crossed = (f"{_in_unit(one.rms, one.unit):.3g}" for one in (group, left))
+            fitted, crossed = (
+                f"{_in_unit(residual.rms, residual.unit):.3g}" for residual in (group, left)
+            )
             residuals.add_row(group.group, str(group.values), fitted, crossed, group.unit)
         return [numbers, residuals]
 

@@ -69,10 +69,10 @@ def new_design(
 
 def _size(text: str) -> tuple[int, int]:
     """Cells along x and y of a text such as 6x8."""
-    found = re.fullmatch(r"(\d{1,2})x(\d{1,2})", text)
-    if found is None:
+    match = re.fullmatch(r"(\d{1,2})x(\d{1,2})", text)
+    if match is None:
         raise ArgumentError(f"cells must be two numbers such as 6x8; got {text[:50]!r}")
-    return int(found[1]), int(found[2])
+    return int(match[1]), int(match[2])
 
 
 def _resized(design: SkinDesign, cells: tuple[int, int]) -> SkinDesign:

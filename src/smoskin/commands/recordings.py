@@ -156,8 +156,8 @@ class Recordings(Sink):
         sink = self._sink
         lost = self._lost if sink is None else sink.dropped
         word = "Recorded" if sink is None else "Recording into"
-        told = f"{word} {self._path.name}: {self._taken - lost} readings, {lost} lost."
-        return f"{told} {self.failure}." if self.failure else told
+        account = f"{word} {self._path.name}: {self._taken - lost} readings, {lost} lost."
+        return f"{account} {self.failure}." if self.failure else account
 
     @property
     def state(self) -> tuple[bool, str, Path | None]:

@@ -126,9 +126,9 @@ def make_table(
     pressed: dict[str, Dataset] = {}
     with TemporaryDirectory() as passing:
         for name, sweep in sweeps.items():
-            told = partial(_tell, progress, name, before / total, sweep.rows / total)
+            scaled = partial(_tell, progress, name, before / total, sweep.rows / total)
             file = Path(folder or passing) / name
-            pressed[name] = write_dataset(file, design, sweep, engine=engine, progress=told)
+            pressed[name] = write_dataset(file, design, sweep, engine=engine, progress=scaled)
             before += sweep.rows
         table = _fit(design, work, pressed)
     return replace(table, origin={"smoskin": version("smoskin"), "effort": asdict(work)})

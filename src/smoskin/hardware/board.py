@@ -181,5 +181,5 @@ class VirtualBoard(Resource):
         wanted = read_set(frame)
         if wanted is not None and wanted[0] == self._design.hall_setting:
             return
-        said = b"a virtual board has the setting of its design"
-        self._send(encoded(Frame(kind=Kind.REFUSAL, sequence=self._next(), body=said)))
+        reason = b"a virtual board has the setting of its design"
+        self._send(encoded(Frame(kind=Kind.REFUSAL, sequence=self._next(), body=reason)))

@@ -115,11 +115,11 @@ def examine_readings(
     time = np.array([reading.time for reading in readings])
     field = np.array([reading.field for reading in readings])
     warmth = np.array([reading.temperature for reading in readings])
-    found: list[Finding] = []
+    findings: list[Finding] = []
     heard: list[_Chip | None] = []
     for place, name in enumerate(chip_names(chips, design)):
         where = f"chip {name}"
-        found += _flagged(where, flags[:, place])
+        findings += _flagged(where, flags[:, place])
         good = (flags[:, place] == 0) & np.isfinite(field[:, place]).all(axis=-1)
         enough = np.count_nonzero(good) >= _LEAST
         kept = _Chip(
@@ -127,13 +127,13 @@ def examine_readings(
         )
         heard.append(kept if enough else None)
     present = [chip for chip in heard if chip is not None]
-    found += _warm(present)
+    findings += _warm(present)
     for chip in present:
-        found += _frozen(chip) or [*_noisy(chip, setting), *_drifting(chip)]
-    found += _humming(present)
+        findings += _frozen(chip) or [*_noisy(chip, setting), *_drifting(chip)]
+    findings += _humming(present)
     if design is not None:
-        found += _misplaced(design, heard)
-    return tuple(found)
+        findings += _misplaced(design, heard)
+    return tuple(findings)
 
 
 @typed
@@ -159,37 +159,37 @@ def interference(
 
 def _flagged(where: str, flags: Floats) -> list[Finding]:
     """What the flags of a chip say."""
-    found = []
+    findings = []
     for flag, problem, remedy in _FLAGS:
         share = float(np.mean((flags.astype(int) & int(flag)) != 0))
         if share:
             often = "every time" if share == 1.0 else f"in {100 * share:.2g} % of the readings"
-            found.append(Finding(where=where, problem=problem.format(often), remedy=remedy))
-    return found
+            findings.append(Finding(where=where, problem=problem.format(often), remedy=remedy))
+    return findings
 
 
 def _warm(chips: Sequence[_Chip]) -> list[Finding]:
     """Chips whose temperature cannot be right."""
     means = np.array([np.mean(chip.warmth) for chip in chips])
-    found = []
+    findings = []
     for chip, mean in zip(chips, means.tolist(), strict=True):
         middle = float(np.nanmedian(means))
         if mean == mean and not _WARM[0] < mean < _WARM[1]:
-            said = f"It reports {mean:.0f} degC."
+            problem = f"It reports {mean:.0f} degC."
         elif abs(mean - middle) > _APART:
-            said = f"It reports {mean:.0f} degC, the others {middle:.0f}."
+            problem = f"It reports {mean:.0f} degC, the others {middle:.0f}."
         else:
             continue
-        found.append(Finding(where=chip.where, problem=said, remedy=_REPLACE))
-    return found
+        findings.append(Finding(where=chip.where, problem=problem, remedy=_REPLACE))
+    return findings
 
 
 def _frozen(chip: _Chip) -> list[Finding]:
     """A chip that says the same every time."""
     if np.ptp(chip.field, axis=0).any():
         return []
-    said = "It says the same to the bit every time."
-    return [Finding(where=chip.where, problem=said, remedy=_REPLACE)]
+    problem = "It says the same to the bit every time."
+    return [Finding(where=chip.where, problem=problem, remedy=_REPLACE)]
 
 
 def _noisy(chip: _Chip, setting: HallSetting | None) -> list[Finding]:
@@ -237,7 +237,7 @@ def _drifting(chip: _Chip) -> list[Finding]:
 
 def _humming(chips: Sequence[_Chip]) -> list[Finding]:
     """Mains in the fields; the times of readings tell it even from slow boards, by its alias."""
-    found = []
+    findings = []
     for chip in chips:
         span = float(np.ptp(chip.time))
         if span < _SPAN:
@@ -254,20 +254,20 @@ def _humming(chips: Sequence[_Chip]) -> list[Finding]:
                 best = max(best, (float(2 * np.abs(wave @ rest / len(time)).max()), mains))
         amplitude, mains = best
         if amplitude > max(_HUM, floor):
-            found.append(
+            findings.append(
                 Finding(
                     where=chip.where,
                     problem=f"It hums at {mains:.0f} Hz with {1e6 * amplitude:.1f} uT.",
                     remedy="Keep mains leads, transformers and power supplies half a metre away.",
                 )
             )
-    return found
+    return findings
 
 
 def _misplaced(design: SkinDesign, heard: Sequence[_Chip | None]) -> list[Finding]:
     """Chips whose field at rest is not what the design says."""
     wanted = np.array([field_extent(design, site).rest for site in design.halls])
-    found = []
+    findings = []
     for place, chip in enumerate(heard):
         if chip is None:
             continue
@@ -275,7 +275,7 @@ def _misplaced(design: SkinDesign, heard: Sequence[_Chip | None]) -> list[Findin
         if np.linalg.norm(seen - wanted[place]) <= _FAR * size:
             continue
         strength = float(np.linalg.norm(seen)) / size
-        said = f"It reads {_millitesla(seen)} mT; the design has {_millitesla(wanted[place])}."
+        problem = f"It reads {_millitesla(seen)} mT; the design has {_millitesla(wanted[place])}."
         turned = any(np.linalg.norm(turn @ seen - wanted[place]) < _NEAR * size for turn in _TURNS)
         others = [
             site.name
@@ -290,8 +290,8 @@ def _misplaced(design: SkinDesign, heard: Sequence[_Chip | None]) -> list[Findin
             remedy = "Its magnet is missing, weak or far away, or lies with its face up."
         else:
             remedy = "Its magnet is too near, or it is another than the design's."
-        found.append(Finding(where=chip.where, problem=said, remedy=remedy))
-    return found
+        findings.append(Finding(where=chip.where, problem=problem, remedy=remedy))
+    return findings
 
 
 def _millitesla(field: Floats) -> str:

@@ -182,8 +182,8 @@ class Chips:
             written = bytes([chip.WRITE_REGISTER, word >> 8, word & 0xFF, number << 2])
             self._ask(address, written, 1)
             if not self._keeps(address, number):
-                told = f"Its register {number} does not keep {word:#06x}."
-                return Finding(where=_where(address), problem=told, remedy=_REPLACE)
+                problem = f"Its register {number} does not keep {word:#06x}."
+                return Finding(where=_where(address), problem=problem, remedy=_REPLACE)
         if self.mode == "burst":
             self._status(address, chip.START_BURST)
         return None

@@ -64,7 +64,7 @@ def hindrances(
     device: str, *, system: Path = Path("/sys"), processes: Path = Path("/proc")
 ) -> tuple[Finding, ...]:
     """What keeps a port from being read, or read soon, as far as the system tells."""
-    found = []
+    findings = []
     where = f"port {device}"
     if not os.path.exists(device):
         return (
@@ -77,12 +77,12 @@ def hindrances(
         )
     if not os.access(device, os.R_OK | os.W_OK):
         remedy = "Join the group dialout: sudo usermod -aG dialout $USER, then log in again."
-        found.append(Finding(where=where, problem="You may not read it.", remedy=remedy))
+        findings.append(Finding(where=where, problem="You may not read it.", remedy=remedy))
     latency = system / "class" / "tty" / Path(device).name / "device" / "latency_timer"
     with suppress(OSError, ValueError):
         held = int(latency.read_text())
         if held > _LATENCY:
-            found.append(
+            findings.append(
                 Finding(
                     where=where,
                     problem=f"Its bridge holds bytes back for {held} ms.",
@@ -90,14 +90,14 @@ def hindrances(
                 )
             )
     if any(_name(path) == "ModemManager" for path in processes.glob("[0-9]*/comm")):
-        found.append(
+        findings.append(
             Finding(
                 where=where,
                 problem="ModemManager runs, and talks to every new port for some seconds.",
                 remedy="Wait half a minute, or: sudo systemctl stop ModemManager.",
             )
         )
-    return tuple(found)
+    return tuple(findings)
 
 
 def _name(path: Path) -> str:

@@ -143,7 +143,7 @@ class SerialSource(Source):
         self._fault: SourceError | None = None
         self._here = True
         self._start = time.monotonic()
-        self._arrived = self._told = 0.0
+        self._arrived = self._last_time = 0.0
         self._greeted = 0.0
         self._port = self._opened()
         self._thread = threading.Thread(target=self._listen, name=f"smoskin {port}", daemon=True)
@@ -268,9 +268,9 @@ class SerialSource(Source):
             else:
                 moment = self._clock.host_time(packet.time, arrival)
                 self._late += arrival - moment > _LATE
-            self._told = max(moment, self._told + 1e-6) if self._readings else moment
+            self._last_time = max(moment, self._last_time + 1e-6) if self._readings else moment
             self._readings += 1
-            readings.append(self._reading(packet, self._told))
+            readings.append(self._reading(packet, self._last_time))
         if packets:
             self._arrived = arrival
             with self._changed:
@@ -320,9 +320,9 @@ class SerialSource(Source):
                 f"{self._place} is open and silent: is it the right port, and has the board been "
                 "told to send?"
             )
-        said = [name for name in recognised(bytes(self._heard)) if name != self.decoder.format]
-        if said:
-            return f"the board speaks the format {said[0]}: use format={said[0]}"
+        formats = [name for name in recognised(bytes(self._heard)) if name != self.decoder.format]
+        if formats:
+            return f"the board speaks the format {formats[0]}: use format={formats[0]}"
         return (
             f"{len(self._heard)} bytes came and none is of the format {self.decoder.format}: is "
             "baud right, and the number of chips?"
@@ -344,13 +344,13 @@ def recognised(data: bytes) -> tuple[str, ...]:
 
     A name with a number, such as ``anyskin&chips=4``, is that of a board of other than five chips.
     """
-    found = []
+    names = []
     for format in FORMATS:
         best = max(range(1, 11), key=lambda chips: (_good(format, chips, data), chips == 5))
         if _good(format, best, data) > 1:
             usual = best == 5 or format == "smoskin"
-            found.append(format if usual else f"{format}&chips={best}")
-    return tuple(found)
+            names.append(format if usual else f"{format}&chips={best}")
+    return tuple(names)
 
 
 def _good(format: str, chips: int, data: bytes) -> int:
@@ -412,15 +412,15 @@ def device_of(place: str) -> str:
 
 def _reason(error: Exception) -> str:
     """What the system says of a port, and what to do."""
-    said = str(getattr(error, "strerror", None) or error)
-    text = said.lower()
+    reason = str(getattr(error, "strerror", None) or error)
+    text = reason.lower()
     if "permission" in text:
-        return f"{said}; join the group dialout (sudo usermod -aG dialout $USER) and log in again"
+        return f"{reason}; join the group dialout (sudo usermod -aG dialout $USER) and log in again"
     if "busy" in text or "exclusively lock" in text or "unavailable" in text:
-        return f"{said}; another program reads it, or ModemManager tries it: wait, or stop that"
+        return f"{reason}; another program reads it, or ModemManager tries it: wait, or stop that"
     if "no such file" in text:
-        return f"{said}; is the board plugged in, by a cable that carries data?"
-    return said
+        return f"{reason}; is the board plugged in, by a cable that carries data?"
+    return reason
 
 
 def _hex(addresses: Any) -> str:

@@ -38,21 +38,15 @@ def field_curvature(design: SkinDesign) -> Floats:
     return np.asarray(np.einsum("kscj,sji,skl->silc", np.stack(bends), inverse, inverse))
 
 
-def cross_signals(curvature: Floats, one: Floats, other: Floats) -> Floats:
+def cross_signals(curvature: Floats, first: Floats, second: Floats) -> Floats:
     """Amount that readings of two motions, (..., 3 S) each, T, add to their sum.
 
     c_k = sum over i, j of a_i b_j C_ijk for each chip.
     """
     chips = len(curvature)
-    first, second = one.reshape(-1, chips, 3, 1), other.reshape(-1, chips, 1, 3)
-    products = (first * second).reshape(-1, chips, 1, 9)
-    return np.asarray((products @ curvature.reshape(chips, 9, 3)).reshape(one.shape))
-
-
-def cross_matrices(curvature: Floats, other: Floats) -> Floats:
-    """Matrices X (..., S, 3, 3) of ``cross_signals(curvature, one, other) = one @ X`` by chip."""
-    rows = other.reshape(*other.shape[:-1], -1, 1, 1, 3)
-    return np.asarray((rows @ curvature)[..., 0, :])
+    a, b = first.reshape(-1, chips, 3, 1), second.reshape(-1, chips, 1, 3)
+    products = (a * b).reshape(-1, chips, 1, 9)
+    return np.asarray((products @ curvature.reshape(chips, 9, 3)).reshape(first.shape))
 
 
 class Bend:
@@ -61,7 +55,7 @@ class Bend:
     def __init__(self, curvature: Floats) -> None:
         chips = range(len(curvature))
         rows = np.arange(3 * len(curvature)).reshape(-1, 3)
-        self._one, self._other = rows.repeat(3), np.tile(rows, 3).ravel()
+        self._first, self._second = rows.repeat(3), np.tile(rows, 3).ravel()
         halves = np.zeros((len(curvature), 9, len(curvature), 3))
         halves[chips, :, chips] = 0.5 * curvature.reshape(-1, 9, 3)
         self._halves = halves.reshape(9 * len(curvature), 3 * len(curvature))
@@ -80,7 +74,7 @@ class Bend:
 
     def _half_cross(self, rows: Floats) -> Floats:
         """Half of c(x, x) for rows (B, 3 S) of x."""
-        return np.asarray((rows.take(self._one, 1) * rows.take(self._other, 1)) @ self._halves)
+        return np.asarray((rows.take(self._first, 1) * rows.take(self._second, 1)) @ self._halves)
 
 
 def straightened(curvature: Floats, signals: Floats) -> Floats:

@@ -42,8 +42,8 @@ class Straightening:
         magnets = [design.magnet(site.magnet) for site in design.halls]
         self._magnets = point_charges(magnets)
         designed = geometry(design).rest
-        moved, found = self._motions(designed, rest[None], np.zeros((1, *rest.shape)))
-        self._place = np.where(found[0], designed + moved[0], designed)
+        moved, settled = self._motions(designed, rest[None], np.zeros((1, *rest.shape)))
+        self._place = np.where(settled[0], designed + moved[0], designed)
         self._rest, self._slope = self._field(self._place)
         self._inverse = np.linalg.inv(self._slope)
 
@@ -56,9 +56,9 @@ class Straightening:
         """Linear signals x of signals s; both of shape (..., 3 S) or (..., S, 3), T."""
         rows = signals.reshape(-1, *self._rest.shape)
         first = (self._inverse @ rows[..., None])[..., 0]
-        moved, found = self._motions(self._place, self._rest + rows, first)
+        moved, settled = self._motions(self._place, self._rest + rows, first)
         linear = (self._slope @ moved[..., None])[..., 0]
-        return np.asarray(np.where(found, linear, rows).reshape(signals.shape))
+        return np.asarray(np.where(settled, linear, rows).reshape(signals.shape))
 
     def bent(self, linear: Floats) -> Floats:
         """Signals s of linear signals x."""

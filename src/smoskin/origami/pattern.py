@@ -151,7 +151,7 @@ def read_pattern(path: Path | str) -> CreasePattern:
     DesignError
         If it cannot be read, is no FOLD document, or no frame of it is flat.
     """
-    with _told(path):
+    with _errors_naming(path):
         for frame in _frames(path):
             pattern = _flat(frame)
             if pattern is not None:
@@ -180,7 +180,7 @@ def read_forms(path: Path | str) -> FoldedForms:
     DesignError
         If it cannot be read, is no FOLD document, has no faces, or its frames differ in vertices.
     """
-    with _told(path):
+    with _errors_naming(path):
         frames = _frames(path)
         faces = next((frame["faces_vertices"] for frame in frames if "faces_vertices" in frame), ())
         polygons = tuple(tuple(int(vertex) for vertex in face) for face in faces)
@@ -208,13 +208,15 @@ def _frames(path: Path | str) -> list[dict[str, Any]]:
 
 
 @contextmanager
-def _told(path: Path | str) -> Iterator[None]:
+def _errors_naming(path: Path | str) -> Iterator[None]:
     """Whatever is wrong with a document is one sentence, with its name."""
     try:
         yield
     except DesignError as error:
-        told = str(error)
-        raise DesignError(told if told.startswith(f"{path}") else f"{path}: {told}") from error
+        message = str(error)
+        raise DesignError(
+            message if message.startswith(f"{path}") else f"{path}: {message}"
+        ) from error
     except (AttributeError, IndexError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise DesignError(f"{path}: must be a FOLD document; got {error!r}") from error
 

@@ -141,7 +141,7 @@ class Follow:
             If there is a fault, or the arm does not rest untouched for half a second.
         """
         if self.state is State.FAULT:
-            raise ArgumentError(f"fault must be reset first: {self._fault_sentence()}")
+            raise ArgumentError(f"fault must be reset first: {self.fault and self.fault.value}")
         self._require_rest()
         if self.state is State.DISARMED:
             self.state = State.STANDING
@@ -389,9 +389,6 @@ class Follow:
     @property
     def _armed(self) -> bool:
         return self.state is not State.DISARMED
-
-    def _fault_sentence(self) -> str:
-        return "" if self.fault is None else self.fault.value
 
 
 def _largest(spread: Floats) -> float:

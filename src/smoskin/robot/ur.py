@@ -88,10 +88,10 @@ class UrArm(Arm):
 
     def move(self, speeds: Floats) -> Floats:
         """Turn at these speeds, within those of the joints, for the next tenth of a second."""
-        told = np.clip(speeds, -self._chain.speed, self._chain.speed)
-        leading = self._chain.acceleration[np.abs(told).argmax()]
-        self._ask("move", told.tolist(), float(leading))
-        return told
+        commanded = np.clip(speeds, -self._chain.speed, self._chain.speed)
+        leading = self._chain.acceleration[np.abs(commanded).argmax()]
+        self._ask("move", commanded.tolist(), float(leading))
+        return commanded
 
     def stop(self) -> None:
         """Turn at no speed."""
@@ -124,7 +124,7 @@ class UrArm(Arm):
         try:
             if not self._pipe.poll(within):
                 raise SourceError(f"UR at {self._host} did not answer within {within:g} s")
-            told = json.loads(self._pipe.recv_bytes())
+            reply = json.loads(self._pipe.recv_bytes())
         except (SourceError, EOFError, OSError) as error:
             if self._process is not None:
                 self._process.kill()
@@ -132,6 +132,6 @@ class UrArm(Arm):
             if isinstance(error, SourceError):
                 raise
             raise SourceError(f"UR at {self._host}: our link to it has ended") from error
-        if "error" in told:
-            raise SourceError(f"UR at {self._host}: {told['error']}")
-        return told.get("answer")
+        if "error" in reply:
+            raise SourceError(f"UR at {self._host}: {reply['error']}")
+        return reply.get("answer")

@@ -127,9 +127,9 @@ class XArm(Arm):
     def move(self, speeds: Floats) -> Floats:
         """Turn at these speeds, within those of the joints, for the next tenth of a second."""
         self._check_open()
-        told = np.clip(speeds, -self._chain.speed, self._chain.speed)
-        self._done("move", self._speed(told))
-        return told
+        commanded = np.clip(speeds, -self._chain.speed, self._chain.speed)
+        self._done("move", self._speed(commanded))
+        return commanded
 
     def stop(self) -> None:
         """Turn at no speed; an arm that does not take that is told to stop and take no more."""

@@ -33,10 +33,10 @@ class Diagnosis:
 
     def as_json(self) -> dict[str, Any]:
         """Plain values for machines."""
-        found = [
+        findings = [
             {"where": f.where, "problem": f.problem, "remedy": f.remedy} for f in self.findings
         ]
-        return {"looked": list(self.looked), "findings": found}
+        return {"looked": list(self.looked), "findings": findings}
 
     def __str__(self) -> str:
         wrong = [f"! {finding}" for finding in self.findings] or ["Nothing is wrong."]
@@ -47,10 +47,10 @@ class Diagnosis:
 def look_around(*, seconds: float = 1.0) -> Diagnosis:
     """Ports and buses of this computer, with the URL that reads each board that sends already."""
     looked: list[str] = []
-    found: list[Finding] = []
+    findings: list[Finding] = []
     ports, wires = serial_ports(), buses()
     for port in ports:
-        found += hindrances(port.device)
+        findings += hindrances(port.device)
         try:
             heard = heard_on(port.device, seconds)
         except SourceError as error:
@@ -66,8 +66,8 @@ def look_around(*, seconds: float = 1.0) -> Diagnosis:
             "board --virtual planar."
         )
         problem = "No port has a board, and there is no I2C bus."
-        found.append(Finding(where="this computer", problem=problem, remedy=remedy))
-    return Diagnosis(looked=tuple(looked), findings=tuple(found))
+        findings.append(Finding(where="this computer", problem=problem, remedy=remedy))
+    return Diagnosis(looked=tuple(looked), findings=tuple(findings))
 
 
 @typed
@@ -87,26 +87,26 @@ def examine_source(
     """
     kind, _, rest = url.partition(":")
     device = rest.removeprefix("//").partition("?")[0]
-    found = [*hindrances(device)] if kind == "serial" and device.startswith("/") else []
+    findings = [*hindrances(device)] if kind == "serial" and device.startswith("/") else []
     say(f"Let nothing touch the skin for {seconds:g} s.")
     try:
         source = open_source(url)
     except SourceError as error:
         problem = Finding(where="source", problem=f"{error}.", remedy="See docs/boards.md.")
-        return Diagnosis(looked=(f"{url} does not open.",), findings=(*found, problem))
+        return Diagnosis(looked=(f"{url} does not open.",), findings=(*findings, problem))
     with source:
         skin = design or source.design
         resting, silence = _taken(source, seconds)
         looked = [_steadiness(url, resting)]
-        found += [silence] if silence is not None else []
-        found += _line(source)
+        findings += [silence] if silence is not None else []
+        findings += _line(source)
         if len(resting) >= 30:
-            found += examine_readings(resting, skin)
+            findings += examine_readings(resting, skin)
             if moving:
                 say(f"Move the robot for {moving:g} s as it moves at work; touch nothing.")
                 names = chip_names(source.chips, skin)
-                found += interference(resting, _taken(source, moving)[0], names)
-    return Diagnosis(looked=tuple(looked), findings=tuple(found))
+                findings += interference(resting, _taken(source, moving)[0], names)
+    return Diagnosis(looked=tuple(looked), findings=tuple(findings))
 
 
 def _taken(source: Source, seconds: float) -> tuple[list[Reading], Finding | None]:
@@ -142,7 +142,7 @@ def _line(source: Source) -> list[Finding]:
     if not isinstance(source, SerialSource):
         return []
     counters = source.counters
-    found = []
+    findings = []
     # The frame that was cut by the start counts once.
     for count, what, remedy in (
         (counters.lost, "frames are missing", "Look for a loose plug, a long cable or a hub."),
@@ -152,8 +152,8 @@ def _line(source: Source) -> list[Finding]:
     ):
         if count > 0.001 * max(counters.readings, 1):
             problem = f"{count} {what}, of {counters.readings} readings."
-            found.append(Finding(where="line", problem=problem, remedy=remedy))
-    return found
+            findings.append(Finding(where="line", problem=problem, remedy=remedy))
+    return findings
 
 
 def _strange(heard: bytes) -> str:

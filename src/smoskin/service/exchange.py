@@ -56,11 +56,11 @@ def columns_of(recording: Recording) -> dict[str, NDArray[Any]]:
     most = max(map(len, contacts), default=0)
     position, force = np.full((len(rows), most, 2), np.nan), np.full((len(rows), most, 3), np.nan)
     covariance = np.full((len(rows), most, 5, 5), np.nan)
-    for row, (found, estimate) in enumerate(zip(contacts, estimates, strict=True)):
-        for place, contact in enumerate(found):
+    for row, (touches, estimate) in enumerate(zip(contacts, estimates, strict=True)):
+        for place, contact in enumerate(touches):
             position[row, place], force[row, place] = contact.position, contact.force
         if estimate is not None:
-            covariance[row, : len(found)] = estimate.covariance
+            covariance[row, : len(touches)] = estimate.covariance
     chips = recording.description.chips
     times = np.array([reading.time for reading in readings])
     return {
@@ -180,13 +180,13 @@ def _write_hdf5(part: Path, columns: dict[str, NDArray[Any]], recording: Recordi
         for name, values in columns.items():
             text = h5py.string_dtype() if values.dtype.kind == "U" else None
             file.create_dataset(name, data=values.astype(object) if text else values, dtype=text)
-        told = recording.description
+        description = recording.description
         file.attrs.update(
-            design=told.design,
-            design_hash=told.design_hash,
+            design=description.design,
+            design_hash=description.design_hash,
             document=recording.document,
-            start=told.start,
-            smoskin=told.version,
+            start=description.start,
+            smoskin=description.version,
         )
 
 

@@ -96,8 +96,8 @@ class Campaign(Resource):
                 self._path.unlink()
             else:
                 self._path.rename(before)
-        said = json.dumps(dict(rig or {}), sort_keys=True)
-        files = {"design.toml": format_design(design).encode(), "rig.json": said.encode()}
+        rig_document = json.dumps(dict(rig or {}), sort_keys=True)
+        files = {"design.toml": format_design(design).encode(), "rig.json": rig_document.encode()}
         self._late = 0.0
         self._last = -np.inf
         self._shift: float | None = None
@@ -117,7 +117,7 @@ class Campaign(Resource):
             self._path,
             design,
             attachments=files | ({"plan.csv": plan} if plan else {}),
-            rig=said,
+            rig=rig_document,
             wall_clock=(lambda: begun) if resumed else self._wall,
             on_failure=lambda sentence: None,
         )
@@ -334,9 +334,9 @@ def rig_columns(path: str | os.PathLike[str], times: Floats) -> dict[str, NDArra
 
 def rig_of(path: str | os.PathLike[str]) -> dict[str, Any]:
     """What a recording says of the rig that touched the skin; empty where it says nothing."""
-    said = [*open_recording(path).decoded({RIG_TOPIC: Codec().decode_document})]
+    documents = [*open_recording(path).decoded({RIG_TOPIC: Codec().decode_document})]
     try:
-        return dict(json.loads(said[0])) if said else {}
+        return dict(json.loads(documents[0])) if documents else {}
     except ValueError as error:
         raise RecordingError(f"{path}: the rig's description is damaged") from error
 
@@ -356,7 +356,7 @@ def _touch_of(
         part[(part[:, 0] >= min(ends) - 1e-6) & (part[:, 0] <= max(ends) + 1e-6)]
         for part in (gauge, stage)
     ]
-    told = bool(phases) or any(map(len, parts))
+    traced = bool(phases) or any(map(len, parts))
     return HeldTouch(
         contact=label.contact,
         readings=tuple(
@@ -364,7 +364,7 @@ def _touch_of(
         ),
         rest=label.rest,
         held=label.held,
-        trace=Trace(gauge=parts[0], stage=parts[1], phases=phases) if told else None,
+        trace=Trace(gauge=parts[0], stage=parts[1], phases=phases) if traced else None,
     )
 
 

@@ -196,8 +196,8 @@ def _indexed(file: BinaryIO) -> Layout | None:
     chunks = [record for record in records if isinstance(record, ChunkIndex)]
     if not chunks:
         return None
-    told = (record for record in records if isinstance(record, Statistics))
-    counts = next((record.channel_message_counts for record in told), {})
+    statistics = (record for record in records if isinstance(record, Statistics))
+    counts = next((record.channel_message_counts for record in statistics), {})
     return Layout(
         spans=tuple(Span(chunk.chunk_start_offset, chunk.chunk_length) for chunk in chunks),
         topics={record.id: record.topic for record in records if isinstance(record, Channel)},

@@ -10,7 +10,6 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from functools import partial
 from importlib.metadata import version
 from io import BufferedWriter
 from pathlib import Path
@@ -231,7 +230,7 @@ class Recorder(Sink):
         raises a `RecordingError` if the part cannot be read or the file not be written.
         """
         topics = {READING_TOPIC, *_RIG_SCHEMAS, *(t for t in self._channels if "/chip" in t)}
-        decoders = {topic: partial(_named, topic) for topic in topics}
+        decoders = {topic: lambda payload, topic=topic: (topic, payload) for topic in topics}
         for topic, payload in recording.decoded(decoders):
             stamp = self._codec.stamp(payload)
             if topic == READING_TOPIC:
@@ -369,11 +368,6 @@ class Recorder(Sink):
         wall, first = self._first
         elapsed = min(max(moment - first, -1e10), 1e10)
         return min(max(wall + round(elapsed * 1e9), 0), _LAST_STAMP)
-
-
-def _named(topic: str, payload: bytes) -> tuple[str, bytes]:
-    """A message with its topic, not decoded."""
-    return topic, payload
 
 
 def _new_file(path: str | os.PathLike[str]) -> BufferedWriter:

@@ -214,13 +214,13 @@ def _surveyed(path: Path, file: BinaryIO) -> Recording:
         if layout.truncated and not layout.spans:
             raise mcap.UnbegunError("the file ends before its description")
         raise RecordingError(_nameless(lost, topics))
-    told = (n for channel, n in layout.counts.items() if topics.get(channel) == READING_TOPIC)
+    counts = (n for channel, n in layout.counts.items() if topics.get(channel) == READING_TOPIC)
     return Recording(
         path=path,
         description=description,
         reading_count=readings,
         estimate_count=estimates,
-        lost_readings=max(last, sum(told)) - readings,
+        lost_readings=max(last, sum(counts)) - readings,
         duration=max(latest - earliest, 0.0),
         lost_chunks=lost,
         truncated=layout.truncated,

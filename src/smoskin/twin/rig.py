@@ -149,7 +149,7 @@ class VirtualRig(Rig):
             times, Motion.stack([Motion.rest(len(motion.magnets)), motion])[pressed.astype(int)]
         )
         return HeldTouch(
-            contact=self._told(contact),
+            contact=self._measured(contact),
             readings=readings,
             rest=(float(rest[0]), float(rest[-1])),
             held=(float(held[0]), float(held[-1])),
@@ -158,7 +158,7 @@ class VirtualRig(Rig):
     def close(self) -> None:
         """Let go of nothing: a virtual rig holds nothing."""
 
-    def _told(self, contact: Contact) -> Contact:
+    def _measured(self, contact: Contact) -> Contact:
         """The touch as stage and gauge tell it."""
         position = contact.position + self._stage * self._rng.normal(size=2)
         force = contact.force + self._gauge * self._rng.normal(size=3)
@@ -187,16 +187,16 @@ class VirtualRig(Rig):
         if self._creep is not None:
             pairs = zip(steps.tolist(), sunk, strict=True)
             sunk = np.array([self._depth.step(step, depth) for step, depth in pairs])
-        told = self._told(contact)
+        measured = self._measured(contact)
         force = share[:, None] * contact.force + self._gauge * self._parts.normal(
             size=(len(times), 3)
         )
         height = np.where(share > 0.0, -sunk[:, 0], _ABOVE)
-        place = np.column_stack([np.tile(told.position, (len(times), 1)), height])
+        place = np.column_stack([np.tile(measured.position, (len(times), 1)), height])
         begins = [start - _REST, *ends.tolist()]
         names = ("rest", "press", "hold", "retract", "recovery")
         return HeldTouch(
-            contact=told,
+            contact=measured,
             readings=self._read(times, Motion(magnets=magnets, board=board)),
             rest=(begins[0], begins[1]),
             held=(begins[2] + _RAMP, begins[3]),

@@ -37,9 +37,9 @@ def summary(rows):
 
 
 def test_an_arm_that_does_as_promised_keeps_its_promises():
-    found = summary(moments(lambda force: force > 0.5))
-    assert found.kept
-    assert (found.touches, found.direction_error_deg_max, found.rate_hz) == (1, 2.0, 100.0)
+    figures = summary(moments(lambda force: force > 0.5))
+    assert figures.kept
+    assert (figures.touches, figures.direction_error_deg_max, figures.rate_hz) == (1, 2.0, 100.0)
 
 
 @pytest.mark.parametrize(
@@ -51,9 +51,9 @@ def test_an_arm_that_does_as_promised_keeps_its_promises():
     ],
 )
 def test_each_broken_promise_is_counted(rows, name):
-    found = summary(rows)
-    assert getattr(found, name) >= 1
-    assert not found.kept
+    figures = summary(rows)
+    assert getattr(figures, name) >= 1
+    assert not figures.kept
 
 
 LIMITS = Limits()
@@ -75,11 +75,11 @@ ALONG = np.array([0.0, 0.0, 1.0])
 def test_each_limit_is_judged_at_every_moment(name, within, beyond):
     rows = moments(lambda force: force > 0.5)
     for asked, count in ((within, 0), (beyond, 1)):
-        found = judged([*rows[:60], rows[60]._replace(**asked), *rows[61:]], [PRESS], LIMITS, 100.0)
-        assert found.summary.limit_violations == count
-        assert [key for key, times in found.exceeded.items() if times] == [name] * count
-        assert found.summary.kept is found.kept is (count == 0)
-    assert found.broken == (f"Limits were exceeded, each so often: {name} 1.",)
+        demo = judged([*rows[:60], rows[60]._replace(**asked), *rows[61:]], [PRESS], LIMITS, 100.0)
+        assert demo.summary.limit_violations == count
+        assert [key for key, times in demo.exceeded.items() if times] == [name] * count
+        assert demo.summary.kept is demo.kept is (count == 0)
+    assert demo.broken == (f"Limits were exceeded, each so often: {name} 1.",)
     # Between touches the robot's own programme moves it.
     between = judged([*rows, rows[60]._replace(press=-1, **beyond)], [PRESS], LIMITS, 100.0)
     assert between.kept
@@ -90,31 +90,31 @@ def test_a_touch_may_move_the_arm_so_far_and_so_long():
     rows = moments(lambda force: force > 0.5, fastest=0.01)
     for slower, count in ((10.1, 0), (10.3, 1)):  # moved from a half of it to its end
         stretched = [row._replace(time=slower * row.time, speed=1e-3) for row in rows]
-        found = judged(stretched, [long], LIMITS, 100.0)
-        assert found.exceeded["time"] == found.summary.limit_violations == count
+        demo = judged(stretched, [long], LIMITS, 100.0)
+        assert demo.exceeded["time"] == demo.summary.limit_violations == count
     # Let go in between it is two touches.
     stretched[75] = stretched[75]._replace(force=0.0)
     assert judged(stretched, [long], LIMITS, 100.0).exceeded["time"] == 0
     for speed, count in ((0.099, 0), (0.102, 1)):
-        found = judged([row._replace(speed=speed) for row in rows], [PRESS], LIMITS, 100.0)
-        assert found.exceeded["way"] == found.summary.limit_violations == count
+        demo = judged([row._replace(speed=speed) for row in rows], [PRESS], LIMITS, 100.0)
+        assert demo.exceeded["way"] == demo.summary.limit_violations == count
 
 
 def test_a_machine_must_keep_up_with_the_rate_that_was_asked_for():
     rows = moments(lambda force: force > 0.5)
     for able, kept in ((100.0, True), (99.9, False)):
-        found = replace(judged(rows, [PRESS], LIMITS, able), asked_hz=100.0)
-        assert found.kept is kept
-        assert found.summary.kept
-    assert found.broken == ("This machine can only turn 99.9 of 100 readings a second.",)
-    assert found.as_json()["broken"] == list(found.broken)
+        demo = replace(judged(rows, [PRESS], LIMITS, able), asked_hz=100.0)
+        assert demo.kept is kept
+        assert demo.summary.kept
+    assert demo.broken == ("This machine can only turn 99.9 of 100 readings a second.",)
+    assert demo.as_json()["broken"] == list(demo.broken)
 
 
 def test_faults_count_once_and_directions_have_a_limit():
     rows = moments(lambda force: force > 0.5)
     stop = Command(speeds=np.zeros(3), state=State.FAULT, reason=Reason.STALE)
-    found = summary([*rows[:90], *(row._replace(command=stop) for row in rows[90:])])
-    assert (found.faults, found.kept) == (1, False)
+    figures = summary([*rows[:90], *(row._replace(command=stop) for row in rows[90:])])
+    assert (figures.faults, figures.kept) == (1, False)
     off = summary(moments(lambda force: force > 0.5, angle=11.0))
     assert not off.kept
     assert not replace(off, direction_error_deg_max=None).kept
@@ -137,9 +137,9 @@ def test_the_table_tells_in_words_what_was_broken():
 def test_a_late_stop_is_told():
     rows = moments(lambda force: force < 0.7)
     falling = [row._replace(force=1.0 - row.force) for row in rows]
-    found = summary(falling)
-    assert found.stop_ms_max == pytest.approx(90.0, abs=15.0)
-    assert not found.kept
+    figures = summary(falling)
+    assert figures.stop_ms_max == pytest.approx(90.0, abs=15.0)
+    assert not figures.kept
 
 
 def test_the_script_goes_through_the_threshold_on_the_skin():
@@ -161,10 +161,10 @@ def test_the_demonstration_keeps_its_promises_on_a_made_skin():
     pytest.importorskip("mujoco")
     from smoskin.commands.follow.demonstration import demonstrate
 
-    found = demonstrate(read_design("curved"), seed=3)
-    kept = found.summary
-    assert set(found.exceeded.values()) == {0}
-    assert (found.asked_hz, found.not_recorded) == (100.0, "")
+    demo = demonstrate(read_design("curved"), seed=3)
+    kept = demo.summary
+    assert set(demo.exceeded.values()) == {0}
+    assert (demo.asked_hz, demo.not_recorded) == (100.0, "")
     assert (kept.touches, kept.limit_violations, kept.faults) == (8, 0, 0)
     assert (kept.moved_below_0_40_N, kept.still_above_0_60_N) == (0, 0)
     assert kept.direction_error_deg_max <= 2.0
@@ -185,15 +185,15 @@ def test_long_and_strong_touches_are_ended_within_the_limits(monkeypatch):
     seen = []
     # Slow enough for the light touch to be at its time before it is at its way.
     limits = Limits(resistance=12.0, duration=3.0)
-    found = demonstration.demonstrate(
+    demo = demonstration.demonstrate(
         skin, seed=3, calibration_touches=5, limits=limits, watch=lambda stage, m: seen.append(m)
     )
     over = (Reason.DURATION, Reason.DISTANCE)
-    told = [[m.command.reason for m in seen if m.press == k] for k in range(2)]
-    assert [next(reason for reason in each if reason in over) for each in told] == [*over]
-    assert set(found.exceeded.values()) == {0}
-    assert found.summary.kept
-    light, strong = found.touches
+    reasons = [[m.command.reason for m in seen if m.press == k] for k in range(2)]
+    assert [next(reason for reason in each if reason in over) for each in reasons] == [*over]
+    assert set(demo.exceeded.values()) == {0}
+    assert demo.summary.kept
+    light, strong = demo.touches
     assert 10.0 < light.moved_mm < strong.moved_mm <= 100.0
     gains = [m.gain for m in seen if m.press >= 0]
     assert 0.9 * limits.acceleration < max(gains) <= (1 + 1e-9) * limits.acceleration

@@ -39,20 +39,20 @@ class Asked(Arm):
 
 
 def test_a_real_arm_is_told_by_the_model_and_held_by_empty_lines(tmp_path, monkeypatch):
-    made, signs, told = [], [], []
+    made, signs, messages = [], [], []
     monkeypatch.setattr(live, "XArm", lambda *given: made.append(Asked(*given)) or made[-1])
     monkeypatch.setattr(Holding, "sign", lambda self: signs.append(True))
     words = queue.Queue()
     for word in ("", "", "dance"):
         words.put(word)
     url = f"replay:{record(tmp_path / 'touch.mcap', 6)}?speed=max"
-    counters = live.follow_source(url, robot="xarm:10.0.0.7", words=words, say=told.append)
+    counters = live.follow_source(url, robot="xarm:10.0.0.7", words=words, say=messages.append)
     (arm,) = made
     assert (arm.host, arm.chain.joints, arm.closed) == ("10.0.0.7", 4, True)
     assert counters.readings == 6
     assert len(signs) == 2
-    assert told[0] == live.WARNING
-    assert "Say one of arm, disarm, reset, zero, quit; got 'dance'" in told
+    assert messages[0] == live.WARNING
+    assert "Say one of arm, disarm, reset, zero, quit; got 'dance'" in messages
 
 
 @pytest.mark.parametrize("robot", ["abb:10.0.0.7", "ur", "xarm:", ""])

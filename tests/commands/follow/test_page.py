@@ -145,9 +145,9 @@ def told_late(looks, sign):
     Where other programs kept the driver from looking in time, that does not count.
     """
     times = np.array([at for at, _ in looks])
-    told = next(at for at, reason in looks if at > sign and reason is Reason.SWITCH)
-    kept = np.diff(times[(times > sign - 0.1) & (times <= told)]).max() - 1 / 125
-    return told - sign - DEADLINE - max(kept, 0.0)
+    commanded = next(at for at, reason in looks if at > sign and reason is Reason.SWITCH)
+    kept = np.diff(times[(times > sign - 0.1) & (times <= commanded)]).max() - 1 / 125
+    return commanded - sign - DEADLINE - max(kept, 0.0)
 
 
 @pytest.mark.slow
@@ -265,11 +265,11 @@ def test_an_operator_arms_holds_stops_and_resets():
 @pytest.mark.browser
 def test_a_mouse_presses_a_virtual_skin_and_the_arm_yields():
     """Up to its threshold the arm stands; nothing is left of a press once the button is up."""
-    said, words = queue.Queue(), queue.Queue()
+    sentences, words = queue.Queue(), queue.Queue()
     states = []
 
     def say(sentence):
-        said.put(sentence)
+        sentences.put(sentence)
         states.append(sentence.partition(":")[0])
 
     url = "twin://curved?rate=100"
@@ -279,7 +279,7 @@ def test_a_mouse_presses_a_virtual_skin_and_the_arm_yields():
     follower = threading.Thread(target=run, daemon=True)
     follower.start()
     try:
-        while not (sentence := said.get(timeout=60.0)).startswith("The arm is live at "):
+        while not (sentence := sentences.get(timeout=60.0)).startswith("The arm is live at "):
             pass
         with open_page(sentence.removeprefix("The arm is live at ")) as opened:
             button = opened.page.get_by_role("button", name="Arm", exact=True)

@@ -86,49 +86,51 @@ def by_rosbags(path):
     """Messages by topic, through the reader of ROS bags and the types in the file."""
     from rosbags.highlevel import AnyReader
 
-    found = {}
+    messages = {}
     with AnyReader([path]) as bag:
         for connection, _, raw in bag.messages():
-            found.setdefault(connection.topic, []).append(bag.deserialize(raw, connection.msgtype))
-    return found
+            messages.setdefault(connection.topic, []).append(
+                bag.deserialize(raw, connection.msgtype)
+            )
+    return messages
 
 
 def assert_holds(path, pairs):
     """A recording is of these readings and estimates, in their order, whoever reads it."""
     assert len(pairs) > 20
     assert list(open_recording(path)) == pairs
-    by_mcap = {name: [m for _, m in told] for name, told in decoded_by_others(path).items()}
-    for found in (by_mcap, by_rosbags(path)):
-        for told, (reading, _) in zip(found["/skin/reading"], pairs, strict=True):
-            assert told.time == reading.time
-            np.testing.assert_array_equal(told.field.reshape(-1, 3), reading.field)
+    by_mcap = {name: [m for _, m in stamped] for name, stamped in decoded_by_others(path).items()}
+    for topics in (by_mcap, by_rosbags(path)):
+        for message, (reading, _) in zip(topics["/skin/reading"], pairs, strict=True):
+            assert message.time == reading.time
+            np.testing.assert_array_equal(message.field.reshape(-1, 3), reading.field)
         touched = [estimate for _, estimate in pairs if estimate.contacts]
-        for told, (_, estimate) in zip(found["/skin/estimate"], pairs, strict=True):
-            assert (told.time, told.status) == (estimate.time, estimate.status.name)
+        for message, (_, estimate) in zip(topics["/skin/estimate"], pairs, strict=True):
+            assert (message.time, message.status) == (estimate.time, estimate.status.name)
             forces = [contact.force for contact in estimate.contacts]
-            np.testing.assert_array_equal(told.force.reshape(-1, 3), np.reshape(forces, (-1, 3)))
-        for told, estimate in zip(found.get("/skin/contact0", ()), touched, strict=True):
-            assert (told.point.x, told.point.y) == tuple(estimate.contacts[0].position)
+            np.testing.assert_array_equal(message.force.reshape(-1, 3), np.reshape(forces, (-1, 3)))
+        for message, estimate in zip(topics.get("/skin/contact0", ()), touched, strict=True):
+            assert (message.point.x, message.point.y) == tuple(estimate.contacts[0].position)
     return by_mcap
 
 
-def assert_holds_demonstration(path, pairs, arms, said):
+def assert_holds_demonstration(path, pairs, arms, demo):
     """The same of a demonstration, with its arm, table and judgement."""
     from mcap.reader import make_reader
 
-    found = assert_holds(path, pairs)
-    assert found["/skin/contact0"]
+    topics = assert_holds(path, pairs)
+    assert topics["/skin/contact0"]
     for joints, word, (arm, command) in zip(
-        found["/arm/joints"], found["/arm/state"], arms, strict=True
+        topics["/arm/joints"], topics["/arm/state"], arms, strict=True
     ):
         assert joints.name == ["joint0", "joint1", "joint2", "joint3"]
         np.testing.assert_array_equal(joints.position, arm.angles)
         np.testing.assert_array_equal(joints.velocity, arm.speeds)
         assert word.data == command.sentence
-    for joints, told in zip(found["/arm/joints"], found["/skin/reading"], strict=True):
-        assert joints.header.stamp.sec == told.stamp.sec
-        assert joints.header.stamp.nanosec == told.stamp.nanosec
-    assert {word.data.partition(":")[0] for word in found["/arm/state"]} >= {
+    for joints, message in zip(topics["/arm/joints"], topics["/skin/reading"], strict=True):
+        assert joints.header.stamp.sec == message.stamp.sec
+        assert joints.header.stamp.nanosec == message.stamp.nanosec
+    assert {word.data.partition(":")[0] for word in topics["/arm/state"]} >= {
         *("disarmed", "standing", "moving"),
     }
     with open(path, "rb") as file:
@@ -136,8 +138,8 @@ def assert_holds_demonstration(path, pairs, arms, said):
     table = path.with_name("kept.table")
     table.write_bytes(kept.data)
     assert load_response_table(table).design_hash == PLANAR.content_hash
-    assert set(said.exceeded.values()) == {0}
-    assert not said.not_recorded
+    assert set(demo.exceeded.values()) == {0}
+    assert not demo.not_recorded
 
 
 def test_a_demonstration_is_recorded_with_its_arm(as_designed, seen, tmp_path):
@@ -146,17 +148,17 @@ def test_a_demonstration_is_recorded_with_its_arm(as_designed, seen, tmp_path):
     with pytest.raises(FileError, match=r"follow\.mcap exists"):
         demonstrate(PLANAR, record=path)
     assert not seen[0]  # it is told before anything is made
-    found = demonstrate(PLANAR, record=path, force=True)
-    assert_holds_demonstration(path, *seen, found)
+    demo = demonstrate(PLANAR, record=path, force=True)
+    assert_holds_demonstration(path, *seen, demo)
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_a_demonstration_of_a_made_skin_is_recorded(one_tap, seen, tmp_path):
     path = tmp_path / "follow.mcap"
-    found = demonstrate(PLANAR, seed=3, calibration_touches=3, record=path)
-    assert_holds_demonstration(path, *seen, found)
-    assert found.summary.kept
+    demo = demonstrate(PLANAR, seed=3, calibration_touches=3, record=path)
+    assert_holds_demonstration(path, *seen, demo)
+    assert demo.summary.kept
 
 
 def test_a_full_disk_ends_the_recording_but_not_the_demonstration(
@@ -170,13 +172,13 @@ def test_a_full_disk_ends_the_recording_but_not_the_demonstration(
         flush(self)
 
     monkeypatch.setattr(Recorder, "_flush", fills)
-    path, said = tmp_path / "follow.mcap", []
-    found = demonstrate(PLANAR, record=path, say=said.append)
+    path, sentences = tmp_path / "follow.mcap", []
+    demo = demonstrate(PLANAR, record=path, say=sentences.append)
     assert len(seen[1]) > 800
-    *_, sentence = found.broken
+    *_, sentence = demo.broken
     assert "follow.mcap cannot be written: No space left on device" in sentence
-    assert sentence.removesuffix(".") in said
-    assert not found.kept
+    assert sentence.removesuffix(".") in sentences
+    assert not demo.kept
     # What was written until then stays.
     kept = list(open_recording(path))
     assert kept == seen[0][: len(kept)]
@@ -188,24 +190,24 @@ def follow_twin(path, **options):
 
 
 def test_what_a_live_source_gives_is_recorded(seen, tmp_path):
-    path, said = tmp_path / "live.mcap", []
+    path, sentences = tmp_path / "live.mcap", []
     path.write_bytes(b"somebody's")
     with pytest.raises(FileError, match=r"live\.mcap exists"):
         follow_twin(path)
-    counters = follow_twin(path, force=True, say=said.append)
+    counters = follow_twin(path, force=True, say=sentences.append)
     pairs, arms = seen
     assert counters.readings == len(pairs)
-    found = assert_holds(path, pairs)
+    topics = assert_holds(path, pairs)
     # The arm stands as at the newest look, which may be of this reading or one before.
-    times = [told.header.stamp for told in found["/arm/joints"]]
-    stamps = [told.stamp for told in found["/skin/reading"]]
+    times = [message.header.stamp for message in topics["/arm/joints"]]
+    stamps = [message.stamp for message in topics["/skin/reading"]]
     assert [(t.sec, t.nanosec) for t in times] == [(t.sec, t.nanosec) for t in stamps]
-    told = {command.sentence for _, command in arms}
-    assert {word.data for word in found["/arm/state"]} <= told
-    assert len(found["/arm/state"]) == len(pairs)
+    commanded = {command.sentence for _, command in arms}
+    assert {word.data for word in topics["/arm/state"]} <= commanded
+    assert len(topics["/arm/state"]) == len(pairs)
     looked = {arm.angles.tobytes() for arm, _ in arms}
-    assert {joints.position.tobytes() for joints in found["/arm/joints"]} <= looked
-    assert said[-1] == f"Recorded live.mcap: {len(pairs)} readings, 0 lost."
+    assert {joints.position.tobytes() for joints in topics["/arm/joints"]} <= looked
+    assert sentences[-1] == f"Recorded live.mcap: {len(pairs)} readings, 0 lost."
 
 
 def test_a_source_is_not_recorded_over_itself(tmp_path):
@@ -216,7 +218,7 @@ def test_a_source_is_not_recorded_over_itself(tmp_path):
 
 
 def test_a_file_that_somebody_removes_never_stops_the_arm(seen, tmp_path, monkeypatch):
-    path, said, looks = tmp_path / "live.mcap", [], []
+    path, sentences, looks = tmp_path / "live.mcap", [], []
     look = Driver.look
     monkeypatch.setattr(Driver, "look", lambda self: looks.append(look(self)) or looks[-1])
     write = RecorderApart.write
@@ -227,10 +229,10 @@ def test_a_file_that_somebody_removes_never_stops_the_arm(seen, tmp_path, monkey
 
     monkeypatch.setattr(RecorderApart, "write", removed)
     with pytest.raises(RecordingError, match=r"live\.mcap cannot be written"):
-        follow_twin(path, say=said.append)
+        follow_twin(path, say=sentences.append)
     pairs, _ = seen
     assert pairs[-1][0].time - pairs[0][0].time >= SECONDS
     assert len(looks) > 20
     assert not any(command.reason.fault for command in looks)
-    assert said[-1].startswith("Recorded live.mcap: ")
-    assert said[-1].endswith("nothing more is recorded.")
+    assert sentences[-1].startswith("Recorded live.mcap: ")
+    assert sentences[-1].endswith("nothing more is recorded.")

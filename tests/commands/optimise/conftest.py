@@ -13,14 +13,14 @@ def sheet(planar):
 
 
 @pytest.fixture(scope="module")
-def found(planar):
-    told = Told()
+def optimised(planar):
+    listener = Told()
     return optimise(
         planar,
         objective=AIM,
         limits=WITHIN,
         effort=PLACED,
         places=COARSE,
-        progress=told,
-        clock=told.clock,
+        progress=listener,
+        clock=listener.clock,
     )

@@ -25,7 +25,7 @@ from smoskin.magnetics import mlx90393
 
 def test_the_reference_design_keeps_every_limit(planar, sheet):
     reached = own_limits(planar, Limits()) + stood_limits(planar, sheet, Limits())
-    assert all(one.kept for one in reached)
+    assert all(limit.kept for limit in reached)
     assert sheet.stands()
 
 
@@ -41,7 +41,7 @@ def test_the_reference_design_keeps_every_limit(planar, sheet):
 )
 def test_a_broken_limit_is_named(planar, part, change, name):
     other = replace(planar, **{part: replace(getattr(planar, part), **change)})
-    broken = [one.name for one in own_limits(other, Limits()) if not one.kept]
+    broken = [limit.name for limit in own_limits(other, Limits()) if not limit.kept]
     assert name in broken
 
 
@@ -50,7 +50,7 @@ def test_a_rated_touch_breaks_what_is_too_soft_or_too_near(planar):
     near = tuple(replace(site, gap=4.6e-3) for site in slender.halls)
     slender = replace(slender, halls=near)
     sheet = PressedSheet(slender, places=(2, 2))
-    broken = [one.name for one in stood_limits(slender, sheet, Limits()) if not one.kept]
+    broken = [limit.name for limit in stood_limits(slender, sheet, Limits()) if not limit.kept]
     assert "column's buckling load, of its load" in broken
     assert "S2 field, of what is allowed" in broken
     assert {"rim's sway, of its height", "rim's sway, of the way to the frame"} <= set(broken)
@@ -112,5 +112,5 @@ def test_a_column_too_short_for_what_manufacture_needs_breaks_a_limit(planar):
         seen = largest_field(alone, sheet.rated(alone))[0]
         used = (stronger * seen / allowed_field(short, Limits())).max()
         assert used < 1.01, chip  # the gap is solved for to a micrometre
-    broken = [one.name for one in own_limits(fitted, Limits()) if not one.kept]
+    broken = [limit.name for limit in own_limits(fitted, Limits()) if not limit.kept]
     assert "M2's holder wall, mm" in broken

@@ -30,17 +30,17 @@ from smoskin.sensing.signals.signals import signal_noise
 
 
 @pytest.mark.slow
-def test_better_places_lower_the_bound_and_keep_the_limits(planar, sheet, found):
-    assert found.kept
-    assert found.gain > 1.3
-    new = PressedSheet(found.after, places=COARSE)
+def test_better_places_lower_the_bound_and_keep_the_limits(planar, sheet, optimised):
+    assert optimised.kept
+    assert optimised.gain > 1.3
+    new = PressedSheet(optimised.after, places=COARSE)
     before = try_design(planar, sheet, AIM, WITHIN)
-    after = try_design(found.after, new, AIM, WITHIN)
+    after = try_design(optimised.after, new, AIM, WITHIN)
     assert after.value < 0.85 * before.value
     assert after.merit == after.value
-    corners = [one.corner for one in found.after.magnets]
+    corners = [magnet.corner for magnet in optimised.after.magnets]
     assert len(set(corners)) == len(corners)
-    assert 1 / mlx90393.conversion_time(found.after.hall_setting, 0) >= WITHIN.rate
+    assert 1 / mlx90393.conversion_time(optimised.after.hall_setting, 0) >= WITHIN.rate
 
 
 def test_both_designs_are_compared_in_every_case(planar):
@@ -48,7 +48,7 @@ def test_both_designs_are_compared_in_every_case(planar):
         planar, load_design("optimised"), force=0.5, unmodelled=0.005, places=COARSE
     )
     assert len(sides) == 52
-    known = {(one.case, one.quantity): (one.before, one.after) for one in sides}
+    known = {(side.case, side.quantity): (side.before, side.after) for side in sides}
     for case, quantity, before, after in (
         ("all chips, drag unknown", "mean location, mm", 0.378591, 0.124868),
         ("all chips, drag unknown", "worst drag, mN", 0.974979, 0.393306),
@@ -68,25 +68,25 @@ def test_both_designs_are_compared_in_every_case(planar):
 
 
 @pytest.mark.slow
-def test_the_comparison_is_told_in_full(planar, found, tmp_path):
-    document, beside = found.write(tmp_path / "better.toml")
+def test_the_comparison_is_told_in_full(planar, optimised, tmp_path):
+    document, beside = optimised.write(tmp_path / "better.toml")
     read = load_design(document)
-    assert read == found.after
+    assert read == optimised.after
     assert read.name == "optimised"
-    told = json.loads(beside.read_text(encoding="utf-8"))
-    assert told["kept"] is True
-    assert told["gain"] == pytest.approx(found.gain)
-    paths = {one["path"] for one in told["changes"]}
+    answer = json.loads(beside.read_text(encoding="utf-8"))
+    assert answer["kept"] is True
+    assert answer["gain"] == pytest.approx(optimised.gain)
+    paths = {change["path"] for change in answer["changes"]}
     assert "magnets.1.corner" in paths
     assert all(read.provenance[path].origin == "assumed" for path in paths)
     assert all("smoskin optimise" in read.provenance[path].reason for path in paths)
-    cases = {one["case"] for one in told["bounds"]}
+    cases = {bound["case"] for bound in answer["bounds"]}
     assert {"all chips, drag unknown", "all chips, no drag", "the sheet's chips, no drag",
             "all chips, drag unknown, made skins"} <= cases  # fmt: skip
-    quantities = {one["quantity"] for one in told["bounds"]}
+    quantities = {bound["quantity"] for bound in answer["bounds"]}
     assert {"mean location, mm", "worst location, mm", "mean normal force, mN", "mean drag, mN",
             "super-resolution by area", "super-resolution by spacing"} <= quantities  # fmt: skip
-    assert len(found.tables()) == 3
+    assert len(optimised.tables()) == 3
 
 
 def result(planar, kept):
@@ -123,16 +123,19 @@ def test_the_command_writes_both_files_and_exits_with_1_where_a_limit_is_broken(
     arguments = ["optimise", "planar", "--out", str(out), "--minutes", "2", "--seed", "3"]
     run = CliRunner().invoke(app, [*arguments, "--json", "--force-N", "0.4", "--rate", "150"])
     assert run.exit_code == (0 if kept else 1), run.output
-    told = json.loads(run.stdout)
-    assert told["kept"] is kept
-    assert told["gain"] == 2.0
-    assert {one["path"] for one in told["changes"]} >= {"magnets.0.corner", "columns.height"}
+    answer = json.loads(run.stdout)
+    assert answer["kept"] is kept
+    assert answer["gain"] == 2.0
+    assert {change["path"] for change in answer["changes"]} >= {
+        "magnets.0.corner",
+        "columns.height",
+    }
     assert asked["effort"] == SearchEffort(seconds=120, seed=3)
     assert asked["objective"] == Objective(force=0.4)
     assert asked["limits"] == Limits(rate=150.0)
     assert asked["name"] == "found"
     assert load_design(out) == load_design("optimised")
-    assert json.loads(out.with_suffix(".json").read_text(encoding="utf-8")) == told
+    assert json.loads(out.with_suffix(".json").read_text(encoding="utf-8")) == answer
     shown = CliRunner().invoke(app, ["optimise", "--out", str(out), "--force"])
     assert shown.exit_code == (0 if kept else 1)
     assert "times better" in shown.stdout
@@ -169,9 +172,9 @@ def test_a_made_skin_out_of_range_is_found(planar):
         replace(planar, halls=tuple(replace(site, gap=gap) for site in planar.halls))
         for gap in (4.7e-3, 6.4e-3)
     )
-    worst = {one.name: one for one in check_made(near, sheets, WITHIN)}
+    worst = {limit.name: limit for limit in check_made(near, sheets, WITHIN)}
     assert not worst["S2 field, of its range"].kept
-    assert all(one.kept for one in check_made(far, sheets, WITHIN))
+    assert all(limit.kept for limit in check_made(far, sheets, WITHIN))
 
 
 def test_only_chips_whose_made_skins_leave_their_range_get_wider_gaps(planar):
@@ -180,7 +183,7 @@ def test_only_chips_whose_made_skins_leave_their_range_get_wider_gaps(planar):
         for site, gap in zip(planar.halls, (6.4e-3, 5.1e-3, 6.4e-3), strict=True)
     ]
     new, made = widened(replace(planar, halls=tuple(halls)), WITHIN)
-    assert all(one.kept for one in made)
+    assert all(limit.kept for limit in made)
     assert [new.halls[0], new.halls[2]] == [halls[0], halls[2]]
     assert 5.1e-3 < new.halls[1].gap < 6.4e-3
 
@@ -192,17 +195,21 @@ def test_the_shipped_optimum_halves_the_bound(planar, sheet):
         before, after = (
             figures(
                 bound_of_slopes(
-                    one.x, one.y, one.slopes(design)[1], signal_noise(design), drags=drags
+                    pressed.x,
+                    pressed.y,
+                    pressed.slopes(design)[1],
+                    signal_noise(design),
+                    drags=drags,
                 ).location
             )
-            for one, design in ((sheet, planar), (new, better))
+            for pressed, design in ((sheet, planar), (new, better))
         )
         better_by = 2.0 if drags else 1.3
         assert after.mean < before.mean / better_by
         assert after.worst < before.worst / min(better_by, 1.5)
     reached = own_limits(better, Limits()) + stood_limits(better, new, Limits())
-    assert all(one.kept for one in reached)
-    assert all(one.kept for one in check_made(better, made_sheets(better, WITHIN), WITHIN))
+    assert all(limit.kept for limit in reached)
+    assert all(limit.kept for limit in check_made(better, made_sheets(better, WITHIN), WITHIN))
 
 
 @pytest.mark.slow
@@ -211,7 +218,7 @@ def test_a_fuller_search_halves_the_bound_on_finer_grids_and_made_skins(planar):
         planar, limits=Limits(rubbers=("Ecoflex 00-30",)), effort=SearchEffort(steps=80, rounds=1)
     )
     assert better.kept
-    gains = {(one.case, one.quantity): one.gain for one in better.bounds}
+    gains = {(side.case, side.quantity): side.gain for side in better.bounds}
     for case in ("all chips, drag unknown", "all chips, drag unknown, made skins"):
         assert gains[case, "mean location, mm"] >= 2
         assert gains[case, "worst location, mm"] >= 1.5

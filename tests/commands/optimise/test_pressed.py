@@ -66,25 +66,25 @@ def test_the_rated_touches_press_and_drag_every_way(planar):
     where, push = rated_touches(places_to_the_rim(geometry(planar).extent, (2, 3)))
     assert where.shape == (30, 2)
     assert (push[:, 2] == -1.0).all()
-    assert sorted({tuple(one) for one in push[:, :2].tolist()}) == [
+    assert sorted({tuple(drag) for drag in push[:, :2].tolist()}) == [
         (-0.5, 0.0), (0.0, -0.5), (0.0, 0.0), (0.0, 0.5), (0.5, 0.0)
     ]  # fmt: skip
 
 
 def test_a_design_has_a_bound_without_a_table(planar, sheet):
-    found = design_bound(planar, places=COARSE)
+    bound = design_bound(planar, places=COARSE)
     slopes = sheet.slopes(planar)[1]
     direct = bound_of_slopes(sheet.x, sheet.y, slopes, signal_noise(planar))
-    assert found.location == pytest.approx(direct.location, rel=1e-3)
-    assert not found.blind.any()
+    assert bound.location == pytest.approx(direct.location, rel=1e-3)
+    assert not bound.blind.any()
     straight = design_bound(planar, places=COARSE, drags=False)
-    assert (straight.location < found.location).all()
+    assert (straight.location < bound.location).all()
 
 
 def test_a_made_skin_is_bounded_much_like_its_design(planar):
     made = draw(planar, np.random.default_rng(5))
-    whole, one = design_bound(planar, places=COARSE), design_bound(planar, made, places=COARSE)
-    ratio = one.location / whole.location
+    whole, drawn = design_bound(planar, places=COARSE), design_bound(planar, made, places=COARSE)
+    ratio = drawn.location / whole.location
     assert (abs(ratio - 1) > 1e-3).any()
     assert ((ratio > 0.5) & (ratio < 2)).all()
 
@@ -95,9 +95,9 @@ def test_a_row_of_cells_is_blind_across_it(planar):
         replace(m, corner=c) for m, c in zip(planar.magnets, [(3, 0), (4, 1), (2, 1)], strict=True)
     ]
     row = replace(planar, cells=(6, 1), magnets=tuple(magnets))
-    found = design_bound(row, places=COARSE)
-    assert found.blind.all()
-    assert found.place[..., 1] == pytest.approx(found.y[-1] / math.sqrt(12), rel=1e-3)
+    bound = design_bound(row, places=COARSE)
+    assert bound.blind.all()
+    assert bound.place[..., 1] == pytest.approx(bound.y[-1] / math.sqrt(12), rel=1e-3)
 
 
 def test_a_share_of_each_signal_is_unknown_by_the_inverse_square_of_the_gap(planar):

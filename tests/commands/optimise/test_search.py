@@ -24,14 +24,14 @@ from smoskin.sensing.response.bound import bound_of_information, figures
 
 
 def test_magnets_are_placed_where_they_tell_most(planar, sheet):
-    told = Told()
-    best = Search(planar, AIM, WITHIN, PLACED, told, told.clock).run()
-    assert [one.corner for one in best.design.magnets] == [(5, 5), (1, 5), (5, 1)]
+    listener = Told()
+    best = Search(planar, AIM, WITHIN, PLACED, listener, listener.clock).run()
+    assert [magnet.corner for magnet in best.design.magnets] == [(5, 5), (1, 5), (5, 1)]
     assert [site.gap for site in best.design.halls] == pytest.approx([5.6e-3, 5.25e-3, 5.35e-3])
     assert best.design.hall_setting.gain_selection == 3
     assert best.merit == best.value == pytest.approx(0.2832619e-3, rel=1e-3)
-    assert [what for what, _ in told.told] == ["places of magnets"] * 9 + ["rounding"]
-    assert told.told[-1][1] == 1.0
+    assert [what for what, _ in listener.events] == ["places of magnets"] * 9 + ["rounding"]
+    assert listener.events[-1][1] == 1.0
     # No other corner of a single magnet would tell more, as far as each chip sees its own alone.
     limits = Limits()
     placed = exchange(planar, sheet, AIM, limits, np.random.default_rng(0))
@@ -64,8 +64,8 @@ def test_numbers_are_rounded_to_what_a_workshop_sets(planar):
         frame=replace(planar.frame, clearance=1.234e-3),
         magnets=tuple(replace(m, radius=4.03e-3, height=2.98e-3) for m in planar.magnets),
     )
-    told = Told()
-    best = Search(odd, AIM, WITHIN, SearchEffort(seconds=0.5), told, told.clock).run()
+    listener = Told()
+    best = Search(odd, AIM, WITHIN, SearchEffort(seconds=0.5), listener, listener.clock).run()
     columns = best.design.columns
     assert columns.radius in (1.5e-3, 1.55e-3)
     assert columns.height in (10.0e-3, 10.1e-3)
@@ -97,24 +97,25 @@ def test_variables_run_evenly_in_their_logarithms_between_their_ends(planar):
 
 @pytest.mark.slow
 def test_the_same_seed_finds_the_same_design(planar):
-    one, other = (
-        Search(planar, AIM, WITHIN, PLACED, told, told.clock).run() for told in (Told(), Told())
+    first, second = (
+        Search(planar, AIM, WITHIN, PLACED, listener, listener.clock).run()
+        for listener in (Told(), Told())
     )
-    assert one == other
+    assert first == second
 
 
 def test_no_time_leaves_a_design_all_the_same(planar):
-    told = Told()
-    best = Search(planar, AIM, WITHIN, SearchEffort(seconds=2.5), told, told.clock).run()
+    listener = Told()
+    best = Search(planar, AIM, WITHIN, SearchEffort(seconds=2.5), listener, listener.clock).run()
     assert math.isfinite(best.merit)
-    assert len(told.told) == 4
+    assert len(listener.events) == 4
 
 
 def test_broken_limits_weigh_on_a_design(planar, sheet):
     trial = try_design(planar, sheet, AIM, Limits())
     assert trial.merit == trial.value
     strict = try_design(planar, sheet, AIM, Limits(crush=0.01))
-    broken = sum(max(-one.slack, 0.0) for one in (*strict.own, *strict.stood))
+    broken = sum(max(-limit.slack, 0.0) for limit in (*strict.own, *strict.stood))
     assert broken > 1
     assert strict.merit == pytest.approx(strict.value * (1 + 20 * broken))
     straight, free = (
@@ -122,7 +123,7 @@ def test_broken_limits_weigh_on_a_design(planar, sheet):
         for informed in [design_information(planar, sheet, AIM.unmodelled)]
         for drags in (False, True)
     )
-    both = [one.mean + AIM.worst_weight * one.worst for one in (straight, free)]
+    both = [bound.mean + AIM.worst_weight * bound.worst for bound in (straight, free)]
     assert trial.value == pytest.approx(np.mean(both))
 
 
@@ -130,7 +131,7 @@ def test_broken_limits_weigh_on_a_design(planar, sheet):
 def test_the_search_leaves_time_by_the_measured_speed(planar, monkeypatch, pressing, end):
     """Of 90 s what follows, 37 s, four presses to round and one press more."""
     now, effort = [0.0], SearchEffort(seconds=90.0)
-    search = Search(planar, AIM, WITHIN, effort, lambda *told: None, lambda: now[0])
+    search = Search(planar, AIM, WITHIN, effort, lambda *progress: None, lambda: now[0])
     search.rest = 37.0
     monkeypatch.setattr(search, "_took", [99.0, pressing, pressing])
     monkeypatch.setattr(search, "_fitted", lambda design: search._best)
@@ -149,7 +150,12 @@ def test_the_search_leaves_time_by_the_measured_speed(planar, monkeypatch, press
 def test_what_follows_is_timed_before_the_search(planar, monkeypatch, minutes, grid, took):
     now = [3.0]
     search = Search(
-        planar, AIM, WITHIN, SearchEffort(seconds=60 * minutes), lambda *told: None, lambda: now[0]
+        planar,
+        AIM,
+        WITHIN,
+        SearchEffort(seconds=60 * minutes),
+        lambda *progress: None,
+        lambda: now[0],
     )
 
     def press(columns, frame):

@@ -103,7 +103,7 @@ def test_a_skin_that_fails_leaves_the_others_alone(tmp_path, caplog):
         "lost": "the board is gone",
         "bug": "a bug: ZeroDivisionError: by zero",
     }
-    assert {name: told["state"] for name, told in counters.items()} == {
+    assert {name: counts["state"] for name, counts in counters.items()} == {
         "good": "ended",
         "lost": "failed",
         "bug": "failed",

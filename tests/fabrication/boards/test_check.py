@@ -16,9 +16,9 @@ PLANAR_SKIN = layouts_of(PLANAR)[0]
 
 @pytest.mark.parametrize("name", SEEDS)
 def test_seeded_faults_are_found(name: str) -> None:
-    change, said, _ = SEEDS[name]
-    found = layout_faults(change(PLANAR_SKIN))
-    assert any(said in fault for fault in found), found
+    change, complaint, _ = SEEDS[name]
+    faults = layout_faults(change(PLANAR_SKIN))
+    assert any(complaint in fault for fault in faults), faults
 
 
 def moved(reference: str, x: float, y: float) -> Callable[[Layout], Layout]:
@@ -32,16 +32,17 @@ def moved(reference: str, x: float, y: float) -> Callable[[Layout], Layout]:
 
 def test_magnetic_parts_near_a_chip_are_found() -> None:
     chip = next(p for p in PLANAR_SKIN.placed if p.component.reference == "U2")
-    found = layout_faults(moved("R1", chip.x + 8.0, chip.y)(PLANAR_SKIN))
+    faults = layout_faults(moved("R1", chip.x + 8.0, chip.y)(PLANAR_SKIN))
     assert any(
-        fault.startswith("R1 (nickel barrier) must be 10 mm from U2; got 7.5 mm") for fault in found
+        fault.startswith("R1 (nickel barrier) must be 10 mm from U2; got 7.5 mm")
+        for fault in faults
     )
 
 
 def test_a_capacitor_away_from_its_chip_is_found() -> None:
     chip = next(p for p in PLANAR_SKIN.placed if p.component.reference == "U2")
-    found = layout_faults(moved("C3", chip.x, chip.y + 6.0)(PLANAR_SKIN))
-    assert any("C3 must stand within 4.5 mm of U2; got 6.0 mm" in fault for fault in found)
+    faults = layout_faults(moved("C3", chip.x, chip.y + 6.0)(PLANAR_SKIN))
+    assert any("C3 must stand within 4.5 mm of U2; got 6.0 mm" in fault for fault in faults)
 
 
 def test_parts_off_the_stiffeners_of_a_flexible_circuit_are_found() -> None:
@@ -58,5 +59,5 @@ def test_vias_where_the_tail_bends_are_found() -> None:
     _, tail, _ = layouts_of(PLANAR)
     left, low, right, high = tail.bends[0]
     via = Via(net="SDA", x=(left + right) / 2, y=(low + high) / 2 - 0.25)
-    found = layout_faults(replace(tail, vias=(via,)))
-    assert any("a via of SDA lies where the circuit bends" in fault for fault in found)
+    faults = layout_faults(replace(tail, vias=(via,)))
+    assert any("a via of SDA lies where the circuit bends" in fault for fault in faults)

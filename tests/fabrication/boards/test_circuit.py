@@ -146,8 +146,8 @@ SEEDED = {
 
 @pytest.mark.parametrize("name", SEEDED)
 def test_seeded_faults_are_found(name: str) -> None:
-    change, said = SEEDED[name]
-    assert any(fault.startswith(said) for fault in faults(change(skin_circuit(PLANAR))))
+    change, complaint = SEEDED[name]
+    assert any(fault.startswith(complaint) for fault in faults(change(skin_circuit(PLANAR))))
 
 
 def test_a_second_pull_up_and_a_weak_one_are_found() -> None:

@@ -41,13 +41,13 @@ def nets(circuit: Circuit) -> dict[str, str]:
 @pytest.mark.parametrize("layout", layouts_of(PLANAR), ids=lambda layout: layout.name)
 def test_pads_are_on_the_nets_of_the_circuit(layout: Any) -> None:
     board = parsed(f"boards/{layout.name}/{layout.name}.kicad_pcb")
-    found = {}
+    by_pad = {}
     for footprint in under(board, "footprint"):
         reference = next(t[2] for t in under(footprint, "fp_text") if t[1] == "reference")
         for pad in under(footprint, "pad"):
             for net in under(pad, "net"):
-                found[f"{reference}.{pad[1]}"] = net[2]
-    assert found == nets(layout.circuit)
+                by_pad[f"{reference}.{pad[1]}"] = net[2]
+    assert by_pad == nets(layout.circuit)
 
 
 @pytest.mark.parametrize("layout", layouts_of(PLANAR), ids=lambda layout: layout.name)
@@ -55,7 +55,7 @@ def test_the_schematic_says_the_same_nets(layout: Any) -> None:
     sheet = parsed(f"boards/{layout.name}/{layout.name}.kicad_sch")
     library = {symbol[1]: symbol for symbol in under(under(sheet, "lib_symbols")[0], "symbol")}
     labels = {tuple(label[2][1:3]): label[1] for label in under(sheet, "label")}
-    found, flags = {}, set()
+    by_pin, flags = {}, set()
     for symbol in under(sheet, "symbol"):
         kind = under(symbol, "lib_id")[0][1]
         x, y = under(symbol, "at")[0][1:3]
@@ -68,10 +68,10 @@ def test_the_schematic_says_the_same_nets(layout: Any) -> None:
                 if reference.startswith("#"):
                     flags.add(label)
                 elif label is not None:
-                    found[f"{reference}.{number}"] = label
+                    by_pin[f"{reference}.{number}"] = label
                 else:
                     assert pin[1] == "no_connect", (reference, number)
-    assert found == nets(layout.circuit)
+    assert by_pin == nets(layout.circuit)
     assert flags == {"+3V3", "GND"}
     ids = [under(symbol, "uuid")[0][1] for symbol in under(sheet, "symbol")]
     paths = [row[1] for row in under(under(sheet, "symbol_instances")[0], "path")]

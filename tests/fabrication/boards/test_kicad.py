@@ -134,7 +134,7 @@ def holes(path: Path) -> list[tuple[float, float, float]]:
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # gerbonara wonders at KiCad's G90 too
-        found = ExcellonFile.open(path)
+        drill_file = ExcellonFile.open(path)
     return sorted(
-        (round(o.x, 2), round(o.y, 2), round(o.aperture.diameter, 2)) for o in found.objects
+        (round(o.x, 2), round(o.y, 2), round(o.aperture.diameter, 2)) for o in drill_file.objects
     )

@@ -116,9 +116,9 @@ def test_chips_off_the_board_are_refused() -> None:
     placed = tuple(
         replace(p, x=140.0) if p.component.reference == "U2" else p for p in layout.placed
     )
-    found = layout_faults(replace(layout, placed=placed))
-    assert "pad 1 of U2 must lie 0.3 mm inside the board's edge; got" in found[0]
-    assert "off the board" in found[0]
+    faults = layout_faults(replace(layout, placed=placed))
+    assert "pad 1 of U2 must lie 0.3 mm inside the board's edge; got" in faults[0]
+    assert "off the board" in faults[0]
 
 
 def test_a_chip_that_cannot_lie_flat_is_refused() -> None:

@@ -78,14 +78,14 @@ def test_the_last_stage_is_the_sheet_of_the_design(curved, bend):
 def test_a_limbs_die_and_punch_close_on_the_panels(curved, share):
     """Between their faces lies the room of the panels and a clearance on either side."""
     shop = Workshop()
-    lower, upper, facets, told = faces(curved, shop, flat_sheet(curved, shop), share)
+    lower, upper, facets, note = faces(curved, shop, flat_sheet(curved, shop), share)
     corners = lower[facets]
     normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     apart = np.einsum("fkd,fd->fk", upper[facets] - corners, normals)
     assert apart == pytest.approx(2 * (shop.plate(curved) + shop.fit), abs=1e-12)
     assert np.degrees(np.arccos(normals[:, 2])).max() <= 70.0
-    assert ("4 of 6 rows" in told) == (share == 1.0)
+    assert ("4 of 6 rows" in note) == (share == 1.0)
 
 
 @pytest.mark.parametrize("bend", ["sharp", "even"])

@@ -45,10 +45,10 @@ def test_presses_of_1_n_bring_no_two_parts_together(planar, cell):
         place, way = hung[part.name.split("_")[-1]]
         parts.append(moved(part, way[:3], way[3:], place))
     fixed = [*assembly.chips(planar), *assembly.board(planar, shop), assembly.frame(planar)]
-    found = overlaps([*parts, *fixed])
+    overlapping = overlaps([*parts, *fixed])
     inside = {
         pair: shared
-        for pair, shared in found.items()
+        for pair, shared in overlapping.items()
         # A magnet in its own holder is moved with it.
         if not (pair[0].startswith("holder") and pair[1].startswith("magnet"))
     }

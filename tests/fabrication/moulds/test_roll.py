@@ -306,10 +306,10 @@ def test_presses_of_1_n_on_a_limb_bring_no_two_parts_together(curved, cell):
         axes, way = skin.magnet_axes[k], motion.magnets[k]
         parts.append(moved(part, axes @ way[:3], axes @ way[3:], skin.magnets[k]))
     fixed = [*assembly.chips(curved), *assembly.board(curved, SHOP), assembly.frame(curved)]
-    found = overlaps([*parts, *fixed])
+    overlapping = overlaps([*parts, *fixed])
     inside = {
         pair: shared
-        for pair, shared in found.items()
+        for pair, shared in overlapping.items()
         # A magnet in its own holder is moved with it.
         if not (pair[0].startswith("holder") and pair[1].startswith("magnet"))
     }

@@ -45,9 +45,9 @@ def test_3mf_files_hold_all_parts_side_by_side_in_millimetres():
     root = ET.fromstring(archive.read("3D/3dmodel.model"))
     space = "{http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
     assert root.get("unit") == "millimeter"
-    for one in root.iter(f"{space}object"):
-        points = [[float(v.get(a)) for a in "xyz"] for v in one.iter(f"{space}vertex")]
-        faces = [[int(t.get(f"v{k}")) for k in (1, 2, 3)] for t in one.iter(f"{space}triangle")]
+    for element in root.iter(f"{space}object"):
+        points = [[float(v.get(a)) for a in "xyz"] for v in element.iter(f"{space}vertex")]
+        faces = [[int(t.get(f"v{k}")) for k in (1, 2, 3)] for t in element.iter(f"{space}triangle")]
         mesh = trimesh.Trimesh(points, faces)
         assert mesh.is_volume
         assert mesh.volume == pytest.approx((600 - np.pi * 16) * 5, rel=1e-5)

@@ -36,13 +36,13 @@ def read(content, folder):
     XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(free)
     [whole] = free
     XCAFDoc_ShapeTool.GetComponents_s(whole, places)
-    found = {}
+    solids = {}
     for place in places:
         name = TDataStd_Name()
         assert place.FindAttribute(TDataStd_Name.GetID_s(), name)
-        found[name.Get().ToExtString()] = XCAFDoc_ShapeTool.GetShape_s(place)
-    assert len(found) == len(places)
-    return found
+        solids[name.Get().ToExtString()] = XCAFDoc_ShapeTool.GetShape_s(place)
+    assert len(solids) == len(places)
+    return solids
 
 
 def measured(shape):
@@ -82,19 +82,19 @@ def kinds_of_faces(shape):
 def test_a_step_file_has_every_part_by_name_volume_and_place(name, request, tmp_path):
     design = request.getfixturevalue(name)
     content = step_file(design, SHOP).content
-    found = read(content, tmp_path)
+    solids = read(content, tmp_path)
     parts = whole_skin(design, flat_sheet(design, SHOP), SHOP)
-    assert set(found) == {part.name for part in parts}
+    assert set(solids) == {part.name for part in parts}
     some = parts[::20] if design.limb else parts  # on a limb no two panels are one shape
     for part in [*some, *(part for part in parts if not part.slabs)]:
-        volume, middle = measured(found[part.name])
+        volume, middle = measured(solids[part.name])
         assert volume == pytest.approx(part.solid.volume(), rel=5e-3), part.name
         low, high = part.solid.bounding_box()[:3], part.solid.bounding_box()[3:]
         assert all(a < m < b for a, m, b in zip(low, middle, high, strict=True)), part.name
     assert b"SI_UNIT(.MILLI.,.METRE.)" in content
-    assert kinds_of_faces(found["column_1"]) == {"GeomAbs_Plane": 2, "GeomAbs_Cylinder": 1}
-    assert kinds_of_faces(found["magnet_M2"]) == {"GeomAbs_Plane": 2, "GeomAbs_Cylinder": 1}
-    assert set(kinds_of_faces(found["frame"])) == {"GeomAbs_Plane"}
+    assert kinds_of_faces(solids["column_1"]) == {"GeomAbs_Plane": 2, "GeomAbs_Cylinder": 1}
+    assert kinds_of_faces(solids["magnet_M2"]) == {"GeomAbs_Plane": 2, "GeomAbs_Cylinder": 1}
+    assert set(kinds_of_faces(solids["frame"])) == {"GeomAbs_Plane"}
 
 
 @pytest.mark.slow

@@ -58,8 +58,8 @@ def test_what_the_column_mould_casts_is_the_columns_volume(planar, made):
     size_x, size_y, height = plate.extents
     assert height == pytest.approx(12.2)
     cast = size_x * size_y * height - plate.volume
-    one = np.pi * (1e3 * planar.columns.radius) ** 2 * height
-    assert cast == pytest.approx(91 * one, rel=5e-3)
+    column = np.pi * (1e3 * planar.columns.radius) ** 2 * height
+    assert cast == pytest.approx(91 * column, rel=5e-3)
 
 
 @pytest.mark.parametrize("name", ["planar", "curved"])
@@ -79,8 +79,8 @@ def test_sectors_are_quarters_of_the_magnets(planar):
     mesh = read(mould)
     cast = np.prod(mesh.extents) - mesh.volume
     magnet = planar.magnets[0]
-    one = np.pi * magnet.radius**2 * magnet.height / 4 * 1e9
-    assert cast == pytest.approx(12 * one, rel=5e-3)
+    quarter = np.pi * magnet.radius**2 * magnet.height / 4 * 1e9
+    assert cast == pytest.approx(12 * quarter, rel=5e-3)
     assert mould.made_of == ("PTFE", "PEEK", "aluminium")
     assert "aluminium" not in jig.made_of
 
@@ -99,8 +99,8 @@ def test_scales_are_cast_whole(planar):
     shape = np.prod(mould.size) - mould.solid.volume()
     from smoskin.fabrication.moulds.sheet import scale
 
-    one = scale(planar, Workshop()).volume()
-    assert shape == pytest.approx(12 * one, rel=1e-6)
+    single = scale(planar, Workshop()).volume()
+    assert shape == pytest.approx(12 * single, rel=1e-6)
 
 
 def test_walls_thinner_than_the_printer_makes_are_refused(planar):

@@ -75,13 +75,13 @@ def test_frames_lead_from_flat_to_folded(planar, documents):
 
 def test_the_fold_angles_are_the_design_s(planar, documents):
     pattern = json.loads(documents["pattern.fold"])
-    found = {round(abs(a), 3) for a in pattern["edges_foldAngle"] if a is not None}
+    angles = {round(abs(a), 3) for a in pattern["edges_foldAngle"] if a is not None}
     cell = planar.cell
     psi_a = 180 - math.degrees(
         2 * math.asin(math.sin(cell.fold_angle) / math.sin(cell.sector_angle))
     )
-    assert min(found) == pytest.approx(psi_a, abs=1e-3)
-    assert len(found) == 2
+    assert min(angles) == pytest.approx(psi_a, abs=1e-3)
+    assert len(angles) == 2
 
 
 def test_the_picture_has_flat_elements_that_the_simulator_reads(documents):

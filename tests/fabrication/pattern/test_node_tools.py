@@ -37,14 +37,24 @@ def ask_node(text):
     """What the libraries say of a FOLD document; skips where they are not installed."""
     if not shutil.which("node"):
         pytest.skip("no node")
-    told = {**os.environ, "NODE_PATH": os.environ.get("SMOSKIN_NODE_MODULES", "node_modules")}
+    environment = {
+        **os.environ,
+        "NODE_PATH": os.environ.get("SMOSKIN_NODE_MODULES", "node_modules"),
+    }
     there = subprocess.run(
-        ["node", "-e", "require('fold'); require('rabbit-ear')"], env=told, capture_output=True
+        ["node", "-e", "require('fold'); require('rabbit-ear')"],
+        env=environment,
+        capture_output=True,
     )
     if there.returncode:
         pytest.skip("npm install fold rabbit-ear, and name their folder in SMOSKIN_NODE_MODULES")
     done = subprocess.run(
-        ["node", "-e", SCRIPT], input=text, env=told, capture_output=True, timeout=60, check=True
+        ["node", "-e", SCRIPT],
+        input=text,
+        env=environment,
+        capture_output=True,
+        timeout=60,
+        check=True,
     )
     return json.loads(done.stdout)
 
@@ -53,14 +63,14 @@ def ask_node(text):
 def test_they_read_it_find_it_legal_and_fold_it_to_the_designed_sheet(name, request):
     design = request.getfixturevalue(name)
     files = {file.path: file.content for file in fold_files(design, Workshop())}
-    told = ask_node(files["pattern/pattern.fold"])
-    assert told["valid"] == "valid"
-    assert told["kawasaki"] == told["maekawa"] == []
-    assert told["faces"] == 144
+    report = ask_node(files["pattern/pattern.fold"])
+    assert report["valid"] == "valid"
+    assert report["kawasaki"] == report["maekawa"] == []
+    assert report["faces"] == 144
     sheet = geometry(design).sheet
     ridges = int(sheet.mountain.sum())
-    assert told["edges"] == [ridges, len(sheet.creases) - ridges, 48]
-    folded, aim = np.array(told["folded"]) * 1e-3, sheet.vertices
+    assert report["edges"] == [ridges, len(sheet.creases) - ridges, 48]
+    folded, aim = np.array(report["folded"]) * 1e-3, sheet.vertices
     apart = [np.linalg.norm(v[:, None] - v[None], axis=2) for v in (folded, aim)]
     assert np.abs(apart[0] - apart[1]).max() < 1e-6
     # Distances are blind to a mirror: ridges must be up.
@@ -80,9 +90,9 @@ def test_they_and_we_find_the_same_vertices_illegal(planar, tmp_path):
         letters[edge] = "V" if letters[edge] == "M" else "M"
     file = tmp_path / "bad.fold"
     file.write_text(json.dumps(document))
-    told = ask_node(file.read_bytes())
+    report = ask_node(file.read_bytes())
     broken = broken_rules(read_pattern(file))
     for rule in ("Kawasaki", "Maekawa"):
-        own = sorted(one.vertex for one in broken if one.rule == rule)
-        assert own == sorted(told[rule.lower()])
+        own = sorted(finding.vertex for finding in broken if finding.rule == rule)
+        assert own == sorted(report[rule.lower()])
         assert len(own) >= 5

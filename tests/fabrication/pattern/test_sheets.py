@@ -38,8 +38,8 @@ def opened(drawing):
 
 def polygons(document, layer):
     """Closed lines of a layer."""
-    found = document.modelspace().query(f'LWPOLYLINE[layer=="{layer}"]')
-    return [Polygon([p[:2] for p in line.get_points()]) for line in found if line.closed]
+    polylines = document.modelspace().query(f'LWPOLYLINE[layer=="{layer}"]')
+    return [Polygon([p[:2] for p in line.get_points()]) for line in polylines if line.closed]
 
 
 def circles(document, layer):
@@ -88,12 +88,12 @@ def test_files_are_sound_and_in_millimetres(drawings):
 @pytest.mark.parametrize(("name", "upper"), [("upper", True), ("lower", False)])
 def test_panels_have_the_area_that_their_gaps_leave(small, drawings, name, upper):
     shop = Workshop()
-    found = polygons(opened(drawings[name]), "PANEL")
-    assert len(found) == 4 * small.cells[0] * small.cells[1]
+    panels = polygons(opened(drawings[name]), "PANEL")
+    assert len(panels) == 4 * small.cells[0] * small.cells[1]
     sheet = flat_sheet(small, shop)
     for facet in (7, 8, 9, 10, 13, 14):  # inside the rim
         expected = counted_area(sheet, facet, shop, upper)
-        assert found[facet].area == pytest.approx(expected, rel=1e-3)
+        assert panels[facet].area == pytest.approx(expected, rel=1e-3)
 
 
 def test_the_cutter_s_path_lies_half_a_kerf_outside(small):
@@ -203,9 +203,9 @@ def test_parts_lie_on_stock_without_touching(planar):
     [sheet] = rows_on_stock(drawings, shop, "acrylic")
     outlines = [Polygon(line.points) for line in sheet.lines if line.layer == "CUT" and line.closed]
     assert len(outlines) == 3
-    for k, one in enumerate(outlines):
-        assert Polygon([(0, 0), (1, 0), (1, 0.6), (0, 0.6)]).contains(one)
-        assert all(one.distance(other) > 4.9e-3 for other in outlines[:k])
+    for k, outline in enumerate(outlines):
+        assert Polygon([(0, 0), (1, 0), (1, 0.6), (0, 0.6)]).contains(outline)
+        assert all(outline.distance(other) > 4.9e-3 for other in outlines[:k])
     with pytest.raises(DesignError, match=r"178 x 236 mm; got 200 x 150 mm"):
         rows_on_stock(drawings, replace(shop, stock=(0.2, 0.15)), "acrylic")
 

@@ -41,12 +41,12 @@ def test_the_picture_is_read_as_the_same_pattern(small, files):
         picture = "data:image/svg+xml;base64," + base64.b64encode(files["creases.svg"]).decode()
         opened.page.evaluate("url => globals.pattern.loadSVG(url)", picture)
         sheet = geometry(small).sheet
-        told = "() => globals.pattern.getFoldData(false)"
+        script = "() => globals.pattern.getFoldData(false)"
         opened.wait_until(
-            lambda: len(opened.page.evaluate(told)["vertices_coords"]) == len(sheet.vertices)
+            lambda: len(opened.page.evaluate(script)["vertices_coords"]) == len(sheet.vertices)
         )
-        found = opened.page.evaluate(told)
-    kinds = {kind: found["edges_assignment"].count(kind) for kind in "MVB"}
+        fold_data = opened.page.evaluate(script)
+    kinds = {kind: fold_data["edges_assignment"].count(kind) for kind in "MVB"}
     ridges = int(sheet.mountain.sum())
     assert kinds["M"] == ridges
     assert kinds["V"] == len(sheet.creases) - ridges

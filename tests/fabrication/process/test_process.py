@@ -82,15 +82,15 @@ def test_words_wider_than_a_cell_are_broken():
 
 
 def test_first_readings_are_those_of_the_feasibility_check(planar, files):
-    told = json.loads(files["first_readings.json"])
+    written = json.loads(files["first_readings.json"])
     for site, reading in zip(planar.halls, first_readings(planar), strict=True):
         rest = field_extent(planar, site).rest
         assert reading.designed == pytest.approx(rest, abs=0.1e-3)  # neighbours add a little
         assert (reading.low < reading.designed).all()
         assert (reading.designed < reading.high).all()
         assert (np.abs(reading.high) < reading.full_scale).all()
-        assert told[site.name]["address"] == site.address
-        assert told[site.name]["designed_mT"] == pytest.approx(1e3 * rest, abs=0.1)
+        assert written[site.name]["address"] == site.address
+        assert written[site.name]["designed_mT"] == pytest.approx(1e3 * rest, abs=0.1)
 
 
 def test_the_sheet_says_what_to_build_with_other_magnets(planar, files):

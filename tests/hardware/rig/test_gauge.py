@@ -10,7 +10,7 @@ pytest.importorskip("serial")
 
 
 @pytest.mark.parametrize(
-    ("said", "force"),
+    ("line", "force"),
     [
         ("4.285 N", 4.285),
         ("-18.780 N", -18.78),
@@ -22,12 +22,12 @@ pytest.importorskip("serial")
         ("0.500N", 0.5),
     ],
 )
-def test_every_unit_of_force_is_newtons(said, force) -> None:
-    assert newtons(said) == pytest.approx(force, rel=1e-4)
+def test_every_unit_of_force_is_newtons(line, force) -> None:
+    assert newtons(line) == pytest.approx(force, rel=1e-4)
 
 
 @pytest.mark.parametrize(
-    ("said", "message"),
+    ("line", "message"),
     [
         ("4.285", "must tell its unit"),
         ("4.285 lbin", "must tell its unit"),
@@ -40,9 +40,9 @@ def test_every_unit_of_force_is_newtons(said, force) -> None:
         ("4,285 N", "is no reading"),
     ],
 )
-def test_what_is_no_fine_force_is_refused(said, message) -> None:
+def test_what_is_no_fine_force_is_refused(line, message) -> None:
     with pytest.raises(SourceError, match=message):
-        newtons(said)
+        newtons(line)
 
 
 @pytest.mark.parametrize("zeroes", [True, False])

@@ -38,9 +38,9 @@ def test_the_hosts_times_are_told_on_the_clock_of_the_readings() -> None:
         listener.now()
         time.sleep(1.2)
         moments = time.monotonic() + np.array([-1.0, -0.5, 0.0, 0.3])
-        told = listener.clock(moments)
+        stamps = listener.clock(moments)
     # Nothing arrives early: the least late reading, some 2 ms, is what stays.
-    late = OFFSET + (1.0 + FAST) * moments - told
-    assert (np.diff(told) > 0.0).all()
+    late = OFFSET + (1.0 + FAST) * moments - stamps
+    assert (np.diff(stamps) > 0.0).all()
     assert (late > -2e-3).all()
     assert_allclose(late, 0.0, atol=0.02)

@@ -135,16 +135,16 @@ def test_line_ends_inside_the_floats_mislead_nobody() -> None:
 
 
 def test_a_chip_of_zeros_or_nonsense_is_missing_and_the_rest_is_read() -> None:
-    sent, told = fields(ANYSKIN, 20), warmth(20).copy()
+    sent, degrees = fields(ANYSKIN, 20), warmth(20).copy()
     sent[:, 1] = 0.0
     sent[:, 4] = 1.2345e-3
-    packets = AnySkinDecoder().feed(b"".join(map(anyskin_frame, sent, told)))
+    packets = AnySkinDecoder().feed(b"".join(map(anyskin_frame, sent, degrees)))
     assert len(packets) == 20
     missing = int(ChipFlag.MISSING)
     assert_array_equal([p.flags for p in packets], [[0, missing, 0, 0, missing]] * 20)
     assert all(np.isnan(p.field[[1, 4]]).all() for p in packets)
-    told[:, 2] = 25.01
-    assert AnySkinDecoder().feed(b"".join(map(anyskin_frame, sent, told))) == []
+    degrees[:, 2] = 25.01
+    assert AnySkinDecoder().feed(b"".join(map(anyskin_frame, sent, degrees))) == []
 
 
 def test_a_field_that_wraps_is_flagged_until_it_comes_back() -> None:

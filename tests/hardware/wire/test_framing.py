@@ -84,10 +84,10 @@ def test_a_changed_bit_or_a_lost_end_is_noticed(frame: Frame, data: st.DataObjec
 def test_pieces_of_any_size_give_the_same_frames(frames: list[Frame], size: int) -> None:
     stream = b"".join(map(encoded, frames))
     framer = Framer()
-    found = []
+    received = []
     for start in range(0, len(stream), size):
-        found += framer.feed(stream[start : start + size])
-    assert found == frames
+        received += framer.feed(stream[start : start + size])
+    assert received == frames
     assert framer.corrupt == 0
 
 
@@ -99,10 +99,10 @@ def test_noise_costs_no_frame_but_the_one_it_runs_into(
     place = data.draw(st.integers(0, len(frames)))
     stream.insert(place, noise)
     framer = Framer()
-    found = framer.feed(b"".join(stream))
-    assert found[:place] == frames[:place]
+    received = framer.feed(b"".join(stream))
+    assert received[:place] == frames[:place]
     behind = frames[place + 1 :]
-    assert found[len(found) - len(behind) :] == behind
+    assert received[len(received) - len(behind) :] == behind
 
 
 def test_a_stream_cut_at_any_byte_is_in_step_at_the_next_zero() -> None:
@@ -110,9 +110,9 @@ def test_a_stream_cut_at_any_byte_is_in_step_at_the_next_zero() -> None:
     stream = b"".join(map(encoded, frames))
     for cut in range(len(stream)):
         framer = Framer()
-        found = framer.feed(stream[cut:])
+        received = framer.feed(stream[cut:])
         whole = [k for k in range(4) if len(b"".join(map(encoded, frames[:k]))) >= cut]
-        assert [frame.sequence for frame in found] == whole
+        assert [frame.sequence for frame in received] == whole
         assert framer.corrupt <= 1
 
 

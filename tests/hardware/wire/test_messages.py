@@ -104,8 +104,8 @@ def test_gaps_are_lost_frames_and_copies_come_once() -> None:
     kept = [k for k in range(30) if k not in (3, 10, 11, 12)]
     blocks = [frames[k] for k in kept]
     blocks[15:15] = blocks[10:15]  # a block that came twice
-    found = [packet.sequence for packet in decoder.feed(b"".join(blocks))]
-    assert found == [(65530 + k) % 65536 for k in kept]
+    sequences = [packet.sequence for packet in decoder.feed(b"".join(blocks))]
+    assert sequences == [(65530 + k) % 65536 for k in kept]
     assert (decoder.lost, decoder.repeated, decoder.corrupt) == (4, 5, 0)
 
 
@@ -123,8 +123,8 @@ def test_identity_and_refusals_are_kept() -> None:
     decoder.feed(encoded(Frame(kind=Kind.IDENTITY, sequence=0, body=lines)))
     assert decoder.identity == {"board": "smoskin", "serial": "e660=5", "chips": "0c 0d"}
     for number in range(12):
-        said = f"refusal {number} \xff".encode("latin-1")
-        decoder.feed(encoded(Frame(kind=Kind.REFUSAL, sequence=0, body=said)))
+        body = f"refusal {number} \xff".encode("latin-1")
+        decoder.feed(encoded(Frame(kind=Kind.REFUSAL, sequence=0, body=body)))
     assert len(decoder.refusals) == 10
     assert decoder.refusals[-1] == "refusal 11 \ufffd"
 
@@ -152,8 +152,8 @@ def test_every_truncation_is_in_step_within_two_frames() -> None:
     whole = b"".join(frames)
     for cut in range(len(frames[0]) * 2):
         decoder = BoardDecoder()
-        found = [packet.sequence for packet in decoder.feed(whole[cut:])]
-        assert found[-4:] == [2, 3, 4, 5]
+        sequences = [packet.sequence for packet in decoder.feed(whole[cut:])]
+        assert sequences[-4:] == [2, 3, 4, 5]
 
 
 @pytest.mark.parametrize("count", [1_000, pytest.param(75_000, marks=pytest.mark.slow)])

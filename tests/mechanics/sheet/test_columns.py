@@ -95,9 +95,9 @@ def test_changes_with_stiffness_are_those_of_stiffer_columns():
         other = made._replace(unit=made.unit * (1 + stiffer), softness=softness)
         return np.asarray(columns.column_forces(other, columns.bend(other, motion)))
 
-    for found, way in ((sideways, np.array([1, 0])), (along, np.array([0, 1]))):
+    for change, way in ((sideways, np.array([1, 0])), (along, np.array([0, 1]))):
         slope = (forces(*(step * way)) - forces(*(-step * way))) / (2 * step)
-        np.testing.assert_allclose(found, slope, rtol=1e-5, atol=1e-7)
+        np.testing.assert_allclose(change, slope, rtol=1e-5, atol=1e-7)
 
 
 def test_a_column_that_buckles_keeps_a_finite_load_and_a_falling_stiffness():

@@ -36,15 +36,19 @@ def test_small_forces_move_vertices_as_the_whole_sheet_says(small, soft):
         both = [push, push.copy()]
         if axis < 2:
             both[0][axis] = force
-        touches = Touches(position=[[tops[vertex]]] * 2, force=[[one] for one in both], radius=1e-9)
+        touches = Touches(
+            position=[[tops[vertex]]] * 2, force=[[load] for load in both], radius=1e-9
+        )
         pressed = model.press(touches, tolerance=1e-7)
         moved = pressed.displacements[:, model.lattice.loaded.ravel(), :2]
         places = geometry(small).sheet.vertices[model.lattice.loaded.ravel()]
         shift = np.einsum("hdb,rb->rhd", carried(model.board, places)[:, :2], pressed.board)
         moved = moved + shift
-        one = moved[0] - moved[1] if axis < 2 else moved[0]
+        response = moved[0] - moved[1] if axis < 2 else moved[0]
         scale = np.abs(compliance[:, :, vertex, axis]).max()
-        np.testing.assert_allclose(one / force, compliance[:, :, vertex, axis], atol=2e-3 * scale)
+        np.testing.assert_allclose(
+            response / force, compliance[:, :, vertex, axis], atol=2e-3 * scale
+        )
 
 
 @pytest.mark.slow

@@ -22,11 +22,11 @@ def test_following_the_load_finds_the_same_equilibria(sheet, cases):
     loads = model._loads(cases)
     for row in (0, 1):
         press = equilibrium.one_press(loads, row)
-        found = follow(equilibrium.tangent, press, 1e-10, equilibrium.rest)
-        assert found is not None
-        scale = np.abs(found.motion).max()
-        np.testing.assert_allclose(found.motion, pressed.displacements[row], atol=1e-9 * scale)
-        assert found.steps < 10  # none past the answer
+        standing = follow(equilibrium.tangent, press, 1e-10, equilibrium.rest)
+        assert standing is not None
+        scale = np.abs(standing.motion).max()
+        np.testing.assert_allclose(standing.motion, pressed.displacements[row], atol=1e-9 * scale)
+        assert standing.steps < 10  # none past the answer
 
 
 def test_what_the_fixed_tangent_loses_is_followed(small, monkeypatch):
@@ -95,8 +95,8 @@ def test_a_load_that_would_crush_the_columns_is_not_followed(sheet):
     for deep, follows in ((0.005, True), (0.2, False), (60.0, False)):
         push = np.array([[[0.0, 0.0, -deep * sunk]]])
         press = sheet._equilibrium.one_press(lone._replace(force=push), 0)
-        found = follow(sheet._equilibrium.tangent, press, 1e-8, sheet._equilibrium.rest)
-        assert (found is not None) == follows
+        standing = follow(sheet._equilibrium.tangent, press, 1e-8, sheet._equilibrium.rest)
+        assert (standing is not None) == follows
 
 
 @pytest.mark.parametrize(("cost", "reached"), [(1, True), (2, False)])
@@ -112,8 +112,8 @@ def test_a_press_is_given_up_after_200_steps(sheet, cases, monkeypatch, cost, re
     tries, done = [], [0.0]
     monkeypatch.setattr(continuation, "_newton", newton)
     press = sheet._equilibrium.one_press(sheet._loads(cases), 0)
-    found = follow(sheet._equilibrium.tangent, press, 1e-10, sheet._equilibrium.rest)
-    assert (found is not None) == reached
+    standing = follow(sheet._equilibrium.tangent, press, 1e-10, sheet._equilibrium.rest)
+    assert (standing is not None) == reached
     assert len(tries) == (132 if reached else 100)
 
 
@@ -184,7 +184,7 @@ def test_a_followed_equilibrium_takes_its_row_and_its_steps_come_on_top():
         residual=np.full(3, np.inf),
         iterations=np.array([24, 25, 3]),
     )
-    found = Standing(
+    standing = Standing(
         motion=np.arange(12.0).reshape(4, 3),
         board=np.arange(6.0),
         reaction=np.array([0.1, 0.2, 0.3, 0.4]),
@@ -195,12 +195,12 @@ def test_a_followed_equilibrium_takes_its_row_and_its_steps_come_on_top():
     blocks = SimpleNamespace(compression=np.array([0.5, 0.6]))
     tangent = SimpleNamespace(blocks=lambda *_: blocks)
     solver = SimpleNamespace(tangent=tangent)
-    equilibrium.Equilibrium._put(solver, relaxed, 1, np.array([True, False, True]), found)
+    equilibrium.Equilibrium._put(solver, relaxed, 1, np.array([True, False, True]), standing)
     assert relaxed.iterations.tolist() == [24, 25 + 17, 3]
     assert relaxed.residual.tolist() == [np.inf, 1e-11, np.inf]
-    np.testing.assert_array_equal(relaxed.displacements[1], found.motion)
+    np.testing.assert_array_equal(relaxed.displacements[1], standing.motion)
     np.testing.assert_array_equal(relaxed.reaction[1], [[0.1, 0.2], [0.0, 0.0], [0.3, 0.4]])
-    np.testing.assert_array_equal(relaxed.board[1], found.board)
+    np.testing.assert_array_equal(relaxed.board[1], standing.board)
     np.testing.assert_array_equal(relaxed.compression[1], [0.5, 0.6])
     assert not relaxed.displacements[[0, 2]].any()
     assert (relaxed.reaction[[0, 2]] == 9.0).all()

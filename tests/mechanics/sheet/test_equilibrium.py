@@ -122,10 +122,10 @@ def test_a_touch_lighter_than_rounding_is_solved_as_quickly(sheet):
     touches = Touches(
         position=np.full((3, 1, 2), 0.03), force=[[[0, 0, -f]] for f in (1e-17, 1e-9, 0.1)]
     )
-    found = sheet.press(touches)
-    assert found.converged.all()
-    assert (found.iterations[:2] <= found.iterations[2]).all()
-    sunk = found.displacements[..., 2].min(axis=1)
+    pressed = sheet.press(touches)
+    assert pressed.converged.all()
+    assert (pressed.iterations[:2] <= pressed.iterations[2]).all()
+    sunk = pressed.displacements[..., 2].min(axis=1)
     assert sunk[1] == pytest.approx(1e-8 * sunk[2], rel=0.1)
 
 
@@ -223,9 +223,9 @@ def test_one_cell_of_rigid_panels_folds_as_its_one_degree_of_freedom_says(planar
     touches = Touches(position=[[rest[top, :2]]], force=[[(0.0, 0.0, -force)]])
     pressed = model.press(touches)
     assert pressed.converged.all()
-    found = pressed.displacements[0]
-    assert -found[top, 2] > 0.1 * rest[top, 2]  # far from linear
-    np.testing.assert_allclose(found, expected, atol=2e-3 * np.abs(expected).max())
+    displaced = pressed.displacements[0]
+    assert -displaced[top, 2] > 0.1 * rest[top, 2]  # far from linear
+    np.testing.assert_allclose(displaced, expected, atol=2e-3 * np.abs(expected).max())
 
 
 def test_jax_keeps_its_own_precision(sheet, cases):

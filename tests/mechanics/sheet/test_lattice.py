@@ -49,9 +49,9 @@ def test_a_panel_is_edges_a_diagonal_and_a_hinge(planar, lattice):
     assert len(lattice.hinges) == panels + creases
     a, b = planar.cell.panel_a, planar.cell.panel_b
     short = math.sqrt(a**2 + b**2 - 2 * a * b * math.cos(planar.cell.sector_angle))
-    found = lengths(lattice, lattice.bars)
-    np.testing.assert_allclose(found[edges:], short)
-    assert sorted(set(found[:edges].round(9))) == pytest.approx(sorted((a, b)), abs=1e-9)
+    bar_lengths = lengths(lattice, lattice.bars)
+    np.testing.assert_allclose(bar_lengths[edges:], short)
+    assert sorted(set(bar_lengths[:edges].round(9))) == pytest.approx(sorted((a, b)), abs=1e-9)
 
 
 def test_hinges_span_two_different_triangles(lattice):
@@ -118,14 +118,14 @@ def test_sliding_plates_and_shifting_strips_soften_panels(planar):
 
 def test_a_panel_pulled_along_its_edges_is_as_stiff_as_its_plate(planar, lattice):
     """Two edges of half the plate each: E t A / L^2 together, of a panel with no neighbours."""
-    one = build_lattice(with_magnets(planar, [(0, 0)], (1, 1)))
+    single = build_lattice(with_magnets(planar, [(0, 0)], (1, 1)))
     panel = planar.panels
     membrane = FILMS[panel.material].young_modulus * panel.thickness
     area = planar.cell.panel_a * planar.cell.panel_b * math.sin(planar.cell.sector_angle)
-    extent = lengths(one, one.bars)
-    edges = len(one.bars) - one.panel_hinges
+    extent = lengths(single, single.bars)
+    edges = len(single.bars) - single.panel_hinges
     # Every edge of the 1 x 1 sheet has one panel beside it or two.
-    beside = one.bar_stiffness[:edges] / (membrane * area / (2 * extent[:edges] ** 2))
+    beside = single.bar_stiffness[:edges] / (membrane * area / (2 * extent[:edges] ** 2))
     assert set(beside.round(9)) == {1.0, 2.0}
     assert beside.sum() == pytest.approx(4 * 4)
 
@@ -145,8 +145,8 @@ def test_the_diagonal_holds_what_shearing_the_plate_costs(planar, lattice):
 
 def test_the_panels_hinge_holds_what_warping_the_plate_costs(planar, lattice):
     """A corner that leaves the plane of the others by d turns the hinge; by its exact gradient."""
-    start, end, one, other = lattice.hinges[0]
-    points = lattice.nodes[[start, end, one, other]]
+    start, end, left, right = lattice.hinges[0]
+    points = lattice.nodes[[start, end, left, right]]
     normal = np.cross(points[1] - points[0], points[2] - points[0])
     turn = hinge_gradient(points)[2] @ (normal / np.linalg.norm(normal))
     stiffness = lattice.hinge_stiffness[0] * turn**2
@@ -164,11 +164,11 @@ def test_springs_scale_their_own_elements(planar, lattice):
     """Twice a spring is twice the elements it names, and none else."""
     springs = springs_of(planar)
     parts = {
-        "bar_stiffness": lambda one: one.bar_stiffness,
-        "hinge_stiffness": lambda one: one.hinge_stiffness,
-        "lateral": lambda one: one.supports.lateral,
-        "axial": lambda one: one.supports.axial,
-        "stops": lambda one: one.stops.stiffness,
+        "bar_stiffness": lambda built: built.bar_stiffness,
+        "hinge_stiffness": lambda built: built.hinge_stiffness,
+        "lateral": lambda built: built.supports.lateral,
+        "axial": lambda built: built.supports.axial,
+        "stops": lambda built: built.stops.stiffness,
     }
     touched = {
         "column_lateral": {"lateral"},
@@ -178,7 +178,7 @@ def test_springs_scale_their_own_elements(planar, lattice):
         "panel_bending": {"hinge_stiffness"},
         "panel_membrane": {"bar_stiffness"},
     }
-    assert {one.name for one in fields(Springs)} == set(touched)
+    assert {spring.name for spring in fields(Springs)} == set(touched)
     change = {name: np.zeros_like(part(lattice)) for name, part in parts.items()}
     for name, expected in touched.items():
         doubled = build_lattice(planar, replace(springs, **{name: 2 * getattr(springs, name)}))

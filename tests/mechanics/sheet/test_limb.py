@@ -200,12 +200,14 @@ def test_a_mirror_across_the_limb_mirrors_the_answer(small, sheet):
         position=[extent[0], 0.0] + cases.position * [-1.0, 1.0],
         force=cases.force * [-1.0, 1.0, 1.0],
     )
-    one, other = sheet.press(cases, tolerance=1e-10), sheet.press(mirrored, tolerance=1e-10)
+    direct, reflected = sheet.press(cases, tolerance=1e-10), sheet.press(mirrored, tolerance=1e-10)
     rows = np.arange(len(sheet.lattice.nodes)).reshape(7, 9)[::-1].ravel()
-    back = other.displacements[:, rows] * [-1.0, 1.0, 1.0]
+    back = reflected.displacements[:, rows] * [-1.0, 1.0, 1.0]
     atol = 1e-8 * np.abs(back).max()
-    np.testing.assert_allclose(one.displacements, back, atol=atol)
-    np.testing.assert_allclose(one.board, other.board * [-1, 1, 1, 1, -1, -1], atol=10 * atol)
+    np.testing.assert_allclose(direct.displacements, back, atol=atol)
+    np.testing.assert_allclose(
+        direct.board, reflected.board * [-1, 1, 1, 1, -1, -1], atol=10 * atol
+    )
 
 
 @pytest.mark.slow
@@ -235,8 +237,8 @@ def test_magnets_follow_a_sheet_that_turns_round_the_limb(curved):
     middle = np.array([0.0, skin.extent[1] / 2, -curved.limb.skin_radius])
     turn = 1e-3
     moved = np.cross([turn, 0.0, 0.0], lattice.nodes - middle)
-    found = np.einsum("gpvd,vd->gp", holder_matrix(curved), moved)
-    for magnet, place, motion in zip(curved.magnets, skin.magnets, found, strict=True):
+    motions = np.einsum("gpvd,vd->gp", holder_matrix(curved), moved)
+    for magnet, place, motion in zip(curved.magnets, skin.magnets, motions, strict=True):
         if magnet.mount == "sheet":
             radius = np.linalg.norm((place - middle)[1:])
             # About its own x a turn of the limb's skin is one against the arc.
@@ -312,12 +314,12 @@ def test_a_cone_turned_round_gives_the_mirrored_answer(small):
         position=[extent[0], 0.0] + cases.position * [-1.0, 1.0],
         force=cases.force * [-1.0, 1.0, 1.0],
     )
-    one = BarHinge(on_cone(small, 0.02)).press(cases, tolerance=1e-10)
-    other = BarHinge(on_cone(small, -0.02)).press(mirrored, tolerance=1e-10)
+    direct = BarHinge(on_cone(small, 0.02)).press(cases, tolerance=1e-10)
+    reflected = BarHinge(on_cone(small, -0.02)).press(mirrored, tolerance=1e-10)
     rows = np.arange(63).reshape(7, 9)[::-1].ravel()
-    back = other.displacements[:, rows] * [-1.0, 1.0, 1.0]
+    back = reflected.displacements[:, rows] * [-1.0, 1.0, 1.0]
     atol = 1e-7 * np.abs(back).max()
-    np.testing.assert_allclose(one.displacements, back, atol=atol)
+    np.testing.assert_allclose(direct.displacements, back, atol=atol)
 
 
 def test_cones_that_cells_cannot_follow_are_refused(curved):

@@ -64,8 +64,8 @@ def test_magnets_move_and_cells_yield_as_in_a_linear_model(
     pressed = model.press(Touches(position=tops[:, None], force=push, radius=1e-9))
     assert pressed.converged.all()
     motion = np.einsum("gkvd,vd->gk", holder_matrix(slender), pressed.displacements[0])
-    found = motion[1:, :2] / force * 1e6
-    np.testing.assert_allclose(found, [second, third], atol=within)
+    compliance = motion[1:, :2] / force * 1e6
+    np.testing.assert_allclose(compliance, [second, third], atol=within)
     sunk = -pressed.displacements[[0, 1, 2], model.lattice.loaded.ravel()[cells], 2]
     np.testing.assert_allclose(force / sunk / 1e3, stiffness, atol=0.006)
 

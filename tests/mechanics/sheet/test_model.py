@@ -128,12 +128,12 @@ def test_a_mirrored_press_gives_the_mirrored_answer(small, cases, grip):
     mirrored = Touches(
         position=[length, 0.0] + [-1.0, 1.0] * cases.position, force=cases.force * [-1.0, 1.0, 1.0]
     )
-    one, other = model.press(cases, tolerance=1e-10), model.press(mirrored, tolerance=1e-10)
-    grid = one.displacements.reshape(len(cases), 7, 7, 3)
-    image = other.displacements.reshape(len(cases), 7, 7, 3)[:, ::-1] * [-1.0, 1.0, 1.0]
+    direct, reflected = model.press(cases, tolerance=1e-10), model.press(mirrored, tolerance=1e-10)
+    grid = direct.displacements.reshape(len(cases), 7, 7, 3)
+    image = reflected.displacements.reshape(len(cases), 7, 7, 3)[:, ::-1] * [-1.0, 1.0, 1.0]
     np.testing.assert_allclose(grid, image, atol=1e-9 * np.abs(grid).max())
-    np.testing.assert_allclose(one.board, other.board * [-1, 1, 1, 1, -1, -1], atol=1e-11)
-    np.testing.assert_allclose(one.reaction, other.reaction * [-1.0, 1.0], atol=1e-8)
+    np.testing.assert_allclose(direct.board, reflected.board * [-1, 1, 1, 1, -1, -1], atol=1e-11)
+    np.testing.assert_allclose(direct.reaction, reflected.reaction * [-1.0, 1.0], atol=1e-8)
 
 
 def test_small_loads_are_reciprocal(small):
@@ -171,9 +171,9 @@ def test_derivatives_are_those_of_presses_solved_anew(small, grip, load_share):
         assert pressed.converged.all()
         return np.concatenate([pressed.displacements[0].ravel(), pressed.board[0]])
 
-    def check(found, board, more, less, step):
+    def check(displacements, board, more, less, step):
         slope = (more - less) / (2 * step)
-        exact = np.concatenate([found.ravel(), board])
+        exact = np.concatenate([displacements.ravel(), board])
         np.testing.assert_allclose(exact, slope, atol=4e-6 * max(np.abs(slope).max(), 1e-12))
 
     slopes = model.sensitivity(Touches(position=position, force=force))
@@ -206,7 +206,7 @@ def test_derivatives_are_those_of_presses_solved_anew(small, grip, load_share):
         check(
             slopes.displacements_by_stiffness[0, index],
             slopes.board_by_stiffness[0, index],
-            *(moved(one, position, force) for one in changed),
+            *(moved(variant, position, force) for variant in changed),
             1e-4,
         )
 

@@ -62,8 +62,8 @@ def test_touches_hold_the_opened_sheet_where_it_rests(small, grip):
     force = np.zeros((2, 1, 3))
     force[:, 0, 2] = [-1e-3, -2e-3]
     pressed = model.press(Touches(position=[[(0.03, 0.04)]] * 2, force=force), tolerance=1e-7)
-    one, two = pressed.displacements
-    np.testing.assert_allclose(two, 2 * one, atol=0.02 * np.abs(two).max())
+    single, double = pressed.displacements
+    np.testing.assert_allclose(double, 2 * single, atol=0.02 * np.abs(double).max())
 
 
 def test_a_frame_on_the_base_takes_its_force_past_the_pillars(small):

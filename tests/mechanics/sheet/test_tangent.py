@@ -26,9 +26,11 @@ def test_the_fold_angle_is_atan2_to_the_last_digits_and_smooth_through_flat():
     places[1, :, 0], places[2], places[3] = 2.0, [0.7, 1.3, 0.0], wings * [1, -1, -1]
     with jax.enable_x64(True):
         arms = (places[1:] - places[0])[..., None]
-        found = np.asarray(elements.fold(arms, np.zeros((4, *arms.shape[1:]))).angle)[:, 0]
-    np.testing.assert_allclose(found, angles(np.moveaxis(places, 0, 1)), rtol=1e-14, atol=2e-15)
-    np.testing.assert_allclose(np.abs(found), np.abs(turn), rtol=1e-9)
+        fold_angles = np.asarray(elements.fold(arms, np.zeros((4, *arms.shape[1:]))).angle)[:, 0]
+    np.testing.assert_allclose(
+        fold_angles, angles(np.moveaxis(places, 0, 1)), rtol=1e-14, atol=2e-15
+    )
+    np.testing.assert_allclose(np.abs(fold_angles), np.abs(turn), rtol=1e-9)
 
 
 def test_forces_and_tangent_are_derivatives_of_the_energy(sheet, cases):
@@ -56,9 +58,9 @@ def test_forces_and_tangent_are_derivatives_of_the_energy(sheet, cases):
 
 def test_inner_forces_agree_with_the_textbook(sheet):
     motion = np.random.default_rng(2).normal(scale=1e-4, size=sheet.lattice.nodes.shape)
-    found = sheet._equilibrium.tangent.blocks(motion, np.zeros(6)).pushes.sum(axis=0)
+    pushes = sheet._equilibrium.tangent.blocks(motion, np.zeros(6)).pushes.sum(axis=0)
     expected = inner_force(sheet.lattice, motion)
-    np.testing.assert_allclose(found, expected, atol=1e-10 * np.abs(expected).max())
+    np.testing.assert_allclose(pushes, expected, atol=1e-10 * np.abs(expected).max())
 
 
 def test_a_band_in_blocks_gives_the_same_equilibria_as_the_whole_inverse(
@@ -69,12 +71,12 @@ def test_a_band_in_blocks_gives_the_same_equilibria_as_the_whole_inverse(
     tangent = Tangent(sheet.lattice, sheet.board)
     rest = tangent.rest_inverse(tangent.blocks(np.zeros_like(sheet.lattice.nodes), np.zeros(6)))
     assert len(rest.inverse) > 1
-    one, other = (model.press(cases, tolerance=1e-10) for model in (sheet, blocks))
-    scale = np.abs(one.displacements).max()
-    np.testing.assert_allclose(one.displacements, other.displacements, atol=1e-9 * scale)
-    np.testing.assert_array_equal(one.converged, other.converged)
+    whole, banded = (model.press(cases, tolerance=1e-10) for model in (sheet, blocks))
+    scale = np.abs(whole.displacements).max()
+    np.testing.assert_allclose(whole.displacements, banded.displacements, atol=1e-9 * scale)
+    np.testing.assert_array_equal(whole.converged, banded.converged)
     # In as many steps, too: what they lose is followed, which would find the same.
-    np.testing.assert_allclose(one.iterations, other.iterations, atol=1)
+    np.testing.assert_allclose(whole.iterations, banded.iterations, atol=1)
 
 
 def test_a_sheet_that_nothing_holds_is_refused(small):

@@ -25,13 +25,13 @@ PRESS = (0.0, 0.0, -0.5)
 on_skin = st.tuples(st.floats(0.0, 0.120), st.floats(0.0, 0.160))
 
 
-def one(position, radius=FINGERTIP):
+def touch_at(position, radius=FINGERTIP):
     return Touches(position=[[position]], force=[[PRESS]], radius=radius)
 
 
 @given(position=on_skin, radius=st.floats(1e-4, 2e-2))
 def test_a_patch_shares_its_touch_out_whole(planar, position, radius):
-    shares = patch_shares(planar, one(position, radius))
+    shares = patch_shares(planar, touch_at(position, radius))
     assert shares.shape == (1, 1, 6, 6)
     assert shares.sum() == pytest.approx(1, abs=1e-12)
 
@@ -39,7 +39,7 @@ def test_a_patch_shares_its_touch_out_whole(planar, position, radius):
 @given(position=on_skin, radius=st.floats(1e-4, 2e-2))
 def test_the_loads_of_a_touch_have_its_moment(planar, position, radius):
     """On the vertices they turn the skin as the touch does, even past the outermost vertices."""
-    shares = patch_shares(planar, one(position, radius))[0, 0]
+    shares = patch_shares(planar, touch_at(position, radius))[0, 0]
     middle = np.einsum("nm,nmk->k", shares, geometry(planar).tops)
     np.testing.assert_allclose(middle, position, atol=1e-12)
 
@@ -49,12 +49,12 @@ def test_along_a_single_row_its_vertices_take_everything(planar):
     row = replace(planar, cells=(1, 6), magnets=magnets, halls=planar.halls[:1])
     shares = vertex_shares(row, [[0.0, 0.08], [0.02, 0.08]])
     np.testing.assert_array_equal(shares[0], shares[1])
-    assert not patch_slopes(row, one((0.005, 0.08)))[0, 0, 0].any()
+    assert not patch_slopes(row, touch_at((0.005, 0.08)))[0, 0, 0].any()
 
 
 @given(position=on_skin)
 def test_a_patch_of_next_to_no_radius_is_a_point(planar, position):
-    shares = patch_shares(planar, one(position, radius=1e-9))[0, 0]
+    shares = patch_shares(planar, touch_at(position, radius=1e-9))[0, 0]
     np.testing.assert_allclose(shares, vertex_shares(planar, position), atol=1e-6)
 
 
@@ -65,20 +65,22 @@ def test_a_patch_is_the_mean_over_its_disc(planar):
     disc = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
     disc = disc[(disc**2).sum(axis=1) <= radius**2]
     mean = vertex_shares(planar, middle + disc).mean(axis=0)
-    np.testing.assert_allclose(patch_shares(planar, one(middle, radius))[0, 0], mean, atol=3e-3)
+    np.testing.assert_allclose(
+        patch_shares(planar, touch_at(middle, radius))[0, 0], mean, atol=3e-3
+    )
 
 
 @given(position=st.tuples(st.floats(0.02, 0.1), st.floats(0.03, 0.13)))
 def test_a_patch_inside_keeps_its_middle(planar, position):
     """Shares that are linear between vertices do not move the centre of a symmetric patch much."""
-    shares = patch_shares(planar, one(position))[0, 0]
+    shares = patch_shares(planar, touch_at(position))[0, 0]
     middle = np.einsum("nm,nmd->d", shares, geometry(planar).tops)
     np.testing.assert_allclose(middle, position, atol=2e-5 + 1e-12)
 
 
 def test_mirrored_patches_have_mirrored_shares(planar):
-    shares = patch_shares(planar, one((0.037, 0.052)))[0, 0]
-    other = patch_shares(planar, one((0.120 - 0.037, 0.160 - 0.052)))[0, 0]
+    shares = patch_shares(planar, touch_at((0.037, 0.052)))[0, 0]
+    other = patch_shares(planar, touch_at((0.120 - 0.037, 0.160 - 0.052)))[0, 0]
     extent = geometry(planar).tops[-1, -1] + geometry(planar).tops[0, 0]
     np.testing.assert_allclose(extent, [0.120, 0.160], atol=1e-5)
     np.testing.assert_allclose(shares, other[::-1, ::-1], atol=1e-3)
@@ -135,7 +137,7 @@ def test_touches_off_the_skin_are_refused(planar, weigh):
     with pytest.raises(
         ArgumentError, match=r"position must lie on the skin.*got \(121\.0, 10\.0\)"
     ):
-        weigh(planar, one((0.121, 0.010)))
+        weigh(planar, touch_at((0.121, 0.010)))
 
 
 @pytest.mark.parametrize("axis", [0, 1])
@@ -146,10 +148,10 @@ def test_the_skin_ends_at_its_rim(planar, axis, end):
     rim[axis] *= 2 * end
     out = np.zeros(2)
     out[axis] = 2 * end - 1
-    assert patch_shares(planar, one(rim + 0.9e-6 * out)).sum() == pytest.approx(1)
+    assert patch_shares(planar, touch_at(rim + 0.9e-6 * out)).sum() == pytest.approx(1)
     for off in (1.1e-6, 5e-3):
         with pytest.raises(ArgumentError, match="position must lie on the skin"):
-            patch_shares(planar, one(rim + off * out))
+            patch_shares(planar, touch_at(rim + off * out))
 
 
 @pytest.mark.parametrize(

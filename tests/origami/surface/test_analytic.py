@@ -61,8 +61,8 @@ def test_curvatures_are_the_textbooks():
         Cone(0.06, 0.08, 0.15): np.stack([-across, 0 * across], axis=-1),
     }
     for surface, values in expected.items():
-        found = curvatures(forms(surface, PLACES))
-        np.testing.assert_allclose(found, np.broadcast_to(values, found.shape), atol=1e-6)
+        principal = curvatures(forms(surface, PLACES))
+        np.testing.assert_allclose(principal, np.broadcast_to(values, principal.shape), atol=1e-6)
     np.testing.assert_allclose(curvatures(forms(Saddle(0.1), np.zeros(2))), [-10.0, 10.0])
     np.testing.assert_allclose(curvatures(forms(Bump(0.01, 0.05), np.zeros(2))), [-4.0, -4.0])
 

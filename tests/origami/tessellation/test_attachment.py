@@ -24,17 +24,17 @@ def test_derivatives_of_the_energy_are_its_differences(planar):
 
 @pytest.mark.parametrize("surface", [Plane(), Cylinder(0.1)])
 def test_surfaces_without_stretch_take_the_lattice_as_it_is(planar, surface):
-    found = attach(surface, planar.cell, (2, 3))
+    attached = attach(surface, planar.cell, (2, 3))
     lattice = Energy(surface, planar.cell, (2, 3)).lattice
-    np.testing.assert_allclose(found.parameters, lattice, atol=4e-5)
-    np.testing.assert_allclose(found.folds, planar.cell.fold_angle, atol=4e-3)
+    np.testing.assert_allclose(attached.parameters, lattice, atol=4e-5)
+    np.testing.assert_allclose(attached.folds, planar.cell.fold_angle, atol=4e-3)
 
 
 def test_on_a_sphere_the_rim_opens_less_than_the_middle_along_its_own_way(planar):
-    found = attach(Sphere(0.133), planar.cell, (6, 6))
+    attached = attach(Sphere(0.133), planar.cell, (6, 6))
     start = Energy(Sphere(0.133), planar.cell, (6, 6)).value
     assert (
-        found.energy
+        attached.energy
         < start(
             np.r_[Energy(Sphere(0.133), planar.cell, (6, 6)).lattice.ravel() / 0.02, np.zeros(144)],
             0.02,
@@ -42,18 +42,18 @@ def test_on_a_sphere_the_rim_opens_less_than_the_middle_along_its_own_way(planar
         / 144
         / 5
     )
-    np.testing.assert_allclose(found.folds.mean(), planar.cell.fold_angle, atol=1e-12)
-    assert np.ptp(found.folds) > np.radians(2)
+    np.testing.assert_allclose(attached.folds.mean(), planar.cell.fold_angle, atol=1e-12)
+    assert np.ptp(attached.folds) > np.radians(2)
     # Lengths come out as asked, where the chart alone would shrink them by a tenth.
-    at = forms(Sphere(0.133), found.parameters).places
+    at = forms(Sphere(0.133), attached.parameters).places
     rows = np.linalg.norm(np.diff(at, axis=0), axis=-1)
     np.testing.assert_allclose(rows.mean(), size(planar.cell).length / 2, rtol=0.02)
 
 
 def test_a_lattice_without_stretch_gives_the_closed_form(planar):
-    found = attach(Plane(), planar.cell, (2, 3))
+    attached = attach(Plane(), planar.cell, (2, 3))
     parameters, heights = arc_sheet(planar.cell, (2, 3), np.inf)
     across = np.arange(-3, 4) * float(size(planar.cell).width) / 2
-    mine = attached_sheet(found, planar.cell, parameters[..., 1] - across)
+    mine = attached_sheet(attached, planar.cell, parameters[..., 1] - across)
     np.testing.assert_allclose(mine[0], parameters, atol=1e-4)
     np.testing.assert_allclose(mine[1], heights, atol=1e-4)

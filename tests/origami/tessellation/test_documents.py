@@ -33,8 +33,8 @@ def test_the_folded_form_holds_the_sheet_and_its_way_from_flat(made):
     for frame in (*frames[1:], fold):
         places = np.array(frame["vertices_coords"])
         hinges = frame_of(places, made.sheet.facets, pairs).creases
-        told = [frame["edges_foldAngle"][k] for k in creases]
-        np.testing.assert_allclose(told, np.degrees(fold_angles(places, hinges)), atol=1e-7)
+        degrees = [frame["edges_foldAngle"][k] for k in creases]
+        np.testing.assert_allclose(degrees, np.degrees(fold_angles(places, hinges)), atol=1e-7)
 
 
 def test_the_crease_pattern_is_flat_with_all_that_simulators_ask_for(made):
@@ -52,12 +52,12 @@ def test_the_crease_pattern_is_flat_with_all_that_simulators_ask_for(made):
 
 
 def test_validity_tells_gates_and_how_the_sheet_folds(made):
-    told = json.loads(documents.validity(made, surface="cylinder:100"))
-    assert told["holds"] is True
-    assert told["folds"] is True
-    assert set(told["gates"][0]) == {"name", "value", "limit", "unit", "holds"}
-    assert told["surface"] == "cylinder:100"
-    assert told["refolding_error_mm"] < 1e-9
+    validity = json.loads(documents.validity(made, surface="cylinder:100"))
+    assert validity["holds"] is True
+    assert validity["folds"] is True
+    assert set(validity["gates"][0]) == {"name", "value", "limit", "unit", "holds"}
+    assert validity["surface"] == "cylinder:100"
+    assert validity["refolding_error_mm"] < 1e-9
 
 
 def test_the_mesh_and_the_drawing_are_in_millimetres(made):

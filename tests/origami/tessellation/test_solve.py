@@ -105,10 +105,10 @@ def test_a_firmer_pull_keeps_bottom_vertices_nearer(planar):
 
 def test_the_search_ends_at_its_deadline_and_reports_on_the_way(planar):
     problem, start = posed(planar.cell, Sphere(0.15), 0.15, foldable=False)
-    told = []
-    settle(problem, start, progress=lambda what, share: told.append(share))
-    assert told == sorted(told)
-    assert 0.0 < told[0] <= told[-1] <= 1.0
+    shares = []
+    settle(problem, start, progress=lambda what, share: shares.append(share))
+    assert shares == sorted(shares)
+    assert 0.0 < shares[0] <= shares[-1] <= 1.0
     stopped = settle(problem, start, deadline=time.monotonic() - 1.0)
     assert stopped.reached == 0.0
     np.testing.assert_array_equal(stopped.layers, start)

@@ -91,18 +91,18 @@ def test_larger_sheets_take_no_more_steps(planar):
 
 def faults(made, name):
     """What a sheet lacks: a gate, its folding on a cylinder or cone, its way back from flat."""
-    found = [gate.name for gate in made.gates if not gate.holds]
+    lacking = [gate.name for gate in made.gates if not gate.holds]
     if made.advice:
-        found.append(made.advice)
+        lacking.append(made.advice)
     if name in FOLDING and not made.folds:
-        found.append("it is locked")
+        lacking.append("it is locked")
     if np.abs(made.layers[:, :2].mean(axis=0)).max() >= 2e-3:
-        found.append("it lies beside its patch")
+        lacking.append("it lies beside its patch")
     if made.folding is not None and made.folding.strain >= 0.005:
-        found.append(f"strained by {made.folding.strain:.3g}")
+        lacking.append(f"strained by {made.folding.strain:.3g}")
     if made.folding is not None and refolding_error(made) >= 0.2e-3:
-        found.append(f"refolded {1e3 * refolding_error(made):.3g} mm beside")
-    return found
+        lacking.append(f"refolded {1e3 * refolding_error(made):.3g} mm beside")
+    return lacking
 
 
 @pytest.mark.parametrize("name", QUICK)

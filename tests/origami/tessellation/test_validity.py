@@ -157,7 +157,7 @@ def test_a_sheet_beside_its_patch_fails_and_tells_where_it_lies(regular):
     for way in ([0.1 * length, 0, 0], [0, -0.1 * width, 0], 3 * nominal_size * [1, 1, 0]):
         assert failing(moved(candidate, slice(None), way), nominal) == {"coverage"}
     away = moved(candidate, slice(None), np.array([0.2, -0.1, 0]))
-    found = [gate for gate in gates(away, nominal) if not gate.holds]
-    assert reason(away, found) == (
+    failed = [gate for gate in gates(away, nominal) if not gate.holds]
+    assert reason(away, failed) == (
         "coverage is 0, its limit 0.95; the sheet's middle lies (200, -99) mm away from the patch's"
     )

@@ -69,7 +69,7 @@ def explicit_energy(cell, cells, attenuation, press, loaded, fold_from, exact):
             more * (0.5 + sum(v**k for k in range(1, steps)) + v**steps / 2), here - there
         )
 
-    said = {}
+    moves = {}
     for n in range(cells[0]):
         for m in range(cells[1]):
             dl = grown[0] * attenuation[0] ** abs(n - loaded[0])
@@ -82,8 +82,8 @@ def explicit_energy(cell, cells, attenuation, press, loaded, fold_from, exact):
                 for j in (-1, 1):
                     foot = (2 * n + 1 + i, 2 * m + 1 + j)
                     bent = zig[fold_from] if i else 0.0
-                    said.setdefault(foot, []).append((x + i * dl / 2, y + j * dw / 2 + bent))
-    return sum(0.5 * float((np.mean(one, axis=0) ** 2).sum()) for one in said.values())
+                    moves.setdefault(foot, []).append((x + i * dl / 2, y + j * dw / 2 + bent))
+    return sum(0.5 * float((np.mean(by_cell, axis=0) ** 2).sum()) for by_cell in moves.values())
 
 
 @pytest.mark.parametrize("fold_from", FOLDS)
@@ -100,17 +100,17 @@ def test_column_energies_are_those_of_explicit_springs(planar, fold_from, cells,
         np.testing.assert_allclose(relative, relative_stiffness_map(cell, cells, v), rtol=1e-12)
     for n in range(cells[0]):
         for m in range(cells[1]):
-            one = explicit_energy(cell, cells, v, -1.0, (n, m), fold_from, exact=False)
-            assert relative[n, m] == pytest.approx(2 * one, rel=1e-9)
-            one = explicit_energy(cell, cells, v, -1.1e-3, (n, m), fold_from, exact=True)
-            assert deep.energy[n, m] == pytest.approx(k * one, rel=1e-9)
+            energy = explicit_energy(cell, cells, v, -1.0, (n, m), fold_from, exact=False)
+            assert relative[n, m] == pytest.approx(2 * energy, rel=1e-9)
+            energy = explicit_energy(cell, cells, v, -1.1e-3, (n, m), fold_from, exact=True)
+            assert deep.energy[n, m] == pytest.approx(k * energy, rel=1e-9)
     np.testing.assert_allclose(linear.energy, k * relative * 1.1e-3**2 / 2, rtol=1e-12)
     np.testing.assert_allclose(linear.force, k * relative * 1.1e-3, rtol=1e-12)
 
 
 def _resized(planar, cells):
     """The reference design of other numbers of cells; every magnet in a corner."""
-    magnets = tuple(replace(one, corner=(0, 0)) for one in planar.magnets)
+    magnets = tuple(replace(magnet, corner=(0, 0)) for magnet in planar.magnets)
     return replace(planar, cells=cells, magnets=magnets)
 
 
@@ -160,13 +160,13 @@ def random_columns(seed):
 
 @given(seed=st.integers(0, 99), v=st.tuples(st.floats(0.1, 1.0), st.floats(0.1, 1.0)))
 def test_sums_over_columns_are_those_of_their_displacements(planar, seed, v):
-    one, other = random_columns(seed), random_columns(100 + seed)
-    product = motion_product(one, other)
+    first, second = random_columns(seed), random_columns(100 + seed)
+    product = motion_product(first, second)
     sliding = sliding_stiffness_map(planar.cell, (3, 4), v)
     parts = profiles(planar.cell, (3, 4), v, -1.0)
     for load in np.ndindex(3, 4):
         assert product[load] == pytest.approx(
-            (columns(one, load) * columns(other, load)).sum(), abs=1e-12
+            (columns(first, load) * columns(second, load)).sum(), abs=1e-12
         )
         u = column_displacements(parts, load)
         assert sliding[load] == pytest.approx(((u - u.mean(axis=(0, 1))) ** 2).sum(), rel=1e-9)
@@ -228,8 +228,8 @@ def test_the_oracles_hinge_turns_with_its_angle():
 
     def angle(p):
         axis = (p[1] - p[0]) / np.linalg.norm(p[1] - p[0])
-        one, other = np.cross(p[1] - p[0], p[2] - p[0]), np.cross(p[3] - p[0], p[1] - p[0])
-        return math.atan2(np.cross(one, other) @ axis, one @ other)
+        left, right = np.cross(p[1] - p[0], p[2] - p[0]), np.cross(p[3] - p[0], p[1] - p[0])
+        return math.atan2(np.cross(left, right) @ axis, left @ right)
 
     for node, axis in np.ndindex(4, 3):
         step = np.zeros((4, 3))

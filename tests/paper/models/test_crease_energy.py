@@ -31,7 +31,7 @@ FADES = st.tuples(st.floats(0.1, 1.0), st.floats(0.1, 1.0))
 
 
 def resized(planar, cells):
-    magnets = tuple(replace(one, corner=(0, 0)) for one in planar.magnets)
+    magnets = tuple(replace(magnet, corner=(0, 0)) for magnet in planar.magnets)
     return replace(planar, cells=cells, magnets=magnets)
 
 
@@ -42,8 +42,8 @@ def dihedrals(cell, phi):
     def normal(i, j):
         return np.cross(p[i + 1, j] - p[i, j], p[i, j + 1] - p[i, j])
 
-    def interior(one, other):
-        return math.pi - math.atan2(np.linalg.norm(np.cross(one, other)), one @ other)
+    def interior(first, second):
+        return math.pi - math.atan2(np.linalg.norm(np.cross(first, second)), first @ second)
 
     at_a, at_b = interior(normal(0, 0), normal(1, 0)), interior(normal(0, 0), normal(0, 1))
     return np.array([at_a, at_b])
@@ -70,8 +70,8 @@ def explicit_energy(cell, cells, v, press, loaded, fold_from):
     panels_at = {}
     for f, corners in enumerate(sheet.facets):
         i, j = divmod(f, 2 * cells[1])
-        for one, other in zip(corners, np.roll(corners, 1), strict=True):
-            panels_at.setdefault(frozenset((one, other)), []).append((i // 2, j // 2))
+        for start, end in zip(corners, np.roll(corners, 1), strict=True):
+            panels_at.setdefault(frozenset((start, end)), []).append((i // 2, j // 2))
     energy = 0.0
     for ends, along_a in zip(sheet.creases, sheet.along_a, strict=True):
         owners = panels_at[frozenset(ends)]
@@ -207,10 +207,10 @@ def test_thicker_film_and_narrower_gaps_are_stiffer(thickness, gap, more):
 
 @given(v=FADES, fold_from=st.sampled_from(FOLDS))
 def test_split_sums_are_those_of_the_grid(v, fold_from):
-    one, other = fading_folds((3, 4), v, fold_from), fading_folds((3, 4), v[::-1], "mean")
-    product = inner_product(one, other)
+    first, second = fading_folds((3, 4), v, fold_from), fading_folds((3, 4), v[::-1], "mean")
+    product = inner_product(first, second)
     for n, m in np.ndindex(3, 4):
-        grids = [part.along[n][:, None] + part.across[m][None, :] for part in (one, other)]
+        grids = [part.along[n][:, None] + part.across[m][None, :] for part in (first, second)]
         assert product[n, m] == pytest.approx((grids[0] * grids[1]).sum())
         assert grids[1][n, m] == pytest.approx(1)
 

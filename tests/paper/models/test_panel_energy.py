@@ -76,7 +76,7 @@ def test_misfit_by_explicit_neighbours(cell):
     """Half the turn of an edge from one fold to another, split along the panel's normal."""
     dh = 1e-7 * cell.panel_a
     other = replace(cell, fold_angle=float(fold_angle(cell, height=size(cell).height + dh)))
-    now, then = (vertex_positions(one, (1, 1)) for one in (cell, other))
+    now, then = (vertex_positions(shape, (1, 1)) for shape in (cell, other))
     a_edge, b_edge = now[1, 1] - now[1, 0], now[1, 0] - now[0, 0]
     normal = np.cross(b_edge, a_edge)
     normal /= np.linalg.norm(normal)
@@ -135,13 +135,13 @@ def test_bending_grows_with_the_cube_of_thickness_and_stretching_with_thickness(
     planar, v, more, fold_from
 ):
     thick = replace(planar.panels, thickness=more * planar.panels.thickness)
-    one, other = (
+    nominal, thickened = (
         panel_stiffness_map(planar.cell, p, (4, 3), v, fold_from=fold_from)
         for p in (planar.panels, thick)
     )
-    np.testing.assert_allclose(other.bending, more**3 * one.bending)
-    np.testing.assert_allclose(other.stretching, more * one.stretching)
-    assert np.all(one.bending > 0)
+    np.testing.assert_allclose(thickened.bending, more**3 * nominal.bending)
+    np.testing.assert_allclose(thickened.stretching, more * nominal.stretching)
+    assert np.all(nominal.bending > 0)
 
 
 def test_acrylic_panels_are_not_negligible(planar):

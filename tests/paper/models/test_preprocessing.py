@@ -25,7 +25,7 @@ from smoskin.twin.readout import Readout
 from tables_of_response import motions, plain, presses, signals
 
 
-def said(design, where, push):
+def noiseless(design, where, push):
     """Signals of theory's sheet without noise."""
     return signals(design, Readout(design), motions(design, where, push))
 
@@ -41,11 +41,11 @@ def test_field_of_a_slide_is_that_from_which_the_inverse_finds_it(planar):
     moved = np.array([[0.0, 0.0], [0.2e-3, -0.1e-3], [-0.3e-3, 0.4e-3]])
     change = shear_signals(moved, planar)
     inverse = FieldInverse(planar)
-    found = inverse.displacements(inverse.rest_field + change)
-    assert found.within.all()
+    estimate = inverse.displacements(inverse.rest_field + change)
+    assert estimate.within.all()
     # Chips move against their magnets as magnets do against chips, reversed; the lower stays.
-    assert_allclose(found.moved[:, 1:, :2], -np.repeat(moved[:, None], 2, axis=1), atol=1e-6)
-    assert_allclose(found.moved[:, 1:, 2], 0.0, atol=1e-6)
+    assert_allclose(estimate.moved[:, 1:, :2], -np.repeat(moved[:, None], 2, axis=1), atol=1e-6)
+    assert_allclose(estimate.moved[:, 1:, 2], 0.0, atol=1e-6)
     assert (change[:, 0] == 0).all()
     assert (change[0] == 0).all()
 
@@ -53,7 +53,7 @@ def test_field_of_a_slide_is_that_from_which_the_inverse_finds_it(planar):
 def test_a_drag_alone_leaves_nothing(planar):
     where = np.tile([[0.06, 0.08]], (3, 1))
     push = np.array([[0.4, 0.0, -1e-9], [0.0, -0.4, -1e-9], [-0.2, 0.3, -1e-9]])
-    given = said(planar, where, push)
+    given = noiseless(planar, where, push)
     parted = without_shear(given, planar, Calibration.nominal(planar))
     assert_allclose(parted.shear, push[:, :2], rtol=2e-2, atol=2e-3)
     assert np.abs(given[:, 1:]).max() > 300e-6
@@ -66,10 +66,10 @@ def test_on_theorys_sheet_the_press_is_left(planar):
     where, push = presses(design, 200, drag=0.4)
     shares = []
     for size in (1.0, 0.5, 0.25):
-        both = said(design, where, size * push)
-        press = said(design, where, size * push * (0.0, 0.0, 1.0))
+        both = noiseless(design, where, size * push)
+        press = noiseless(design, where, size * push * (0.0, 0.0, 1.0))
         parted = without_shear(both, design, Calibration.nominal(design))
-        added, left = (one[:, 1:] - press[:, 1:] for one in (both, parted.signals))
+        added, left = (values[:, 1:] - press[:, 1:] for values in (both, parted.signals))
         shares.append(np.sqrt((left**2).mean() / (added**2).mean()))
     # The field bends: what is left of shear and press together is of second order.
     assert shares[0] < 0.2
@@ -78,7 +78,7 @@ def test_on_theorys_sheet_the_press_is_left(planar):
 
 def test_a_ready_inverse_gives_the_same(planar):
     where, push = presses(planar, 5)
-    values, calibration = said(planar, where, push), Calibration.nominal(planar)
+    values, calibration = noiseless(planar, where, push), Calibration.nominal(planar)
     first = without_shear(values, planar, calibration)
     again = without_shear(values, planar, calibration, inverse=FieldInverse(planar))
     assert_allclose(first.signals, again.signals, rtol=0, atol=0)
@@ -87,8 +87,8 @@ def test_a_ready_inverse_gives_the_same(planar):
 def test_folding_correction_is_that_of_the_cell_below(planar):
     table = folding_correction_map(planar.cells, planar.coefficients)
     middle = geometry(planar).tops
-    found = folding_corrections(middle.reshape(-1, 2), planar, table)
-    assert_allclose(found.reshape(6, 6, 2), table)
+    corrections = folding_corrections(middle.reshape(-1, 2), planar, table)
+    assert_allclose(corrections.reshape(6, 6, 2), table)
     beyond = [[-1e-3, -1e-3], [0.121, 0.161]]
     assert_allclose(folding_corrections(beyond, planar, table), table[[0, 5], [0, 5]])
 
@@ -111,7 +111,9 @@ def test_wrong_arguments_are_named(planar):
     calibration = Calibration.nominal(planar)
     with pytest.raises(ArgumentError, match=r"signals must have shape .*3, 3.*got \(2, 9\)"):
         without_shear(np.zeros((2, 9)), planar, calibration)
-    floating = replace(planar, magnets=tuple(replace(one, mount="sheet") for one in planar.magnets))
+    floating = replace(
+        planar, magnets=tuple(replace(magnet, mount="sheet") for magnet in planar.magnets)
+    )
     with pytest.raises(ArgumentError, match="one chip over a magnet of the base; 'planar' has 0"):
         without_shear(np.zeros((1, 3, 3)), floating, calibration)
     with pytest.raises(ArgumentError, match=r"folding must have shape \(6, 6, 2\); got \(3, 2\)"):

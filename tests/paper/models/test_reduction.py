@@ -58,11 +58,11 @@ def reduced_presses(design, attenuation, *, scale=1.0, sink=0.0, variation=1.0):
 def test_fits_find_the_model_that_made_the_presses(planar, attenuation, scale):
     presses = reduced_presses(planar, attenuation, scale=scale)
     for fit in (fit_columns, fit_magnets):
-        found = fit(presses)
-        assert_allclose(found.attenuation, attenuation, rtol=1e-5, atol=1e-6)
-        assert_allclose(found.scale, scale, rtol=1e-5)
-        assert found.residual < 1e-6
-        assert_allclose(found.cell_residual, 0.0, atol=1e-5)
+        fitted = fit(presses)
+        assert_allclose(fitted.attenuation, attenuation, rtol=1e-5, atol=1e-6)
+        assert_allclose(fitted.scale, scale, rtol=1e-5)
+        assert fitted.residual < 1e-6
+        assert_allclose(fitted.cell_residual, 0.0, atol=1e-5)
     assert signs_agree(presses).all()
 
 
@@ -70,10 +70,10 @@ def test_fits_find_the_model_that_made_the_presses(planar, attenuation, scale):
 @given(attenuation=st.floats(0.05, 0.95), variation=st.floats(0.3, 3.0))
 def test_stiffness_of_three_cells_gives_both_coefficients(planar, attenuation, variation):
     presses = reduced_presses(planar, (attenuation, attenuation), variation=variation)
-    found = fit_stiffness(presses)
-    assert_allclose(found.attenuation, attenuation, atol=1e-3)
-    assert_allclose(found.scale, variation, rtol=5e-3)
-    assert found.residual < 2e-3
+    fitted = fit_stiffness(presses)
+    assert_allclose(fitted.attenuation, attenuation, atol=1e-3)
+    assert_allclose(fitted.scale, variation, rtol=5e-3)
+    assert fitted.residual < 2e-3
 
 
 def test_a_scale_that_is_held_is_kept(planar):
@@ -90,9 +90,9 @@ def test_residual_is_what_no_attenuation_can_explain(planar):
     # Over one column, motion to and fro leaves every mean as it was.
     moved[2, 2, 6, 3, 0] += 2.0
     whole = np.linalg.norm(presses.columns[2, 2, ..., :2])
-    found = fit_columns(replace(presses, columns=moved))
-    assert found.cell_residual[2, 2] == pytest.approx(2 / np.hypot(whole, 2), rel=0.1)
-    assert found.cell_residual.argmax() == 2 * planar.cells[1] + 2
+    fitted = fit_columns(replace(presses, columns=moved))
+    assert fitted.cell_residual[2, 2] == pytest.approx(2 / np.hypot(whole, 2), rel=0.1)
+    assert fitted.cell_residual.argmax() == 2 * planar.cells[1] + 2
 
 
 def test_folding_is_what_is_left_of_the_sink(planar):
@@ -109,8 +109,8 @@ def test_a_magnet_that_moves_the_other_way_disagrees_there(planar):
 
 
 def test_other_layouts_fit_as_well(long_planar):
-    found = fit_columns(reduced_presses(long_planar, (0.7, 0.3), scale=0.4))
-    assert_allclose([*found.attenuation, found.scale], [0.7, 0.3, 0.4], rtol=1e-5)
+    fitted = fit_columns(reduced_presses(long_planar, (0.7, 0.3), scale=0.4))
+    assert_allclose([*fitted.attenuation, fitted.scale], [0.7, 0.3, 0.4], rtol=1e-5)
 
 
 @pytest.mark.slow
@@ -128,9 +128,9 @@ def test_a_rigid_sheet_on_rigid_columns_is_the_reduced_model(planar):
     )
     sheet = BarHinge(planar, grip=Covered(), lattice=build_lattice(planar, rigid))
     presses = unit_presses(sheet, force=0.5)
-    found = fit_columns(presses)
-    assert_allclose([*found.attenuation, found.scale], 1.0, atol=0.02)
-    assert found.residual < 0.06
+    fitted = fit_columns(presses)
+    assert_allclose([*fitted.attenuation, fitted.scale], 1.0, atol=0.02)
+    assert fitted.residual < 0.06
     assert presses.folding.min() > 0.99
     assert signs_agree(presses).all()
     # What is left is the sheet's turn about the pressed vertex, which S10 does not have.

@@ -20,9 +20,9 @@ BLOCK = Block(size=(40e-3, 32e-3, 12e-3), shear_modulus=SHEAR, bulk_modulus=100 
 @pytest.fixture(scope="module")
 def pressed() -> PressedBlock:
     """A disc of 5 mm pressed 1 and 2 mm deep, bonded below."""
-    found = press_block(BLOCK, [1e-3, 2e-3], radius=5e-3, fineness=4)
-    assert found.converged.all()
-    return found
+    block = press_block(BLOCK, [1e-3, 2e-3], radius=5e-3, fineness=4)
+    assert block.converged.all()
+    return block
 
 
 def uniaxial(block: Block, stretch: float) -> tuple[float, float]:
@@ -39,7 +39,7 @@ def uniaxial(block: Block, stretch: float) -> tuple[float, float]:
             iso * (across - third / across) + pressure / across,
         )
 
-    across = float(brentq(lambda one: stresses(one)[1], 0.5, 2.0, xtol=1e-15))
+    across = float(brentq(lambda trial: stresses(trial)[1], 0.5, 2.0, xtol=1e-15))
     return across, stresses(across)[0]
 
 
@@ -88,26 +88,26 @@ def energy(block: Block, mesh: BlockMesh, displacement: Floats) -> float:
 def test_lubricated_compression_is_exact(ratio):
     block = replace(BLOCK, bulk_modulus=ratio * SHEAR, base="sliding")
     depths = np.array([1e-3, 4e-3])
-    found = press_block(block, depths, radius=None, hold="sliding", fineness=2)
+    solved = press_block(block, depths, radius=None, hold="sliding", fineness=2)
     area = block.size[0] * block.size[1]
     for k, depth in enumerate(depths):
         stretch = 1 - depth / block.size[2]
         across, stress = uniaxial(block, stretch)
-        assert_allclose(found.press_forces[k], -stress * area, rtol=1e-6)
-        exact = found.mesh.nodes * [across - 1, across - 1, stretch - 1]
-        assert_allclose(found.displacements[k], exact, atol=1e-7 * block.size[0])
-        assert_allclose(found.volume_ratios[k], stretch * across**2, rtol=1e-7)
+        assert_allclose(solved.press_forces[k], -stress * area, rtol=1e-6)
+        exact = solved.mesh.nodes * [across - 1, across - 1, stretch - 1]
+        assert_allclose(solved.displacements[k], exact, atol=1e-7 * block.size[0])
+        assert_allclose(solved.volume_ratios[k], stretch * across**2, rtol=1e-7)
 
 
 def test_affine_rim_gives_affine_inside():
     mesh = mesh_block(BLOCK.size, radius=5e-3, fineness=2)
     gradient = np.array([[1.1, 0.2, -0.1], [0.05, 0.9, 0.15], [0.0, -0.1, 1.02]])
-    told = mesh.nodes @ (gradient - np.eye(3)).T
+    prescribed = mesh.nodes @ (gradient - np.eye(3)).T
     held = np.repeat(surface(mesh)[:, None], 3, axis=1)
-    found = hold_block(BLOCK, mesh, held, told[None])
+    solved = hold_block(BLOCK, mesh, held, prescribed[None])
     assert not held.all()
-    assert_allclose(found.displacements[0], told, atol=1e-9)
-    assert_allclose(found.volume_ratios[0], np.linalg.det(gradient), rtol=1e-7)
+    assert_allclose(solved.displacements[0], prescribed, atol=1e-9)
+    assert_allclose(solved.volume_ratios[0], np.linalg.det(gradient), rtol=1e-7)
 
 
 def test_error_falls_with_the_square_of_the_cell_size():
@@ -122,9 +122,9 @@ def test_error_falls_with_the_square_of_the_cell_size():
         exact = np.zeros((1, len(mesh.nodes), 3))
         exact[0, :, 2] = 0.06 * side * np.exp(x) * np.sin(y)
         held = np.repeat(surface(mesh)[:, None], 3, axis=1)
-        found = hold_block(block, mesh, held, exact)
-        assert found.converged.all()
-        errors.append(np.sqrt(((found.displacements - exact) ** 2)[0].sum(axis=1).mean()) / side)
+        solved = hold_block(block, mesh, held, exact)
+        assert solved.converged.all()
+        errors.append(np.sqrt(((solved.displacements - exact) ** 2)[0].sum(axis=1).mean()) / side)
     orders = np.log(np.array(errors[:-1]) / errors[1:]) / np.log(1.5)
     assert errors[-1] < 1e-5
     assert_allclose(orders, 2.0, atol=0.25)
@@ -132,8 +132,10 @@ def test_error_falls_with_the_square_of_the_cell_size():
 
 def test_force_is_the_slope_of_the_energy(pressed):
     step = 1e-5
-    found = press_block(BLOCK, [1e-3 - step, 1e-3 + step], radius=5e-3, fineness=4)
-    less, more = (energy(BLOCK, found.mesh, one) for one in found.displacements)
+    solved = press_block(BLOCK, [1e-3 - step, 1e-3 + step], radius=5e-3, fineness=4)
+    less, more = (
+        energy(BLOCK, solved.mesh, displacements) for displacements in solved.displacements
+    )
     assert_allclose((more - less) / (2 * step), pressed.press_forces[0], rtol=1e-4)
 
 
@@ -159,13 +161,13 @@ def test_a_quarter_stands_for_the_whole(pressed):
     nodes = pressed.mesh.nodes
     base, top = nodes[:, 2] == 0.0, nodes[:, 2] == BLOCK.size[2]
     disc = top & (np.hypot(nodes[:, 0], nodes[:, 1]) < 5.0001e-3)
-    told = np.zeros((2, *nodes.shape))
-    told[:, disc, 2] = [[-1e-3], [-2e-3]]
+    prescribed = np.zeros((2, *nodes.shape))
+    prescribed[:, disc, 2] = [[-1e-3], [-2e-3]]
     held = np.repeat((base | disc)[:, None], 3, axis=1)
-    found = hold_block(BLOCK, pressed.mesh, held, told)
-    assert_allclose(found.displacements, pressed.displacements, atol=1e-9)
-    assert_allclose(found.forces, pressed.forces, atol=1e-6 * found.press_forces[0])
-    assert_allclose(found.volume_ratios, pressed.volume_ratios, atol=1e-7)
+    solved = hold_block(BLOCK, pressed.mesh, held, prescribed)
+    assert_allclose(solved.displacements, pressed.displacements, atol=1e-9)
+    assert_allclose(solved.forces, pressed.forces, atol=1e-6 * solved.press_forces[0])
+    assert_allclose(solved.volume_ratios, pressed.volume_ratios, atol=1e-7)
 
 
 def test_volume_changes_as_little_as_the_bulk_modulus_lets_it():
@@ -173,11 +175,11 @@ def test_volume_changes_as_little_as_the_bulk_modulus_lets_it():
     change = []
     for ratio in (100.0, 1000.0):
         block = replace(BLOCK, bulk_modulus=ratio * SHEAR)
-        found = press_block(block, [1e-3], radius=5e-3, fineness=2)
-        cells = mesh_volumes(found.mesh)
-        change.append(1 - float(cells @ found.volume_ratios[0]) / cells.sum())
-        mean_pressure = found.press_forces[0] / (np.pi * 5e-3**2)
-        assert np.abs(found.volume_ratios - 1).max() < 3 * mean_pressure / block.bulk_modulus
+        solved = press_block(block, [1e-3], radius=5e-3, fineness=2)
+        cells = mesh_volumes(solved.mesh)
+        change.append(1 - float(cells @ solved.volume_ratios[0]) / cells.sum())
+        mean_pressure = solved.press_forces[0] / (np.pi * 5e-3**2)
+        assert np.abs(solved.volume_ratios - 1).max() < 3 * mean_pressure / block.bulk_modulus
     assert change[0] > 0
     assert_allclose(change[0] / change[1], 10.0, rtol=0.05)
 
@@ -206,16 +208,16 @@ def test_mesh_fills_the_block(fineness):
 def test_no_answer_without_equilibrium():
     mesh = cube(2, 10e-3)
     top, bottom = mesh.nodes[:, 2] == 10e-3, mesh.nodes[:, 2] == 0
-    told = np.zeros((3, len(mesh.nodes), 3))
-    told[0, top, 2] = -1e-3
-    told[1:, top, 2] = -15e-3  # through the lower face
+    prescribed = np.zeros((3, len(mesh.nodes), 3))
+    prescribed[0, top, 2] = -1e-3
+    prescribed[1:, top, 2] = -15e-3  # through the lower face
     held = np.repeat((top | bottom)[:, None], 3, axis=1)
-    found = hold_block(BLOCK, mesh, held, told)
-    assert found.converged.tolist() == [True, False, False]
-    assert np.isfinite(found.displacements[0]).all()
-    for values in (found.displacements, found.forces, found.volume_ratios, found.residuals):
+    solved = hold_block(BLOCK, mesh, held, prescribed)
+    assert solved.converged.tolist() == [True, False, False]
+    assert np.isfinite(solved.displacements[0]).all()
+    for values in (solved.displacements, solved.forces, solved.volume_ratios, solved.residuals):
         assert np.isnan(values[1:]).all()
-    assert found.iterations[1] > 0
+    assert solved.iterations[1] > 0
 
 
 def test_a_sliding_block_yields_more_than_a_bonded_one():

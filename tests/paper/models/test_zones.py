@@ -21,15 +21,15 @@ def skins(draw):
 
 def test_zones_of_the_reference_are_table_s1(planar):
     unit = unit_press(planar)
-    found = zones(unit)
-    assert [zone.number for zone in found] == list(range(1, 10))
-    assert [(z.columns, z.rows) for z in found[:4]] == [
+    regions = zones(unit)
+    assert [zone.number for zone in regions] == list(range(1, 10))
+    assert [(z.columns, z.rows) for z in regions[:4]] == [
         ((0, 1), (0, 1)), ((2, 3), (0, 1)), ((4, 5), (0, 1)), ((0, 1), (2, 3)),
     ]  # fmt: skip
-    signs = ["".join("+" if s > 0 else "-" for s in zone.signs) for zone in found]
+    signs = ["".join("+" if s > 0 else "-" for s in zone.signs) for zone in regions]
     assert signs == ["----", "--+-", "+-+-", "-+--", "-++-", "+++-", "-+-+", "-+++", "++++"]
-    assert found[0].lines_x == pytest.approx([1.3248], abs=5e-5)
-    for zone in found:
+    assert regions[0].lines_x == pytest.approx([1.3248], abs=5e-5)
+    for zone in regions:
         expected = unit[list(zone.columns), 0, 0, 0] / unit[list(zone.columns), 0, 1, 0]
         np.testing.assert_allclose(zone.ratios_x, expected)
         assert zone.lines_x == pytest.approx([expected.mean()])

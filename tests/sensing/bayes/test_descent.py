@@ -32,8 +32,8 @@ def test_near_the_answer_a_step_of_gauss_and_newton_is_nearly_all(solver, away):
     # 170 um.
     np.testing.assert_allclose(best.unknowns[:2], WHERE, atol=5e-6)
     for steps, left in ((1, 0.03), (2, 0.003)):
-        found = problem.descend(signals, start, steps=steps)
-        off = np.linalg.norm(found.unknowns[:2] - best.unknowns[:2])
+        end = problem.descend(signals, start, steps=steps)
+        off = np.linalg.norm(end.unknowns[:2] - best.unknowns[:2])
         assert off < left * np.linalg.norm(away)
 
 
@@ -49,10 +49,10 @@ def test_no_step_leads_uphill_however_far_it_starts(solver, away):
 def test_a_step_moves_a_place_by_3_cm_and_a_force_by_a_factor_of_e_at_most(solver):
     problem, signals, start = begun(solver, (-45e-3, 80e-3), harder=0.1)
     for steps in range(1, 20):
-        one = problem.descend(signals, start, steps=steps).unknowns
-        other = problem.descend(signals, start, steps=steps + 1).unknowns
-        assert np.abs(other - one)[:2].max() <= 0.03 + 1e-12
-        assert abs(other - one)[4] <= 1.0 + 1e-12
+        before = problem.descend(signals, start, steps=steps).unknowns
+        after = problem.descend(signals, start, steps=steps + 1).unknowns
+        assert np.abs(after - before)[:2].max() <= 0.03 + 1e-12
+        assert abs(after - before)[4] <= 1.0 + 1e-12
 
 
 class Bent:
@@ -140,11 +140,11 @@ def test_descents_together_end_where_each_ends_alone(solver):
     )
     for steps in (3, 15):
         together = problem.descend_all(signals, starts, steps=steps)
-        for start, found in zip(starts, together, strict=True):
+        for start, end in zip(starts, together, strict=True):
             alone = problem.descend(signals, start, steps=steps)
-            np.testing.assert_allclose(found.unknowns, alone.unknowns, rtol=1e-8, atol=1e-10)
-            assert found.cost == pytest.approx(alone.cost, rel=1e-8)
-            assert found.misfit == pytest.approx(alone.misfit, rel=1e-8)
+            np.testing.assert_allclose(end.unknowns, alone.unknowns, rtol=1e-8, atol=1e-10)
+            assert end.cost == pytest.approx(alone.cost, rel=1e-8)
+            assert end.misfit == pytest.approx(alone.misfit, rel=1e-8)
 
 
 def test_when_a_descent_ends_well_the_others_take_two_more_steps(solver):

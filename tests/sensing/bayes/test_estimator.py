@@ -111,7 +111,7 @@ def test_three_tenths_of_what_a_touch_leaves_is_noise_of_the_next(skin):
     known = replace(reduced_table(skin), residue=2e-2)
     bayes, plain = estimator(skin, known), estimator(skin)
     touch = known.signals(WHERE[:1], FORCE[:1])[0]
-    stated = [one.step(raised(skin, 1.0, touch)).covariance[0] for one in (bayes, plain)]
+    stated = [each.step(raised(skin, 1.0, touch)).covariance[0] for each in (bayes, plain)]
     # The zero is of 20 readings.
     chips = np.repeat([np.trace(known.newton[k : k + 3, k : k + 3]) / 3 for k in (0, 3, 6)], 3)
     noise = signal_noise(skin) * 1.05 + 0.3 * 4e-4 * (known.newton + np.diag(chips)) / 2
@@ -190,7 +190,7 @@ class StatedSolver:
     def add_noise(self, more):
         self.turns = more.trace() > 1e-9
 
-    def whitener(self, found):
+    def whitener(self, posterior):
         return 1e12 * np.eye(9)
 
     def pair(self, signals, guess=None, standing=None, *, enough=0.0):
@@ -308,10 +308,10 @@ def test_the_table_is_warmed_a_quarter_of_a_degree_at_a_time(skin, monkeypatch):
 def test_a_touch_that_was_alone_may_have_moved_since():
     covariance = np.zeros((1, 5, 5))
     alone = LoneTouch(3.0, TouchPosterior(np.array([[*WHERE[0], *FORCE[0]]]), covariance, 1.0, 0.0))
-    one, four = (alone.standing(3.0 + later, 5e-3) for later in (1.0, 4.0))
-    np.testing.assert_array_equal(one.place, WHERE[0])
-    np.testing.assert_allclose(one.precision, np.eye(2) / 25e-6)
-    np.testing.assert_allclose(four.precision, one.precision / 4)
+    soon, late = (alone.standing(3.0 + later, 5e-3) for later in (1.0, 4.0))
+    np.testing.assert_array_equal(soon.place, WHERE[0])
+    np.testing.assert_allclose(soon.precision, np.eye(2) / 25e-6)
+    np.testing.assert_allclose(late.precision, soon.precision / 4)
     covariance[0, 0, 1] = covariance[0, 1, 0] = 1e-6
     covariance[0, 0, 0] = covariance[0, 1, 1] = 2e-6
     known = alone.standing(2.0, 5e-3).precision
@@ -325,7 +325,7 @@ def test_only_a_touch_that_fitted_alone_stands(skin, monkeypatch):
     solver.misfit = 300.0
     bayes.step(raised(skin, 2.0, STRONG))
     bayes.step(raised(skin, 3.0, STRONG))
-    spreads = [1 / one.precision[0, 0] for one in solver.standing]
+    spreads = [1 / standing.precision[0, 0] for standing in solver.standing]
     assert spreads == pytest.approx([26e-6, 51e-6])
     bayes.step(raised(skin, 4.0, np.zeros(9)))
     bayes.step(raised(skin, 5.0, STRONG))
@@ -369,10 +369,10 @@ def test_a_covariance_is_that_of_all_touches_that_are_as_likely(skin, table):
     root = 1e-2 * rng.normal(size=(2, 2, 5, 5))
     spread = root @ root.swapaxes(-1, -2)
     there = values + 0.02 * rng.normal(size=(2, 5))
-    found = TouchPosterior(values, spread[0], 1.0, 0.0, 0.7)
-    found = found._replace(others=(TouchPosterior(there, spread[1], 1.0, 0.0, 0.3),))
-    said, covariance = bayes._touches(found)
-    np.testing.assert_array_equal(said, values)
+    posterior = TouchPosterior(values, spread[0], 1.0, 0.0, 0.7)
+    posterior = posterior._replace(others=(TouchPosterior(there, spread[1], 1.0, 0.0, 0.3),))
+    answered, covariance = bayes._touches(posterior)
+    np.testing.assert_array_equal(answered, values)
     for k in (0, 1):
         parts = [
             rng.multivariate_normal(at[k], of[k], count) - values[k]

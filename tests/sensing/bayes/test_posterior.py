@@ -74,14 +74,14 @@ def test_the_covariance_of_one_touch_is_that_of_the_linear_problem(table, noise,
     rows = [0, 1, 2, 3, 4] if drag else [0, 1, 4]
     force = SLANTED if drag else np.array([0.0, 0.0, -0.4])
     exact = table.signals([WHERE[0]], [force])[0]
-    found = solver_of(table, noise, drag).single(exact)
-    expected = expected_covariance(table, noise, found.values, rows, drag)
+    posterior = solver_of(table, noise, drag).single(exact)
+    expected = expected_covariance(table, noise, posterior.values, rows, drag)
     np.testing.assert_allclose(
-        found.covariance[0][np.ix_(rows, rows)], expected, rtol=0.02, atol=0.02 * expected.max()
+        posterior.covariance[0][np.ix_(rows, rows)], expected, rtol=0.02, atol=0.02 * expected.max()
     )
-    np.testing.assert_allclose(np.diag(found.covariance[0])[rows], np.diag(expected), rtol=0.02)
+    np.testing.assert_allclose(np.diag(posterior.covariance[0])[rows], np.diag(expected), rtol=0.02)
     if not drag:
-        assert not found.covariance[0, 2:4].any()
+        assert not posterior.covariance[0, 2:4].any()
 
 
 @pytest.mark.parametrize("first", [0, 1])
@@ -92,13 +92,13 @@ def test_the_covariance_of_two_touches_is_that_of_the_linear_problem(table, nois
     known = np.linalg.inv([[4e-6, 1e-6], [1e-6, 2e-6]])
     standing = Standing(WHERE[order[0]], known) if stands else None
     exact = table.together(WHERE[order][None], FORCE[order][None])[0]
-    found = solver_of(table, noise).pair(exact, values, standing)
-    expected = expected_covariance(table, noise, found.values, [0, 1, 4], 0.0, standing)
+    posterior = solver_of(table, noise).pair(exact, values, standing)
+    expected = expected_covariance(table, noise, posterior.values, [0, 1, 4], 0.0, standing)
     for k in (0, 1):
-        stated = np.diag(found.covariance[k])[[0, 1, 4]]
+        stated = np.diag(posterior.covariance[k])[[0, 1, 4]]
         block = expected[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
         np.testing.assert_allclose(stated, np.diag(block), rtol=0.03)
-        correlation = found.covariance[k][np.ix_([0, 1, 4], [0, 1, 4])]
+        correlation = posterior.covariance[k][np.ix_([0, 1, 4], [0, 1, 4])]
         np.testing.assert_allclose(
             correlation / np.sqrt(np.outer(stated, stated)),
             block / np.sqrt(np.outer(np.diag(block), np.diag(block))),
@@ -135,9 +135,9 @@ def test_the_evidence_is_the_integral_of_the_likelihood(table, noise, touches, d
     true = np.concatenate([WHERE[:touches], force], axis=1)
     exact = signals_of(table, true[None])[0]
     signals = exact + np.linalg.cholesky(noise) @ rng.normal(size=9)
-    found = solver.single(signals) if touches == 1 else solver.pair(signals, true)
-    whole = expected_covariance(table, noise, found.values, rows, drag)
-    at = found.values[:, rows].copy()
+    posterior = solver.single(signals) if touches == 1 else solver.pair(signals, true)
+    whole = expected_covariance(table, noise, posterior.values, rows, drag)
+    at = posterior.values[:, rows].copy()
     scale = np.tile([1.0] * (len(rows) - 1) + [0.0], touches)
     scale[len(rows) - 1 :: len(rows)] = 1 / at[:, -1]
     at[:, -1] = np.log(-at[:, -1])
@@ -158,18 +158,18 @@ def test_the_evidence_is_the_integral_of_the_likelihood(table, noise, touches, d
     top = weights.max()
     integral = top + math.log(np.exp(weights - top).mean()) + math.log(touches)
     chance = math.log(TouchPriors().chances[touches])
-    assert found.evidence == pytest.approx(integral + chance, abs=0.25)
+    assert posterior.evidence == pytest.approx(integral + chance, abs=0.25)
 
 
 @pytest.mark.parametrize("drag", [0.3, 0.02])
 def test_what_is_found_is_the_likeliest(table, noise, drag):
     """Half a standard deviation away on any axis the posterior is lower by an eighth or more."""
     signals = table.signals([WHERE[0]], [SLANTED])[0]
-    found = solver_of(table, noise, drag).single(signals)
-    best = log_joint(table, noise, signals, found.values[None], drag)[0]
-    for row, spread in enumerate(np.sqrt(np.diag(found.covariance[0]))):
+    posterior = solver_of(table, noise, drag).single(signals)
+    best = log_joint(table, noise, signals, posterior.values[None], drag)[0]
+    for row, spread in enumerate(np.sqrt(np.diag(posterior.covariance[0]))):
         for sign in (-0.5, 0.5):
-            moved = found.values.copy()
+            moved = posterior.values.copy()
             moved[0, row] += sign * spread
             assert log_joint(table, noise, signals, moved[None], drag)[0] < best - 0.09
 
@@ -186,9 +186,9 @@ def test_errors_are_as_large_as_stated_for_each_number(table, noise, drag):
         place = rng.uniform([0.03, 0.04], [0.09, 0.12])
         spread = spread_of(table, noise, force[None])
         signals = table.signals([place], [force])[0]
-        found = solver.single(signals + np.linalg.cholesky(spread) @ rng.normal(size=9))
-        error = (found.values[0] - np.concatenate([place, force]))[rows]
-        covariance = found.covariance[0][np.ix_(rows, rows)]
+        posterior = solver.single(signals + np.linalg.cholesky(spread) @ rng.normal(size=9))
+        error = (posterior.values[0] - np.concatenate([place, force]))[rows]
+        covariance = posterior.covariance[0][np.ix_(rows, rows)]
         whitened.append(error @ np.linalg.solve(covariance, error))
         single.append(error**2 / np.diag(covariance))
     assert np.mean(whitened) == pytest.approx(len(rows), rel=0.2)
@@ -197,13 +197,13 @@ def test_errors_are_as_large_as_stated_for_each_number(table, noise, drag):
 
 def test_misfit_counts_residuals_and_drags_in_their_spread(table, noise):
     force = np.array([0.3, 0.0, -0.5])
-    found = solver_of(table, noise, 0.1).single(table.signals([WHERE[0]], [force])[0])
-    values = found.values
+    posterior = solver_of(table, noise, 0.1).single(table.signals([WHERE[0]], [force])[0])
+    values = posterior.values
     gap = table.signals([WHERE[0]], [force])[0] - signals_of(table, values[None])[0]
     spread = spread_of(table, noise, values[:, 2:])
     expected = gap @ np.linalg.solve(spread, gap) + (values[0, 2:4] ** 2).sum() / 0.1**2
-    assert found.misfit == pytest.approx(expected, rel=1e-2)
-    assert found.misfit > 1.0
+    assert posterior.misfit == pytest.approx(expected, rel=1e-2)
+    assert posterior.misfit > 1.0
 
 
 def test_two_touches_nearer_than_two_centimetres_are_no_pair(table, noise):
@@ -212,8 +212,8 @@ def test_two_touches_nearer_than_two_centimetres_are_no_pair(table, noise):
         where = np.array([[0.05, 0.06], [0.05 + gap, 0.06]])
         exact = table.together(where[None], FORCE[None])[0]
         standing = Standing(where[0], 1e14 * np.eye(2))
-        found = solver.pair(exact, np.concatenate([where, FORCE], axis=1), standing)
-        assert np.isfinite(found.evidence) == pair
+        posterior = solver.pair(exact, np.concatenate([where, FORCE], axis=1), standing)
+        assert np.isfinite(posterior.evidence) == pair
 
 
 @pytest.mark.parametrize("noise", [-np.eye(9), np.zeros((9, 9))])
@@ -236,16 +236,16 @@ def test_touches_found_twice_in_any_order_are_one_answer(table, noise):
         slopes=0.5 * first.slopes[[3, 4, 5, 0, 1, 2]],
         cost=first.cost + 2.0,
     )
-    found = problem.posteriors([first, broad])
-    (other,) = found.others
-    np.testing.assert_allclose(other.values[:, :2] - found.values[:, :2], [[0.02, 0], [0, 0]])
+    posterior = problem.posteriors([first, broad])
+    (other,) = posterior.others
+    np.testing.assert_allclose(other.values[:, :2] - posterior.values[:, :2], [[0.02, 0], [0, 0]])
     breadth = 0.5 * np.subtract(
         *(
             np.linalg.slogdet(end.slopes @ end.slopes.T + np.diag(problem._curvature))[1]
             for end in (first, broad)
         )
     )
-    assert other.share / found.share == pytest.approx(math.exp(breadth - 2.0))
-    assert other.share + found.share == pytest.approx(1.0)
+    assert other.share / posterior.share == pytest.approx(math.exp(breadth - 2.0))
+    assert other.share + posterior.share == pytest.approx(1.0)
     unlikely = broad._replace(slopes=first.slopes, cost=first.cost + 5.1)
     assert not problem.posteriors([first, unlikely]).others

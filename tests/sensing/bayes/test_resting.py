@@ -29,10 +29,10 @@ def table():
     return load_response_table("planar")
 
 
-def covariance(one, other, turn):
+def covariance(along, across, turn):
     cosine, sine = math.cos(turn), math.sin(turn)
     axes = np.array([[cosine, -sine], [sine, cosine]])
-    return (axes * np.array([one, other]) ** 2 * 1e-6) @ axes.T
+    return (axes * np.array([along, across]) ** 2 * 1e-6) @ axes.T
 
 
 @given(*[sizes] * 4, st.floats(0.0, 3.0), st.floats(0.0, 3.0), st.floats(0.01, 5.0))
@@ -114,18 +114,18 @@ def test_a_force_follows_its_place(planar, table):
     spread = (root @ root.T + np.eye(5)) * 1e-6
     bayes._resting.joined(0.0, PLACE, spread[:2, :2] / 30)
     read = np.array([*(PLACE + 1e-4), 0.1, 0.0, -0.5])
-    touch, told = read.copy(), spread.copy()
-    bayes._rest(0.2, touch, told)
-    assert told[:2, :2].trace() < 0.5 * spread[:2, :2].trace()
+    touch, stated = read.copy(), spread.copy()
+    bayes._rest(0.2, touch, stated)
+    assert stated[:2, :2].trace() < 0.5 * spread[:2, :2].trace()
     rng = np.random.default_rng(0)
-    places = rng.multivariate_normal(touch[:2], told[:2, :2], 200_000)
+    places = rng.multivariate_normal(touch[:2], stated[:2, :2], 200_000)
     slope = spread[2:, :2] @ np.linalg.inv(spread[:2, :2])
     left = spread[2:, 2:] - slope @ spread[:2, 2:]
     forces = read[2:] + (places - read[:2]) @ slope.T
     forces += rng.multivariate_normal(np.zeros(3), left, 200_000)
     drawn = np.hstack([places, forces])
     np.testing.assert_allclose(drawn.mean(axis=0), touch, atol=2e-5)
-    np.testing.assert_allclose(np.cov(drawn.T), told, atol=0.02 * np.abs(told).max())
+    np.testing.assert_allclose(np.cov(drawn.T), stated, atol=0.02 * np.abs(stated).max())
 
 
 def test_a_touch_on_a_turning_arm_stays_as_sure_as_it_landed(planar, table):
@@ -140,15 +140,15 @@ def test_a_touch_on_a_turning_arm_stays_as_sure_as_it_landed(planar, table):
     for wander in (1e-3, math.inf):
         priors = TouchPriors(drag_spread=0.0, wander=wander)
         bayes = BayesEstimator(planar, table, priors=priors, tracking=ON_AN_ARM)
-        told = []
+        estimates = []
         for k in range(88):
             turn = 0.8 * (1 - math.cos(0.3 * max(0.1 * k - 2.0, 0.0)))
             field = rest_field(planar) + turn * weight + (k >= 80) * touch
             reading = Reading(time=0.1 * k, field=np.einsum("sji,sj->si", chips, field))
             if k == 0:
                 bayes.zero([reading])
-            told.append(bayes.step(reading))
-        assert [len(one.contacts) for one in told] == [0] * 80 + [1] * 8
-        spreads[wander] = [one.covariance[0][:2, :2].trace() for one in told[80:]]
+            estimates.append(bayes.step(reading))
+        assert [len(estimate.contacts) for estimate in estimates] == [0] * 80 + [1] * 8
+        spreads[wander] = [estimate.covariance[0][:2, :2].trace() for estimate in estimates[80:]]
     assert spreads[1e-3][0] == spreads[math.inf][0]
     assert spreads[1e-3][-1] < 0.5 * spreads[math.inf][-1]

@@ -25,19 +25,19 @@ def test_no_search_finds_a_likelier_single_touch_than_the_bound(skin, table, tur
     turn = turning**2 * noise.diagonal().mean() * np.kron(np.ones((3, 3)), np.eye(3))
     still, turned = (TouchSolver(table, noise + more, STRAIGHT) for more in (0 * turn, turn))
     signals = table.together(WHERE[None], FORCE[None])[0]
-    found = still.single(signals)
-    rival = Rival(1.0, signals, still.whitener(found), found)
-    assert rival.misfit(signals) == pytest.approx(found.misfit)
+    posterior = still.single(signals)
+    rival = Rival(1.0, signals, still.whitener(posterior), posterior)
+    assert rival.misfit(signals) == pytest.approx(posterior.misfit)
     rng = np.random.default_rng(0)
     for size in (0.0, 1e-3, 2e-3, 4e-3):
         where = WHERE + rng.normal(0, size, WHERE.shape)
         moved = table.together(where[None], FORCE[None] * (1 + 10 * size))[0]
-        one, other = still.single(moved), turned.single(moved)
+        at_rest, after_turn = still.single(moved), turned.single(moved)
         best = rival.at_best(moved, turn)
         # The misfit is weighed by forces, which are about the same.
-        assert rival.misfit(moved) < 1.01 * one.misfit
-        assert one.evidence < best + 0.01 * one.misfit
-        assert other.evidence + TURNS < best + 0.01 * other.misfit
+        assert rival.misfit(moved) < 1.01 * at_rest.misfit
+        assert at_rest.evidence < best + 0.01 * at_rest.misfit
+        assert after_turn.evidence + TURNS < best + 0.01 * after_turn.misfit
 
 
 def test_two_that_go_on_are_followed_alone_until_one_of_them_ends(skin, table, monkeypatch):
@@ -45,11 +45,11 @@ def test_two_that_go_on_are_followed_alone_until_one_of_them_ends(skin, table, m
     bayes = BayesEstimator(skin, table, priors=STRAIGHT, creep=ELASTIC)
     rest, turns = ReducedTwin(skin, seed=None), mlx90393.rotations(skin.halls)
     bayes.zero([rest.read()])
-    sought, one = [], TouchSolver.single
+    sought, single = [], TouchSolver.single
     monkeypatch.setattr(
         TouchSolver,
         "single",
-        lambda self, *args, **more: sought.append(0) or one(self, *args, **more),
+        lambda self, *args, **more: sought.append(0) or single(self, *args, **more),
     )
 
     def step(time, signals):

@@ -23,9 +23,9 @@ def solver(skin, table):
     return TouchSolver(table, signal_noise(skin), STRAIGHT)
 
 
-def apart(said, true=WHERE):
+def apart(places, true=WHERE):
     """Mean distance of the places, in the better order."""
-    return min(np.hypot(*(said - turned).T).mean() for turned in (true, true[::-1]))
+    return min(np.hypot(*(places - turned).T).mean() for turned in (true, true[::-1]))
 
 
 def pairs(count, seed):
@@ -41,9 +41,9 @@ def test_pairs_are_found_wherever_they_are(table, solver):
     """The reduced model tells pairs poorly: what is found is as good as noise lets anything be."""
     for where, force in pairs(8, seed=1):
         exact = table.together(where[None], force[None])[0]
-        found = solver.pair(exact)
-        assert found.misfit < 4.0
-        assert found.evidence > solver.single(exact).evidence
+        pair = solver.pair(exact)
+        assert pair.misfit < 4.0
+        assert pair.evidence > solver.single(exact).evidence
         led = solver.pair(exact, np.concatenate([where + 2e-3, force], axis=1))
         assert led.misfit < 0.5
         assert apart(led.values[:, :2], where) < 2e-3
@@ -71,9 +71,9 @@ def test_a_touch_that_stood_there_tells_the_other(planar):
 
 def test_nothing_explains_signals_of_no_touch(solver):
     """Where no start has forces that press, an answer is given all the same."""
-    found = solver.pair(-1e-3 * np.ones(9))
-    assert np.isfinite(found.values).all()
-    assert found.misfit > 1000
+    posterior = solver.pair(-1e-3 * np.ones(9))
+    assert np.isfinite(posterior.values).all()
+    assert posterior.misfit > 1000
 
 
 def test_the_first_guess_does_not_decide(skin):
@@ -133,8 +133,8 @@ class StatedProblem:
     def posteriors(self, ends, standing=None):
         return ends[0].cost
 
-    def posterior(self, found, standing=None):
-        return found.cost
+    def posterior(self, end, standing=None):
+        return end.cost
 
 
 @pytest.mark.parametrize(

@@ -33,8 +33,8 @@ COUNT = 9
 class Stated:
     """Solutions as a test states them: misfit and evidence of one touch, one turned, and two."""
 
-    def __init__(self, one, turned, two):
-        self.stated, self.asked = {"one": one, "turned": turned, "two": two}, []
+    def __init__(self, single, turned, two):
+        self.stated, self.asked = {"one": single, "turned": turned, "two": two}, []
 
     def warm_to(self, temperature):
         pass
@@ -49,7 +49,7 @@ class Stated:
     def add_noise(self, more):
         self.turns = more.trace() > 1e-9
 
-    def whitener(self, found):
+    def whitener(self, posterior):
         return 1e12 * np.eye(COUNT)
 
     def single(self, signals, guess=None, **_):
@@ -71,9 +71,9 @@ def known_skin(table, misfit=1e-7):
     return replace(table, **modes, misfit=misfit**2 * np.eye(9))
 
 
-def stated(planar, table, monkeypatch, one, turned=(1.0, -np.inf), two=(1.0, -np.inf)):
+def stated(planar, table, monkeypatch, single, turned=(1.0, -np.inf), two=(1.0, -np.inf)):
     bayes = BayesEstimator(planar, table, tracking=ON_AN_ARM)
-    solver = Stated(one, turned, two)
+    solver = Stated(single, turned, two)
     monkeypatch.setattr(bayes, "_solver", solver)
     rest = np.einsum("sji,sj->si", mlx90393.rotations(planar.halls), rest_field(planar))
     bayes.zero([Reading(time=0.0, field=rest)])
@@ -88,7 +88,7 @@ def stated(planar, table, monkeypatch, one, turned=(1.0, -np.inf), two=(1.0, -np
 
 
 @pytest.mark.parametrize(
-    ("misfit", "evidence", "asked", "found"),
+    ("misfit", "evidence", "asked", "place"),
     [
         (4 * COUNT - 0.1, 50.0, ["one"], ALONE),  # what fits needs no other reason
         (4 * COUNT + 0.1, 4.5, ["one", "turned"], ALONE),
@@ -96,10 +96,10 @@ def stated(planar, table, monkeypatch, one, turned=(1.0, -np.inf), two=(1.0, -np
     ],
 )
 def test_a_skin_may_have_turned_where_a_touch_fits_badly(
-    planar, table, monkeypatch, misfit, evidence, asked, found
+    planar, table, monkeypatch, misfit, evidence, asked, place
 ):
     _, _, step = stated(planar, table, monkeypatch, (misfit, 0.0), (1.0, evidence))
-    assert step(1.0) == ([found], asked)
+    assert step(1.0) == ([place], asked)
 
 
 @pytest.mark.parametrize(("evidence", "two"), [(5.3, False), (5.5, True)])

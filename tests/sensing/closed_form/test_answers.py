@@ -19,9 +19,9 @@ NOISE, PLACE = np.diag([1e-6, 4e-6, 9e-6]), np.diag([0.01, 0.04, 0.09])
 def answered(planar, *, confidence=1.0, misfit=0.0, solution=True, within=True, least=0.5):
     """What is answered where the sheet finds so sure a touch on cell (2, 3)."""
     estimator = ClosedFormEstimator(planar, least_confidence=least)
-    found = Solution((2, 3), FORCE, confidence, misfit) if solution else None
+    solved = Solution((2, 3), FORCE, confidence, misfit) if solution else None
     estimator._sheet = SimpleNamespace(
-        solve=lambda motions: found,
+        solve=lambda motions: solved,
         most_misfit=0.35,
         place=np.broadcast_to(PLACE, (6, 6, 3, 3)),
     )
@@ -57,15 +57,15 @@ def test_statuses_at_their_edges(planar, given, status, contacts):
 
 
 def test_a_cell_spreads_as_level_over_it_and_a_force_with_its_size(planar):
-    (found,) = answered(planar).covariance
+    (spread,) = answered(planar).covariance
     cell = geometry(planar).cell
-    np.testing.assert_allclose(np.diag(found)[:2], np.array([cell.length, cell.width]) ** 2 / 12)
-    np.testing.assert_allclose(found[2:, 2:], NOISE + 0.6**2 * PLACE)
-    assert not found[:2, 2:].any()
-    (found,) = answered(planar, confidence=0.1).covariance
-    np.testing.assert_allclose(found[2:4, 2:4], NOISE[:2, :2])
-    assert np.isnan(found[:2]).all()
-    assert np.isnan(found[4]).all()
+    np.testing.assert_allclose(np.diag(spread)[:2], np.array([cell.length, cell.width]) ** 2 / 12)
+    np.testing.assert_allclose(spread[2:, 2:], NOISE + 0.6**2 * PLACE)
+    assert not spread[:2, 2:].any()
+    (spread,) = answered(planar, confidence=0.1).covariance
+    np.testing.assert_allclose(spread[2:4, 2:4], NOISE[:2, :2])
+    assert np.isnan(spread[:2]).all()
+    assert np.isnan(spread[4]).all()
 
 
 @pytest.mark.parametrize("least", [-0.01, 1.01, np.nan])

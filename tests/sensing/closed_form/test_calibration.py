@@ -66,7 +66,7 @@ def on_cell(design, table, cell):
 
 
 def truth(design, skin):
-    """The numbers of a skin in the order of `found`."""
+    """The numbers of a skin in the order of `numbers_of`."""
     made, c = skin.design, skin.design.coefficients
     factor = [
         design.magnet(s.magnet).remanence / made.magnet(s.magnet).remanence for s in design.halls
@@ -82,7 +82,7 @@ def truth(design, skin):
     }
 
 
-def found(calibration):
+def numbers_of(calibration):
     """Numbers and standard uncertainties of a calibration."""
     c, u = calibration.coefficients, calibration.evidence.uncertainty
     return {
@@ -103,7 +103,7 @@ def scores(true, calibration):
     """Errors over standard uncertainties, by number."""
     return {
         name: (np.array(values) - true[name]) / np.array(spread)
-        for name, (values, spread) in found(calibration).items()
+        for name, (values, spread) in numbers_of(calibration).items()
     }
 
 
@@ -154,7 +154,7 @@ def test_with_a_perfect_gauge_little_is_off(planar):
     skin = made_skin(planar, np.random.default_rng(11))
     quiet = measure(skin, calibration_loads(planar), np.random.default_rng(0), gauge_noise=0.0)
     c = fitted(planar, quiet).calibration
-    for name, (values, _) in found(c).items():
+    for name, (values, _) in numbers_of(c).items():
         rtol, atol = (0, 1e-3) if name in ("rotation", "v_a") else (7e-3, 0)
         np.testing.assert_allclose(
             values, truth(planar, skin)[name], rtol=rtol, atol=atol, err_msg=name
@@ -380,7 +380,7 @@ def test_200_skins_are_found_as_well_as_stated(planar):
         calibration = fitted(planar, table).calibration
         true = truth(planar, skin)
         factor = calibration.evidence.coverage_factor(0.9)
-        for name, (values, spread) in found(calibration).items():
+        for name, (values, spread) in numbers_of(calibration).items():
             off = np.array(values) - true[name]
             absolute = name in ("v_a", "rotation")
             errors.setdefault(name, []).append(np.abs(off / (1 if absolute else true[name])))
@@ -389,7 +389,7 @@ def test_200_skins_are_found_as_well_as_stated(planar):
     assert np.all(ninetieth["v_a"] < 0.02)
     assert np.all(ninetieth["v_s"] < 0.03)
     assert np.all(ninetieth["v_f"] < 0.08)
-    covered = {name: float(np.mean(one)) for name, one in inside.items()}
+    covered = {name: float(np.mean(hits)) for name, hits in inside.items()}
     assert all(0.85 <= share <= 0.97 for share in covered.values()), covered
 
 

@@ -105,21 +105,24 @@ def test_at_the_force_of_an_ambiguity_noise_errs_at_the_stated_rate(planar, magn
     stiffness = stiffness_map(design, design.coefficients)
     rng = np.random.default_rng(0)
     listed = ambiguities(design, force=1e-4, error_rate=0.02)
-    for one in listed[:6]:
-        axis, rates = "xy".index(one.axis), []
-        for own, other in (one.pair, one.pair[::-1]):
-            moved = unit[own].ravel() * one.force / stiffness[own]
+    for ambiguity in listed[:6]:
+        axis, rates = "xy".index(ambiguity.axis), []
+        for own, other in (ambiguity.pair, ambiguity.pair[::-1]):
+            moved = unit[own].ravel() * ambiguity.force / stiffness[own]
             seen = rng.multivariate_normal(moved, noise, 40000).reshape(-1, len(magnets), 2)
             rates.append((decide(rule, seen)[:, axis] == other[axis]).mean())
-        assert max(rates) == pytest.approx(0.02, abs=0.004), str(one)
+        assert max(rates) == pytest.approx(0.02, abs=0.004), str(ambiguity)
     assert listed[0].force > listed[-1].force > 1e-4
 
 
 def test_magnets_in_one_line_give_candidates_and_say_so(planar):
     design = with_magnets(planar, [(3, 1), (3, 5)])
     listed = ambiguities(design)
-    assert {one.axis for one in listed} == {"x"}
-    assert all(one.force == np.inf and one.same_signs and one.ratio_gap < 1e-9 for one in listed)
+    assert {ambiguity.axis for ambiguity in listed} == {"x"}
+    assert all(
+        ambiguity.force == np.inf and ambiguity.same_signs and ambiguity.ratio_gap < 1e-9
+        for ambiguity in listed
+    )
     assert str(listed[0]) == (
         "columns 1 and 2: the same signs and ratios 1 and 1, told apart never"
     )
@@ -140,9 +143,9 @@ def test_confidence_is_shared_among_cells_of_one_direction(planar):
     design = with_magnets(planar, [(3, 3)])
     unit = unit_press(design)
     noise = readout_noise(design, readout(design, Calibration.nominal(design))[:, :-2])
-    found = cones(ideal_rule(unit), unit, noise)
-    np.testing.assert_allclose(found.share, 1 / 9)
-    assert 0 < found.confidence((1, 4), unit[1, 4].ravel() * 1e-3) <= 1 / 9
+    regions = cones(ideal_rule(unit), unit, noise)
+    np.testing.assert_allclose(regions.share, 1 / 9)
+    assert 0 < regions.confidence((1, 4), unit[1, 4].ravel() * 1e-3) <= 1 / 9
 
 
 def test_wrong_use_is_named(planar):

@@ -66,11 +66,11 @@ def test_every_cell_is_found_without_noise(request, skin, force, shear):
 def test_3600_noisy_touches_fall_on_the_right_cell(planar):
     twin, estimator = ReducedTwin(planar, seed=3), ClosedFormEstimator(planar)
     contacts = touches(planar, 0.5, (0.0, 0.0)) * 100
-    found = [
+    hits = [
         located(e, c) for e, c in zip(estimates(twin, estimator, contacts), contacts, strict=True)
     ]
-    assert len(found) == 3600
-    assert np.mean(found) >= 0.98
+    assert len(hits) == 3600
+    assert np.mean(hits) >= 0.98
 
 
 def scattered(design, rng):
@@ -88,7 +88,7 @@ def scattered(design, rng):
 
 def test_cells_are_found_on_skins_that_are_not_as_designed(planar):
     rng = np.random.default_rng(0)
-    found = []
+    hits = []
     for seed in range(10):
         twin, estimator = (
             ReducedTwin(scattered(planar, rng), seed=seed),
@@ -96,11 +96,11 @@ def test_cells_are_found_on_skins_that_are_not_as_designed(planar):
         )
         estimator.zero([twin.read(time=-1.0 + 0.01 * k) for k in range(20)])
         contacts = touches(planar, 0.5, (0.0, 0.0))
-        found += [
+        hits += [
             located(e, c)
             for e, c in zip(estimates(twin, estimator, contacts), contacts, strict=True)
         ]
-    assert np.mean(found) >= 0.98
+    assert np.mean(hits) >= 0.98
 
 
 def test_a_skin_far_from_its_design_is_read_by_its_own_table(planar):
@@ -116,10 +116,10 @@ def test_a_skin_far_from_its_design_is_read_by_its_own_table(planar):
             estimator = ClosedFormEstimator(planar, known)
             estimator.zero([twin.read(time=-1.0 + 0.01 * k) for k in range(20)])
             contacts = touches(planar, 0.3, (0.0, 0.0))
-            found = estimates(twin, estimator, contacts)
-            right[name] += [located(e, c) for e, c in zip(found, contacts, strict=True)]
+            answers = estimates(twin, estimator, contacts)
+            right[name] += [located(e, c) for e, c in zip(answers, contacts, strict=True)]
             if name == "table":
-                forces += [e.contacts[0].normal_force for e in found]
+                forces += [e.contacts[0].normal_force for e in answers]
     assert np.mean(right["table"]) == 1.0
     assert np.mean(right["theory"]) < 0.9
     np.testing.assert_allclose(forces, 0.3, rtol=0.03)
@@ -134,11 +134,11 @@ def test_a_table_parts_press_and_drag_as_theory_does(planar, shear):
     readings = [twin.read([c], time=k) for k, c in enumerate(contacts)]
     theory, table = ClosedFormEstimator(skin), by_table(skin)
     for reading, contact in zip(readings, contacts, strict=True):
-        one, other = theory.step(reading), table.step(reading)
-        assert located(one, contact)
-        assert located(other, contact)
-        np.testing.assert_allclose(one.contacts[0].force, other.contacts[0].force, atol=0.015)
-        np.testing.assert_allclose(other.contacts[0].force, contact.force, atol=0.02)
+        ideal, measured = theory.step(reading), table.step(reading)
+        assert located(ideal, contact)
+        assert located(measured, contact)
+        np.testing.assert_allclose(ideal.contacts[0].force, measured.contacts[0].force, atol=0.015)
+        np.testing.assert_allclose(measured.contacts[0].force, contact.force, atol=0.02)
 
 
 @pytest.mark.parametrize("corners", [[(4, 2), (2, 4), (1, 5)], [(4, 2), (2, 4), (1, 1), (5, 5)]])

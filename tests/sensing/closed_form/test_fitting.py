@@ -97,17 +97,17 @@ def test_noise_is_found_from_a_group_of_which_enough_is_left_over():
     root = [np.sqrt((scaled[group == k] ** 2).mean()) for k in range(3)]
     np.testing.assert_allclose(levels, np.array([0.02, 0.03, 1.0]) * root)
     # What the numbers have used up does not count, and without a tenth left nothing is found.
-    for left, found in ((0.11, True), (0.09, False)):
+    for left, learned in ((0.11, True), (0.09, False)):
         problem.used = np.full(scaled.shape, 1 - left)
         levels = fitting._levels(np.array([0.02, 0.03, 1.0]), group, problem, merged=False)
-        assert (levels[0] != 0.02) == found
-        if found:
+        assert (levels[0] != 0.02) == learned
+        if learned:
             assert levels[0] == pytest.approx(0.02 * root[0] / np.sqrt(left))
     # Nor with three values or fewer.
-    for rows, found in ((3, False), (4, True)):
+    for rows, learned in ((3, False), (4, True)):
         few = solved(scaled[:rows], 3)
         levels = fitting._levels(np.array([0.02, 0.03, 1.0]), group[:rows], few, merged=False)
-        assert (levels[0] != 0.02) == found
+        assert (levels[0] != 0.02) == learned
     # Without readings, force and depth share one factor.
     problem.used = np.zeros_like(scaled)
     levels = fitting._levels(np.array([0.02, 0.03, 1.0]), group, problem, merged=True)
@@ -133,21 +133,21 @@ def test_only_what_is_added_to_a_chips_field_has_a_prior(planar):
     # One datum d of noise s with a prior of width p: shrunk to d p^2 / (p^2 + s^2).
     for width, noise in ((2e-3, 1e-3), (1e-4, 3e-4)):
         w, datum = 1 / width, 5e-4
-        found = np.linalg.lstsq([[1 / noise], [w]], [datum / noise, 0.0])[0]
-        assert found[0] == pytest.approx(datum * width**2 / (width**2 + noise**2))
+        solution = np.linalg.lstsq([[1 / noise], [w]], [datum / noise, 0.0])[0]
+        assert solution[0] == pytest.approx(datum * width**2 / (width**2 + noise**2))
 
 
 def test_numbers_are_looked_for_where_skins_can_be(planar):
     model = PressModel(planar, table(planar, [[0.0, 0.0, -0.5]]), 2)
     nominal = Calibration.nominal(planar)
     names, least, most, tolerance = fitting._limits(model, nominal)
-    found = dict(zip(names, zip(least, most, tolerance, strict=True), strict=True))
-    assert found["attenuation[0]"] == found["attenuation[1]"] == (0.02, 0.9999, 0.1)
+    limits = dict(zip(names, zip(least, most, tolerance, strict=True), strict=True))
+    assert limits["attenuation[0]"] == limits["attenuation[1]"] == (0.02, 0.9999, 0.1)
     for chip in range(3):
-        assert found[f"field_factor[{chip}]"] == (0.1, 10.0, 0.1)
+        assert limits[f"field_factor[{chip}]"] == (0.1, 10.0, 0.1)
     for axis in range(9):
-        assert found[f"chip_rotation[{axis}]"] == (-0.5, 0.5, 0.05)
-        assert found[f"field_offset[{axis}]"] == (-0.02, 0.02, 5e-3)
+        assert limits[f"chip_rotation[{axis}]"] == (-0.5, 0.5, 0.05)
+        assert limits[f"field_offset[{axis}]"] == (-0.02, 0.02, 5e-3)
     # Stiffnesses lie within a factor of 50 of the design's and are told to 30 %.
     for name, value in (
         ("board_stiffness", nominal.board_stiffness),
@@ -156,12 +156,12 @@ def test_numbers_are_looked_for_where_skins_can_be(planar):
         ("folding_correction_x[0]", nominal.coefficients.folding_correction_x[0]),
         ("folding_correction_y[2]", nominal.coefficients.folding_correction_y[2]),
     ):
-        low, high, told = found[name]
+        low, high, allowed = limits[name]
         np.testing.assert_allclose(np.exp([low, high]), [value / 50, value * 50])
-        assert told == 0.3
+        assert allowed == 0.3
     assert len(names) == model.size
-    one = PressModel(planar, table(planar, [[0.0, 0.0, -0.5]]), 1)
-    assert fitting._limits(one, nominal)[0][0] == "attenuation"
+    single = PressModel(planar, table(planar, [[0.0, 0.0, -0.5]]), 1)
+    assert fitting._limits(single, nominal)[0][0] == "attenuation"
 
 
 @pytest.mark.parametrize(
@@ -185,18 +185,18 @@ def test_a_number_at_its_end_is_no_fit(planar, monkeypatch, name, end, inside, k
     if kept:
         fitting._fitted(model, nominal)
         return
-    told = rf"fit no {re.escape(name)} inside \({ends[0][which]:g}, {ends[1][which]:g}\); check"
-    with pytest.raises(ModelError, match=told):
+    message = rf"fit no {re.escape(name)} inside \({ends[0][which]:g}, {ends[1][which]:g}\); check"
+    with pytest.raises(ModelError, match=message):
         fitting._fitted(model, nominal)
 
 
-@pytest.mark.parametrize(("share", "told"), [(0.99, True), (1.01, False)])
-def test_a_number_is_told_up_to_its_largest_uncertainty(share, told):
+@pytest.mark.parametrize(("share", "determined"), [(0.99, True), (1.01, False)])
+def test_a_number_is_told_up_to_its_largest_uncertainty(share, determined):
     tolerance = np.array([0.1, 0.3, 5e-3])
     spread = tolerance * [0.2, share, 0.5]
     turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
     problem = turn @ np.diag(1 / spread)
-    if told:
+    if determined:
         fitting._check_determined(["a", "b", "c"], tolerance, problem)
         return
     with pytest.raises(
@@ -279,17 +279,17 @@ def test_groups_of_residuals_are_summed_up_in_their_units(planar):
     residual = np.full((2, 13), np.nan)
     residual[:, 0], residual[0, 3] = (3.0, -4.0), 2e-3
     residual[:, 7:10] = 5e-6
-    found = {line.group: line for line in fitting._summaries(planar, residual)}
-    assert list(found) == ["force_x", "force_y", "force_z", "depth"] + [
+    groups = {line.group: line for line in fitting._summaries(planar, residual)}
+    assert list(groups) == ["force_x", "force_y", "force_z", "depth"] + [
         f"field of chip S{k}" for k in (1, 2, 3)
     ]
-    assert (found["force_x"].unit, found["force_x"].values) == ("N", 2)
-    assert found["force_x"].rms == pytest.approx(np.sqrt(12.5))
-    assert (found["depth"].unit, found["depth"].values, found["depth"].rms) == ("mm", 1, 2e-3)
-    assert (found["field of chip S2"].values, found["field of chip S2"].unit) == (6, "uT")
-    assert found["field of chip S2"].rms == pytest.approx(5e-6)
-    assert found["force_y"].values == 0
-    assert np.isnan(found["force_y"].rms)
+    assert (groups["force_x"].unit, groups["force_x"].values) == ("N", 2)
+    assert groups["force_x"].rms == pytest.approx(np.sqrt(12.5))
+    assert (groups["depth"].unit, groups["depth"].values, groups["depth"].rms) == ("mm", 1, 2e-3)
+    assert (groups["field of chip S2"].values, groups["field of chip S2"].unit) == (6, "uT")
+    assert groups["field of chip S2"].rms == pytest.approx(5e-6)
+    assert groups["force_y"].values == 0
+    assert np.isnan(groups["force_y"].rms)
 
 
 def test_even_the_fewest_loads_leave_freedom(planar):

@@ -35,10 +35,10 @@ def all_cells(cells):
 def covered(ambiguous, cells):
     """Cells that a list of ambiguities speaks of."""
     named = np.zeros(cells, dtype=bool)
-    for one in ambiguous:
-        for n, m in one.pair:
+    for ambiguity in ambiguous:
+        for n, m in ambiguity.pair:
             rows = {"x": (n, slice(None)), "y": (slice(None), m)}
-            named[rows[one.axis]] = True
+            named[rows[ambiguity.axis]] = True
     return named
 
 
@@ -53,11 +53,11 @@ def test_every_cell_not_listed_is_found(planar, skin, attenuation, factor):
     unit = unit_press(design)
     # At a force past any that tells two cells apart, only those never told apart are left.
     never = ambiguities(design, force=1e9)
-    found = (decide(ideal_rule(unit), factor * unit) == all_cells(cells)).all(axis=-1)
-    assert (found | covered(never, cells)).all()
-    for one in never:
-        assert one.same_signs
-        assert not one.ratio_gap > 2e-6 * (1 + one.ratios[0] ** 2)
+    located = (decide(ideal_rule(unit), factor * unit) == all_cells(cells)).all(axis=-1)
+    assert (located | covered(never, cells)).all()
+    for ambiguity in never:
+        assert ambiguity.same_signs
+        assert not ambiguity.ratio_gap > 2e-6 * (1 + ambiguity.ratios[0] ** 2)
 
 
 @settings(max_examples=30, deadline=None)
@@ -91,14 +91,14 @@ def test_a_mirrored_sheet_gives_mirrored_answers(planar, skin, seed):
     np.testing.assert_allclose(mirrored, unit[::-1] * (-1.0, 1.0), atol=1e-12)
     seen = unit.reshape(-1, len(corners), 2)
     seen = seen + np.random.default_rng(seed).normal(0, 0.01, seen.shape)
-    one = decide(ideal_rule(unit), seen)
-    other = decide(ideal_rule(mirrored), seen * (-1.0, 1.0))
+    decided = decide(ideal_rule(unit), seen)
+    reflected = decide(ideal_rule(mirrored), seen * (-1.0, 1.0))
     # Of columns in one direction the first is named, whichever way round they are counted.
     columns = unit[:, 0, :, 0] / np.linalg.norm(unit[:, 0, :, 0], axis=-1, keepdims=True)
-    back = np.where(other[:, 0] < 0, -1, cells[0] - 1 - other[:, 0])
-    np.testing.assert_array_equal(back < 0, one[:, 0] < 0)
-    np.testing.assert_allclose(columns[back], columns[one[:, 0]], atol=2e-6)
-    np.testing.assert_array_equal(other[:, 1], one[:, 1])
+    back = np.where(reflected[:, 0] < 0, -1, cells[0] - 1 - reflected[:, 0])
+    np.testing.assert_array_equal(back < 0, decided[:, 0] < 0)
+    np.testing.assert_allclose(columns[back], columns[decided[:, 0]], atol=2e-6)
+    np.testing.assert_array_equal(reflected[:, 1], decided[:, 1])
 
 
 @pytest.mark.parametrize(
@@ -154,8 +154,8 @@ def test_half_a_turn_either_way_is_one_direction():
         unit[..., 0], unit[..., 1] = along[:, None], along
         return divisions(unit)
 
-    for one, other in zip(rule(-180.0), rule(180.0), strict=True):
-        np.testing.assert_allclose(one, other, atol=1e-9)
+    for left, right in zip(rule(-180.0), rule(180.0), strict=True):
+        np.testing.assert_allclose(left, right, atol=1e-9)
 
 
 @given(direction=st.floats(-np.pi, np.pi))

@@ -100,14 +100,14 @@ def test_units_do_not_matter():
 def test_a_table_gives_the_answers_of_its_skin(planar):
     """The reduced model's own answers, by a table that was fitted to its presses."""
     skin = plain(planar)
-    found, exact = cell_answers(skin, reduced_table(skin)), ideal_answers(skin)
+    measured, exact = cell_answers(skin, reduced_table(skin)), ideal_answers(skin)
     upper = np.r_[3:9]
     size = np.abs(exact.motions[..., upper, :]).max(axis=(0, 1, 2))
-    off = np.abs(found.motions - exact.motions)[..., upper, :].max(axis=(0, 1, 2))
+    off = np.abs(measured.motions - exact.motions)[..., upper, :].max(axis=(0, 1, 2))
     assert (off < 0.06 * size).all(), off / size
-    np.testing.assert_allclose(found.motions[..., 0, 1], exact.motions[..., 0, 1], rtol=0.05)
+    np.testing.assert_allclose(measured.motions[..., 0, 1], exact.motions[..., 0, 1], rtol=0.05)
     # The design has been freed of stiffening, v_f = 1 MN: none to speak of is found.
-    assert found.folding.min() > 5.0
+    assert measured.folding.min() > 5.0
 
 
 def test_stiffening_by_drags_is_read_off_the_table(planar):
@@ -156,9 +156,9 @@ def test_the_misfit_is_what_more_than_noise_leaves_of_a_motion():
     away = np.linalg.svd(inside.T)[2][-1]
     whole = press @ np.linalg.solve(NOISE, press)
     for squared in (0.0, 39.0, 41.0, 400.0):
-        found = cell.match(press + root @ away * np.sqrt(squared))
-        assert found[3] == pytest.approx(max(squared - 40, 0) / (whole + squared), abs=1e-9)
-        np.testing.assert_allclose(found[1], [50, 0, 0], atol=1e-6)
+        match = cell.match(press + root @ away * np.sqrt(squared))
+        assert match[3] == pytest.approx(max(squared - 40, 0) / (whole + squared), abs=1e-9)
+        np.testing.assert_allclose(match[1], [50, 0, 0], atol=1e-6)
 
 
 def test_a_touch_between_vertices_may_misfit_twice_as_much_as_a_press_there(planar):

@@ -67,10 +67,10 @@ def known(monkeypatch, planar):
             stiffness = 1.0
         explained = np.full(len(touches.force), True)
         for name in COLUMNS:
-            one, other = (getattr(table, name).reshape(len(explained), -1) for table in (
+            given, expected = (getattr(table, name).reshape(len(explained), -1) for table in (
                 touches, meant
             ))  # fmt: skip
-            same = np.isclose(one, other, rtol=1e-6, atol=1e-15) | np.isnan(one)
+            same = np.isclose(given, expected, rtol=1e-6, atol=1e-15) | np.isnan(given)
             explained &= same.all(axis=1)
         if known.rough_error is not None and not explained.all():
             raise known.rough_error
@@ -295,12 +295,12 @@ def test_exchanged_rows_are_looked_for_among_the_four_worst(
 
 
 @pytest.mark.parametrize(
-    ("force", "field", "told"),
+    ("force", "field", "warned"),
     [(0.099, 29.0, False), (0.101, 1.0, True), (0.01, 29.9, False), (0.01, 30.1, True),
      (0.09, np.nan, False), (0.11, np.nan, True)],
 )  # fmt: skip
 def test_a_fit_is_doubted_from_a_tenth_of_the_force_and_thirty_times_the_chips_noise(
-    planar, known, force, field, told
+    planar, known, force, field, warned
 ):
     known.noise = (force, np.nan, field * float(chip_noise(planar)[0]))
     warnings = judged_fit(planar, known.meant, **STATED)[1]
@@ -309,7 +309,7 @@ def test_a_fit_is_doubted_from_a_tenth_of_the_force_and_thirty_times_the_chips_n
         f"the touches fit the paper's model badly: forces to {100 * force:.0f} %, fields to "
         f"{worse:.0f} times the chips' noise"
     )
-    assert warnings == ((expected,) if told else ())
+    assert warnings == ((expected,) if warned else ())
 
 
 @pytest.mark.parametrize(
@@ -333,9 +333,9 @@ def test_stiffness_is_told_from_one_and_a_half_and_refused_from_four_times_the_d
             judged_fit(planar, known.meant, **STATED)
         return
     warnings = judged_fit(planar, known.meant, **STATED)[1]
-    told = f"stiffnesses are {stiffness:.2g} times the design's: forces seem to be {cause}"
+    message = f"stiffnesses are {stiffness:.2g} times the design's: forces seem to be {cause}"
     assert len(warnings) == bool(cause)
-    assert all(warning.startswith(told) for warning in warnings)
+    assert all(warning.startswith(message) for warning in warnings)
 
 
 def test_rows_that_do_not_fit_are_told_from_five_deviations_up_to_four_of_them(planar, known):

@@ -32,19 +32,19 @@ def motions(answers, force):
 @pytest.mark.parametrize("way", ["ideal", "measured"])
 def test_a_press_on_each_cell_is_read_as_it_is(planar, way):
     ways, answers = sheets(planar)
-    found = solve_all(ways[way], motions(answers, STRAIGHT))
-    np.testing.assert_array_equal(found.cell, list(np.ndindex(6, 6)))
-    np.testing.assert_allclose(found.force, np.tile(STRAIGHT, (36, 1)), atol=1e-9)
-    assert (found.confidence > 0.999).all()
+    solved = solve_all(ways[way], motions(answers, STRAIGHT))
+    np.testing.assert_array_equal(solved.cell, list(np.ndindex(6, 6)))
+    np.testing.assert_allclose(solved.force, np.tile(STRAIGHT, (36, 1)), atol=1e-9)
+    assert (solved.confidence > 0.999).all()
 
 
 @pytest.mark.parametrize("way", ["ideal", "measured"])
 def test_a_drag_stiffens_by_s27(planar, way):
     ways, answers = sheets(planar)
     dragged = np.array([0.3, 0.0, -0.4])
-    found = solve_all(ways[way], motions(answers, dragged))
+    solved = solve_all(ways[way], motions(answers, dragged))
     v_f = np.array(planar.coefficients.folding_correction_x)[[0, 1, 2, 2, 1, 0]]
-    force = found.force.reshape(6, 6, 3)
+    force = solved.force.reshape(6, 6, 3)
     np.testing.assert_allclose(force[..., :2], np.broadcast_to((0.3, 0.0), (6, 6, 2)), atol=1e-9)
     np.testing.assert_allclose(force[[0, 1, 2], [0, 1, 2], 2], -0.4 * (1 + 0.3 / v_f[:3]))
 
@@ -55,9 +55,9 @@ def test_forces_scatter_by_the_noise_as_stated(planar, way):
     rng = np.random.default_rng(0)
     clean = np.repeat(motions(answers, STRAIGHT)[14:15], 20000, axis=0)
     noisy = clean + rng.normal(size=clean.shape) * np.sqrt(motion_noise(planar))
-    found = solve_all(ways[way], noisy)
+    solved = solve_all(ways[way], noisy)
     stated = ways[way].noise[2, 2]
-    seen = np.cov(found.force.T)
+    seen = np.cov(solved.force.T)
     np.testing.assert_allclose(seen[:2, :2], stated[:2, :2], rtol=0.05, atol=5e-9)
     # A drag that is noise stiffens too, by its size alone.
     assert seen[2, 2] == pytest.approx(stated[2, 2], rel=0.2)
@@ -71,9 +71,9 @@ def test_forces_scatter_by_the_place_as_stated(planar, way):
     places = geometry(planar).tops[3, 2] + off
     press = answers.motions[..., 0] * -STRAIGHT[2]
     seen = np.einsum("tnm,nmk->tk", vertex_shares(planar, places), press)
-    found = solve_all(ways[way], seen)
-    inside = (found.cell == (3, 2)).all(axis=1)
-    error = found.force[inside] - STRAIGHT
+    solved = solve_all(ways[way], seen)
+    inside = (solved.cell == (3, 2)).all(axis=1)
+    error = solved.force[inside] - STRAIGHT
     rms = np.sqrt(np.diag(ways[way].place[3, 2])) * -STRAIGHT[2]
     assert inside.mean() > 0.6
     assert np.sqrt(np.mean(error[:, 2] ** 2)) == pytest.approx(rms[2], rel=0.5)
@@ -84,8 +84,8 @@ def test_cells_that_no_drag_stiffens_read_another_force(planar):
     stiff = answers._replace(folding=np.full((6, 6, 2), np.inf))
     other = MeasuredSheet(planar, stiff)
     seen = motions(answers, np.array([0.3, 0.0, -0.4]))
-    found = solve_all(other, seen).force[:, 2]
-    np.testing.assert_allclose(found, -0.4)
+    press = solve_all(other, seen).force[:, 2]
+    np.testing.assert_allclose(press, -0.4)
 
 
 def test_the_ideal_misfit_is_what_lies_across_the_press(planar):
@@ -96,11 +96,11 @@ def test_the_ideal_misfit_is_what_lies_across_the_press(planar):
         motion = np.zeros(9)
         motion[read] = answers.motions[2, 3, read, 0]
         motion[read] += noise * np.linalg.norm(motion) * rng.normal(size=4)
-        found = ways["ideal"].solve(motion)
-        press = answers.motions[(*found.cell, read, 0)]
+        solution = ways["ideal"].solve(motion)
+        press = answers.motions[(*solution.cell, read, 0)]
         along = (press @ motion[read]) ** 2 / (press @ press)
-        assert found.misfit == pytest.approx(1 - along / (motion @ motion), abs=1e-9)
-        assert (found.misfit > 1e-3) == (noise > 0)
+        assert solution.misfit == pytest.approx(1 - along / (motion @ motion), abs=1e-9)
+        assert (solution.misfit > 1e-3) == (noise > 0)
 
 
 def test_motions_that_no_cell_makes_along_one_axis_are_no_touch(planar):
@@ -127,5 +127,5 @@ def test_touches_anywhere_are_believed_by_the_ideal_sheet_and_little_else(planar
     load = np.column_stack([np.full(500, 0.5), rng.uniform(-0.3, 0.3, (500, 2))])
     shares = vertex_shares(planar, places)
     seen = np.einsum("tnm,nmkf,tf->tk", shares, answers.motions, load)
-    misfits = [found.misfit for found in map(sheet.solve, seen) if found is not None]
+    misfits = [solution.misfit for solution in map(sheet.solve, seen) if solution is not None]
     assert max(misfits) < sheet.most_misfit < 2 * max(misfits)

@@ -46,8 +46,8 @@ def named(twin, force, drag=(0.0, 0.0), grip=None) -> int:
     right = 0
     for place, motion in zip(places[:, 0], motions, strict=True):
         estimator.step(twin.readout.read(still, twin.noise, time=next(times)))
-        found = estimator.step(twin.readout.read(motion, twin.noise, time=next(times))).contacts
-        right += bool(found) and np.allclose(found[0].position, place)
+        contacts = estimator.step(twin.readout.read(motion, twin.noise, time=next(times))).contacts
+        right += bool(contacts) and np.allclose(contacts[0].position, place)
     return right
 
 

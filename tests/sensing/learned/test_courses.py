@@ -70,8 +70,8 @@ def test_a_memory_is_chosen_where_rubber_creeps_and_halves_the_error(learned, tm
     np.testing.assert_array_equal(again.gain, learned.gain)
     assert again.gain_after == learned.gain_after == pytest.approx(3 * 120.0, rel=0.01)
     inputs = learned.encoding.encode(other.time, other.field)
-    for one, two in zip(learned.predict(inputs), again.predict(inputs), strict=True):
-        np.testing.assert_array_equal(one, two)
+    for kept, loaded in zip(learned.predict(inputs), again.predict(inputs), strict=True):
+        np.testing.assert_array_equal(kept, loaded)
 
 
 def test_gain_that_wanders_is_stated_and_one_that_stays_is_not(learned):
@@ -87,10 +87,10 @@ def test_gain_that_wanders_is_stated_and_one_that_stays_is_not(learned):
 def test_stated_ranges_grow_with_the_force(learned):
     model = replace(learned, gain=np.array([0.1]))
     inputs = model.encoding.encode(course().time, course().field)
-    told = model.predict(inputs)
+    predicted = model.predict(inputs)
     bare = replace(model, gain=np.zeros(1)).predict(inputs)
     np.testing.assert_allclose(
-        told.covariance - bare.covariance, (0.1 * told.values[..., None]) ** 2, atol=1e-12
+        predicted.covariance - bare.covariance, (0.1 * predicted.values[..., None]) ** 2, atol=1e-12
     )
 
 

@@ -114,10 +114,10 @@ def test_a_zero_that_is_taken_back_leaves_no_past():
     fresh = LearnedEstimator(model(memory=(1.0,)), zero=ZERO)
     for reading in readings(count=4, seed=3):
         later = replace(reading, time=reading.time + 1.0)
-        told, expected = used.step(later), fresh.step(later)
-        assert told.status is expected.status
-        for one, other in zip(told.contacts, expected.contacts, strict=True):
-            np.testing.assert_array_equal(one.position, other.position)
+        estimate, expected = used.step(later), fresh.step(later)
+        assert estimate.status is expected.status
+        for contact, other in zip(estimate.contacts, expected.contacts, strict=True):
+            np.testing.assert_array_equal(contact.position, other.position)
 
 
 def test_outputs_have_the_units_of_places_forces_and_squares():
@@ -158,15 +158,15 @@ def test_steps_give_what_the_model_predicts_and_only_the_outputs_are_numbers(out
     inputs = this.encoding.encode(
         np.array([r.time for r in stream]), np.stack([r.field for r in stream])
     )
-    said = this.predict(inputs)
+    predicted = this.predict(inputs)
     known = sorted(output.value for output in outputs)
     for k, a in enumerate(stepped):
         assert a.status is Status.CONTACT
         rows = [output.value for output in outputs]
         spread = a.covariance[0][np.ix_(rows, rows)]
-        np.testing.assert_array_equal(spread, said.covariance[k])
+        np.testing.assert_array_equal(spread, predicted.covariance[k])
         whole = np.concatenate([a.contacts[0].position, a.contacts[0].force])
-        np.testing.assert_array_equal(whole[[o.value for o in outputs]], said.values[k])
+        np.testing.assert_array_equal(whole[[o.value for o in outputs]], predicted.values[k])
         if Output.X not in outputs:
             np.testing.assert_array_equal(whole[:2], this.place)
         finite = np.isfinite(a.covariance[0])
@@ -217,8 +217,8 @@ def test_a_zero_that_follows_takes_drift_out_and_a_still_one_does_not():
         still.step(reading)
     pressed = Reading(time=90.0, field=touch + 9e-5)
     errors = [
-        np.linalg.norm(one.step(pressed).contacts[0].position - expected.position)
-        for one in (moving, still)
+        np.linalg.norm(each.step(pressed).contacts[0].position - expected.position)
+        for each in (moving, still)
     ]
     assert errors[0] < 0.1 * errors[1]
     moving.reset()
@@ -304,11 +304,11 @@ def test_the_noise_grows_as_the_field_gets_faint():
         inputs = this.encoding.encode(np.zeros(1), factor * field[None])
         used = factor * field[[0, 2]]
         squared = (used**2).sum() + this.encoding.floor**2
-        told = this.predict(inputs)
+        predicted = this.predict(inputs)
         expected = (0.5 + 1e-6 / squared) * this.residual + np.diag(
-            (this.gain * told.values[0]) ** 2
+            (this.gain * predicted.values[0]) ** 2
         )
-        np.testing.assert_allclose(told.covariance[0], expected, rtol=1e-9)
+        np.testing.assert_allclose(predicted.covariance[0], expected, rtol=1e-9)
 
 
 def test_the_zero_is_taken_off():
@@ -350,10 +350,10 @@ def test_a_held_field_loses_its_lag_with_the_time_constant():
 def test_direction_tells_strength_apart(strength):
     encoding = Encoding(chips=(0, 1, 2), form=Form.DIRECTION)
     field = 1e-2 * np.random.default_rng(0).normal(size=(1, 3, 3))
-    one, other = (encoding.encode(np.zeros(1), f)[0] for f in (field, strength * field))
-    np.testing.assert_allclose(one[:-1], other[:-1], atol=1e-6)
-    assert other[-1] - one[-1] == pytest.approx(np.log(strength), abs=1e-6)
-    assert encoding.faintness(one[None])[0] == pytest.approx(1 / (field**2).sum(), rel=1e-6)
+    weak, strong = (encoding.encode(np.zeros(1), f)[0] for f in (field, strength * field))
+    np.testing.assert_allclose(weak[:-1], strong[:-1], atol=1e-6)
+    assert strong[-1] - weak[-1] == pytest.approx(np.log(strength), abs=1e-6)
+    assert encoding.faintness(weak[None])[0] == pytest.approx(1 / (field**2).sum(), rel=1e-6)
 
 
 def test_a_file_gives_the_model_back(tmp_path):

@@ -58,10 +58,10 @@ def test_of_a_strong_field_the_past_of_strength_and_the_direction_do_not_know_it
     )
     time, field = readings()
     field = field + 1e-5
-    one, other = encoding.encode(time, field), encoding.encode(time, scale * field)
+    plain, scaled = encoding.encode(time, field), encoding.encode(time, scale * field)
     length = 9
-    np.testing.assert_allclose(np.delete(other, length, 1), np.delete(one, length, 1), atol=1e-9)
-    np.testing.assert_allclose(other[:, length] - one[:, length], np.log(scale), atol=1e-9)
+    np.testing.assert_allclose(np.delete(scaled, length, 1), np.delete(plain, length, 1), atol=1e-9)
+    np.testing.assert_allclose(scaled[:, length] - plain[:, length], np.log(scale), atol=1e-9)
 
 
 def test_below_the_floor_a_field_has_no_direction():

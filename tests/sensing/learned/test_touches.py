@@ -89,9 +89,9 @@ def test_a_hundred_touches_are_learned_and_honestly_judged() -> None:
 def test_touches_of_another_day_are_judged_by_themselves() -> None:
     model = learn_touches([sheet(60)])
     day = {metric.name: metric.value for metric in judge_touches(model, [sheet(40, seed=1)])}
-    told = {metric.name: metric.value for metric in model.metrics}
-    assert set(day) == {*told, "refused"}
-    assert 0.3 < day["mean_error"] / told["mean_error"] < 1.5
+    stated = {metric.name: metric.value for metric in model.metrics}
+    assert set(day) == {*stated, "refused"}
+    assert 0.3 < day["mean_error"] / stated["mean_error"] < 1.5
     assert 0.75 < day["inside_90_percent_region"] <= 1.0
     assert day["refused"] < 0.1
     # A skin put on again two millimetres beside its marks, pressed as before.
@@ -103,8 +103,10 @@ def test_touches_of_another_day_are_judged_by_themselves() -> None:
     # A gauge that reads 0.2 N more, which is far beyond what force is off otherwise.
     more = replace(moved, force=moved.force - np.where(moved.touched[:, None], [0, 0, 0.2], 0))
     ranges = [
-        next(m.value for m in judge_touches(model, [one]) if m.name == "inside_90_percent_range_fz")
-        for one in (moved, more)
+        next(
+            m.value for m in judge_touches(model, [table]) if m.name == "inside_90_percent_range_fz"
+        )
+        for table in (moved, more)
     ]
     assert ranges[0] > 0.75
     assert ranges[1] < 0.25
@@ -199,7 +201,7 @@ def test_wrong_sheets_are_named() -> None:
 def test_touches_of_one_place_are_one_group_however_a_stage_tells_them() -> None:
     rng = np.random.default_rng(0)
     spots = np.stack(np.meshgrid(np.arange(20), np.arange(30)), axis=-1).reshape(-1, 2) * 2e-3
-    told = np.repeat(spots, 3, axis=0) + rng.normal(0.0, 20e-6, (3 * len(spots), 2))
-    number = places_of(told)
+    places = np.repeat(spots, 3, axis=0) + rng.normal(0.0, 20e-6, (3 * len(spots), 2))
+    number = places_of(places)
     assert (number.reshape(-1, 3) == number[::3, None]).mean() > 0.99
     assert len(np.unique(number)) <= 1.01 * len(spots)

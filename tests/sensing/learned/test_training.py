@@ -65,8 +65,8 @@ def test_location_is_found_at_places_never_seen():
     apart = examples.group % 7 == 3
     encoding = Encoding(chips=(0, 1, 2), form=Form.DIRECTION)
     model = train_model(examples.where(~apart), encoding, effort=LITTLE)
-    said = model.predict(examples.encode(encoding)[apart])
-    miss = np.linalg.norm(said.values - examples.targets[apart], axis=1)
+    predicted = model.predict(examples.encode(encoding)[apart])
+    miss = np.linalg.norm(predicted.values - examples.targets[apart], axis=1)
     assert miss.mean() < 0.3e-3  # on places 2.5 mm apart
     metrics = {metric.name: metric for metric in model.metrics}
     assert set(metrics) == {"rmse_x", "rmse_y", "mean_error"}
@@ -93,8 +93,8 @@ def test_the_past_shows_what_the_present_field_does_not():
         encoding = Encoding(chips=(0, 2), time_constants=memory)
         model = train_model(examples.where(first), encoding, effort=LITTLE, place=(0.01, 0.01))
         other = ~first & examples.known
-        said = model.predict(examples.encode(encoding)[other]).values
-        errors.append(np.sqrt(np.mean((said - examples.targets[other]) ** 2)))
+        predicted = model.predict(examples.encode(encoding)[other]).values
+        errors.append(np.sqrt(np.mean((predicted - examples.targets[other]) ** 2)))
     assert errors[1] < 0.2 * errors[0]
     assert [metric.name for metric in model.metrics] == ["rmse_fz"]
 
@@ -122,7 +122,7 @@ def test_a_distance_is_told_where_both_of_x_and_y_are(outputs):
         effort=LITTLE,
     )
     names = [metric.name for metric in model.metrics]
-    assert names == [f"rmse_{one.name.lower()}" for one in outputs] + ["mean_error"] * (
+    assert names == [f"rmse_{output.name.lower()}" for output in outputs] + ["mean_error"] * (
         len(outputs) == 3
     )
 

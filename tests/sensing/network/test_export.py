@@ -28,20 +28,20 @@ def test_onnxruntime_gives_the_same_numbers(tmp_path, drag, chips):
     values, covariance, novelty = runs.run(
         None, {"signals": signals, "temperature": np.array([31.0], np.float32)}
     )
-    said = model.predict(signals, 31.0)
-    size = np.sqrt(np.einsum("bii->bi", said.covariance))
-    unit = np.abs(said.values) + size
-    assert (np.abs(values - said.values) <= 1e-5 * unit).all()
-    assert (np.abs(covariance - said.covariance) <= 1e-5 * size[:, :, None] * size[:, None]).all()
-    assert novelty == pytest.approx(said.novelty, rel=1e-5)
+    ours = model.predict(signals, 31.0)
+    size = np.sqrt(np.einsum("bii->bi", ours.covariance))
+    unit = np.abs(ours.values) + size
+    assert (np.abs(values - ours.values) <= 1e-5 * unit).all()
+    assert (np.abs(covariance - ours.covariance) <= 1e-5 * size[:, :, None] * size[:, None]).all()
+    assert novelty == pytest.approx(ours.novelty, rel=1e-5)
 
 
 def test_any_number_of_touches_and_what_the_file_says_of_itself(tmp_path):
     model = random_network()
     export_onnx(model, tmp_path / "network.onnx")
     runs = session(tmp_path / "network.onnx")
-    assert [one.name for one in runs.get_inputs()] == ["signals", "temperature"]
-    assert [one.name for one in runs.get_outputs()] == ["values", "covariance", "novelty"]
+    assert [node.name for node in runs.get_inputs()] == ["signals", "temperature"]
+    assert [node.name for node in runs.get_outputs()] == ["values", "covariance", "novelty"]
     about = runs.get_modelmeta().custom_metadata_map
     assert about["design"] == model.design_hash
     assert about["chips"] == "1,2"

@@ -65,14 +65,14 @@ def one_by_one(model, signals, temperature):
             sums = hidden @ layer.weights[member].astype(float) + layer.bias[member, 0]
             hidden = sums / (1 + np.exp(-sums))
         last = model.layers[-1]
-        said = hidden @ last.weights[member].astype(float) + last.bias[member, 0]
+        outputs = hidden @ last.weights[member].astype(float) + last.bias[member, 0]
         factor = np.eye(count)
-        shares = iter(said[2 * count :])
+        shares = iter(outputs[2 * count :])
         for i in range(count):
             for j in range(i):
                 factor[i, j] = next(shares)
-        factor *= np.exp(np.clip(said[count : 2 * count], -9, 2))[:, None]
-        means.append(said[:count])
+        factor *= np.exp(np.clip(outputs[count : 2 * count], -9, 2))[:, None]
+        means.append(outputs[:count])
         squares.append(factor @ factor.T)
     mean = np.mean(means, axis=0)
     spread = np.mean(squares, axis=0) + np.cov(np.array(means).T, ddof=0)
@@ -90,12 +90,12 @@ def one_by_one(model, signals, temperature):
 @pytest.mark.parametrize("temperature", [25.0, 12.0])
 def test_an_ensemble_says_the_moments_of_its_members_mixture(drag, temperature):
     model, signals = random_network(drag=drag), some_signals(5)
-    said = model.predict(signals, temperature)
+    moments = model.predict(signals, temperature)
     for k, row in enumerate(signals):
         values, covariance = one_by_one(model, row, temperature)
         size = np.sqrt(np.diag(covariance))
-        assert said.values[k] == pytest.approx(values, rel=1e-5, abs=1e-6)
-        assert np.abs(said.covariance[k] - covariance).max() <= 1e-5 * np.outer(size, size).max()
+        assert moments.values[k] == pytest.approx(values, rel=1e-5, abs=1e-6)
+        assert np.abs(moments.covariance[k] - covariance).max() <= 1e-5 * np.outer(size, size).max()
 
 
 @given(
@@ -131,8 +131,8 @@ def test_harder_and_warmer_touches_keep_their_direction():
 
 
 def test_no_signal_at_all_is_finite():
-    said = random_network().predict(np.zeros((1, 6)))
-    assert all(np.isfinite(part).all() for part in said)
+    predicted = random_network().predict(np.zeros((1, 6)))
+    assert all(np.isfinite(part).all() for part in predicted)
 
 
 def test_a_file_holds_the_whole_model(tmp_path):
@@ -142,7 +142,7 @@ def test_a_file_holds_the_whole_model(tmp_path):
     for name in ("design_hash", "chips", "reach", "forces", "drag", "floor", "softening",
                  "data_sha256", "split", "metrics"):  # fmt: skip
         assert getattr(again, name) == getattr(model, name)
-    before, after = (one.predict(some_signals(5), 20.0) for one in (model, again))
+    before, after = (network.predict(some_signals(5), 20.0) for network in (model, again))
     for old, new in zip(before, after, strict=True):
         assert np.array_equal(old, new)
 
@@ -156,15 +156,15 @@ def test_other_and_damaged_files_are_refused(tmp_path):
         load_network(path)
     random_network().save(path)
     arrays = load_file(path)
-    for text, said in (("{", "damaged"), (json.dumps({"format": 9}), "format must be 1"),
+    for text, message in (("{", "damaged"), (json.dumps({"format": 9}), "format must be 1"),
                        (json.dumps({"format": 1}), "damaged")):  # fmt: skip
         save_file(arrays, path, metadata={"smoskin_network": text})
-        with pytest.raises(ModelError, match=said):
+        with pytest.raises(ModelError, match=message):
             load_network(path)
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"centre": np.zeros(6)}, "centre must have shape"),
         ({"size": np.array([1.0, np.nan, 1.0])}, "size must be finite"),
@@ -176,8 +176,8 @@ def test_other_and_damaged_files_are_refused(tmp_path):
         ({"drag": 0.5}, "middle must have shape"),
     ],
 )
-def test_a_model_that_does_not_fit_itself_is_refused(change, said):
-    with pytest.raises(ModelError, match=said):
+def test_a_model_that_does_not_fit_itself_is_refused(change, message):
+    with pytest.raises(ModelError, match=message):
         replace(random_network(), **change)
 
 
@@ -213,11 +213,11 @@ def zeroed(skin, model):
 @pytest.mark.slow
 def test_it_tells_touches_from_none(skin):
     twin = ReducedTwin(skin, seed=3)
-    said = NetworkEstimator(skin, tiny_network(skin), creep=ELASTIC)
-    said.zero([twin.read(time=-1 + 0.01 * k) for k in range(50)])
+    estimator = NetworkEstimator(skin, tiny_network(skin), creep=ELASTIC)
+    estimator.zero([twin.read(time=-1 + 0.01 * k) for k in range(50)])
     for k in range(20):
-        assert said.step(twin.read(time=0.2 * k)).status is Status.NO_CONTACT
-        estimate = said.step(twin.read([TOUCH], time=0.2 * k + 0.1))
+        assert estimator.step(twin.read(time=0.2 * k)).status is Status.NO_CONTACT
+        estimate = estimator.step(twin.read([TOUCH], time=0.2 * k + 0.1))
         assert estimate.status is Status.CONTACT
         (contact,), (spread,) = estimate.contacts, estimate.covariance
         off = contact.position - TOUCH.position
@@ -278,11 +278,11 @@ def test_numbers_that_are_none_are_no_answer(skin, monkeypatch):
 
 def test_signals_unlike_those_of_training_are_not_believed(skin):
     twin = ReducedTwin(skin, seed=None)
-    said = zeroed(skin, tiny_network(skin))
+    estimator = zeroed(skin, tiny_network(skin))
     usual = twin.read([TOUCH])
-    assert said.step(usual).status is Status.CONTACT
+    assert estimator.step(usual).status is Status.CONTACT
     # As strong as a touch, on one chip alone.
     field = twin.read().field.copy()
     field[0] += [0.0, 0.0, 10e-3]
     strange = Reading(time=1.0, field=field, temperature=usual.temperature)
-    assert said.step(strange).status is Status.OUT_OF_RANGE
+    assert estimator.step(strange).status is Status.OUT_OF_RANGE

@@ -34,8 +34,8 @@ def test_without_scatter_they_are_the_tables_own_answers(table):
     exact = without_scatter(table)
     source = TouchSource(exact, 1e-20 * np.eye(9), TouchSpread(drag=0.4, **QUIET))
     drawn = source.draw(np.random.default_rng(0), 20, 30)
-    said = exact.signals(drawn.values[:, :2], drawn.values[:, 2:])
-    assert drawn.signals == pytest.approx(said, rel=1e-4, abs=1e-8)
+    expected = exact.signals(drawn.values[:, :2], drawn.values[:, 2:])
+    assert drawn.signals == pytest.approx(expected, rel=1e-4, abs=1e-8)
 
 
 def test_softening_is_left_to_the_model_and_warmth_is_not(table):
@@ -44,8 +44,8 @@ def test_softening_is_left_to_the_model_and_warmth_is_not(table):
     drawn = TouchSource(exact, 1e-20 * np.eye(9), warm).draw(np.random.default_rng(0), 4, 9)
     force = drawn.values[:, 2:].astype(float)
     # A force that is so much larger on rubber that is so much stiffer.
-    said = exact.signals(drawn.values[:, :2], 1.1 * force, 35.0)
-    assert drawn.signals == pytest.approx(said, rel=1e-4, abs=1e-8)
+    expected = exact.signals(drawn.values[:, :2], 1.1 * force, 35.0)
+    assert drawn.signals == pytest.approx(expected, rel=1e-4, abs=1e-8)
 
 
 def test_creep_that_is_undone_leaves_what_is_not_proportional(table):
@@ -121,8 +121,8 @@ def test_they_lie_where_they_are_told_to(table):
 
 def test_the_same_seed_draws_the_same_and_the_hash_tells_what_was_drawn_from(table):
     source = TouchSource(table, np.eye(9) * 1e-12)
-    one, two = (source.draw(np.random.default_rng(5), 20, 3) for _ in range(2))
-    assert np.array_equal(one.signals, two.signals)
+    first, again = (source.draw(np.random.default_rng(5), 20, 3) for _ in range(2))
+    assert np.array_equal(first.signals, again.signals)
     others = [
         TouchSource(table, np.eye(9) * 2e-12),
         TouchSource(table, np.eye(9) * 1e-12, TouchSpread(drag=0.1)),
@@ -131,11 +131,11 @@ def test_the_same_seed_draws_the_same_and_the_hash_tells_what_was_drawn_from(tab
         TouchSource(table, np.eye(9) * 1e-12, TouchSpread(arm=True)),
     ]
     assert TouchSource(table, np.eye(9) * 1e-12).sha256() == source.sha256()
-    assert len({one.sha256() for one in (source, *others)}) == 6
+    assert len({each.sha256() for each in (source, *others)}) == 6
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"margin": -1.0}, "margin"),
         ({"drag": np.inf}, "drag"),
@@ -145,6 +145,6 @@ def test_the_same_seed_draws_the_same_and_the_hash_tells_what_was_drawn_from(tab
         ({"temperatures": (30.0, 20.0)}, "temperatures must rise"),
     ],
 )
-def test_wrong_use_is_refused(change, said):
-    with pytest.raises(ArgumentError, match=said):
+def test_wrong_use_is_refused(change, message):
+    with pytest.raises(ArgumentError, match=message):
         TouchSpread(**change)

@@ -60,29 +60,29 @@ def test_the_loss_is_the_normal_likelihood(drag):
         for layer in model.layers[:-1]:
             sums = hidden @ layer.weights[member] + layer.bias[member]
             hidden = sums / (1 + np.exp(-sums))
-        said = hidden @ model.layers[-1].weights[member] + model.layers[-1].bias[member]
-        for row, target in zip(said, targets, strict=True):
+        outputs = hidden @ model.layers[-1].weights[member] + model.layers[-1].bias[member]
+        for row, target in zip(outputs, targets, strict=True):
             factor = np.eye(count)
             factor[np.tril_indices(count, -1)] = row[2 * count :]
             factor *= np.exp(np.clip(row[count : 2 * count], -9, 2))[:, None]
             normal = multivariate_normal(row[:count], factor @ factor.T)
             expected.append(-normal.logpdf(target))
-    found = float(likelihood_loss([tuple(layer) for layer in model.layers], inputs, targets))
-    assert found == pytest.approx(np.mean(expected), rel=1e-4)
+    loss = float(likelihood_loss([tuple(layer) for layer in model.layers], inputs, targets))
+    assert loss == pytest.approx(np.mean(expected), rel=1e-4)
 
 
 def test_some_seconds_of_training_find_touches(skin):
     model, drawn = tiny_network(skin), touches(skin)
-    said = model.predict(drawn.signals)
-    apart = np.hypot(*(said.values - drawn.values)[:, :2].T)
+    predicted = model.predict(drawn.signals)
+    apart = np.hypot(*(predicted.values - drawn.values)[:, :2].T)
     # Whoever knows nothing is off by some 50 mm.
     assert np.median(apart) < 5e-3
-    force = np.abs(said.values[:, 4] / drawn.values[:, 4] - 1)
+    force = np.abs(predicted.values[:, 4] / drawn.values[:, 4] - 1)
     assert np.median(force) < 0.1
     assert model.design_hash == skin.content_hash
     assert [metric.unit for metric in model.metrics] == ["m", "1", "1"]
     assert model.metrics[0].value < 10e-3
-    assert (said.novelty < 1).all()
+    assert (predicted.novelty < 1).all()
 
 
 def test_a_network_far_worse_than_can_be_is_warned_of(skin):
@@ -107,19 +107,19 @@ def test_what_is_attainable_is_the_bound_of_noise_and_spread(skin):
 
 def test_stated_regions_hold_what_they_state(skin):
     model, drawn = tiny_network(skin), touches(skin, seed=78)
-    said = model.predict(drawn.signals)
-    apart = said.values - drawn.values
-    place = np.linalg.solve(said.covariance[:, :2, :2], apart[:, :2, None])[..., 0]
+    predicted = model.predict(drawn.signals)
+    apart = predicted.values - drawn.values
+    place = np.linalg.solve(predicted.covariance[:, :2, :2], apart[:, :2, None])[..., 0]
     inside = (place * apart[:, :2]).sum(axis=1) <= 4.605
     assert 0.86 < inside.mean() < 0.94
-    sure = np.abs(apart[:, 4]) <= 1.645 * np.sqrt(said.covariance[:, 4, 4])
+    sure = np.abs(apart[:, 4]) <= 1.645 * np.sqrt(predicted.covariance[:, 4, 4])
     assert 0.86 < sure.mean() < 0.94
 
 
 def test_drags_are_told_where_they_are_trained(skin):
     model, drawn = tiny_network(skin, drag=0.4), touches(skin, seed=79, drag=0.4)
-    said = model.predict(drawn.signals)
-    off = np.hypot(*(said.values - drawn.values)[:, 2:4].T)
+    predicted = model.predict(drawn.signals)
+    off = np.hypot(*(predicted.values - drawn.values)[:, 2:4].T)
     firm = drawn.values[:, 4] < -0.3
     assert np.median(off[firm]) < 0.1
     assert [metric.name for metric in model.metrics][-1] == "mean error of the drag"
@@ -129,8 +129,8 @@ def test_fewer_chips_are_enough(skin):
     model = tiny_network(skin, chips=(1, 2))
     assert model.chips == (1, 2)
     drawn = touches(skin, table=reduced_table(skin))
-    said = model.predict(drawn.signals[:, 3:])
-    assert np.median(np.hypot(*(said.values - drawn.values)[:, :2].T)) < 10e-3
+    predicted = model.predict(drawn.signals[:, 3:])
+    assert np.median(np.hypot(*(predicted.values - drawn.values)[:, :2].T)) < 10e-3
 
 
 def test_held_out_touches_are_of_skins_that_no_lesson_holds(skin):
@@ -139,8 +139,8 @@ def test_held_out_touches_are_of_skins_that_no_lesson_holds(skin):
     taught = {row.tobytes() for k in range(3) for row in lessons.epoch(k)[1].reshape(-1, 3)}
     assert len(taught) == 3 * SHORT.steps * SHORT.batch
     sets = [lessons.held_out(which).values for which in range(3)]
-    kept = {row.tobytes() for one in sets for row in one}
-    assert len(kept) == sum(len(one) for one in sets)
+    kept = {row.tobytes() for values in sets for row in values}
+    assert len(kept) == sum(len(values) for values in sets)
     assert not taught & {row.tobytes() for row in lessons.judges[1]}
 
 
@@ -172,8 +172,8 @@ def test_a_killed_training_goes_on_to_the_same_numbers(skin, tmp_path):
     assert np.array_equal(whole.model.stretch, resumed.model.stretch)
     assert whole.model.metrics == resumed.model.metrics
     points = [json.loads(line) for line in curve.read_text().splitlines()]
-    assert [one["epoch"] for one in points] == [1, 2, 3]
-    assert [one["held_out"] for one in points] == [one.held_out for one in whole.curve]
+    assert [point["epoch"] for point in points] == [1, 2, 3]
+    assert [point["held_out"] for point in points] == [point.held_out for point in whole.curve]
     assert resumed.ended == "all 3 epochs are done"
     again = train_network(skin, reduced_table(skin), effort=SHORT, checkpoint=checkpoint)
     assert len(again.curve) == 3
@@ -187,7 +187,7 @@ def test_a_training_comes_to_the_same_numbers_as_ever(skin):
         creep=Prony(moduli=[0.2], times=[1.0]),
         effort=replace(SHORT, seed=3),
     )
-    curve = np.array([(one.rate, one.training, one.held_out) for one in trained.curve])
+    curve = np.array([(point.rate, point.training, point.held_out) for point in trained.curve])
     assert curve == pytest.approx(
         np.array(
             [[0.03, 6.387930, 7.042854], [0.0225, 4.293190, 6.687706], [0.0075, 3.259781, 6.355938]]
@@ -260,7 +260,7 @@ def brief(skin, seconds, **files):
 def test_it_leaves_time_for_its_end_as_its_beginning_took(skin, tmp_path):
     heard = []
     trained = brief(
-        skin, 10.0, checkpoint=tmp_path / "checkpoint", progress=lambda *one: heard.append(one)
+        skin, 10.0, checkpoint=tmp_path / "checkpoint", progress=lambda *event: heard.append(event)
     )
     assert [what for what, _ in heard] == [
         "learning",
@@ -277,10 +277,10 @@ def test_it_leaves_time_for_its_end_as_its_beginning_took(skin, tmp_path):
     assert trained.curve[-1].rate < 0.3 * trained.curve[0].rate
     more = brief(skin, 15.0, checkpoint=tmp_path / "checkpoint")
     assert [point.seconds for point in more.curve[6:]] == [9.0, 10.0, 11.0, 12.0]
-    told = []
-    short = brief(skin, 4.0, progress=lambda what, share: told.append((what, share)))
+    events = []
+    short = brief(skin, 4.0, progress=lambda what, share: events.append((what, share)))
     assert len(short.curve) == 1
-    assert told == [("learning", pytest.approx(0.0, abs=0.5)), (f"stopped: {short.ended}", 1.0)]
+    assert events == [("learning", pytest.approx(0.0, abs=0.5)), (f"stopped: {short.ended}", 1.0)]
     assert short.ended == "its 4 s are over: the first epoch, which compiles, took most of them"
 
 
@@ -292,24 +292,24 @@ def test_one_goes_on_from_another(skin):
     assert tuned.curve[-1].held_out < fresh.curve[-1].held_out - 1
     assert tuned.model.members == first.members
     assert np.array_equal(tuned.model.centre, first.centre)
-    for wrong, said in (
+    for wrong, message in (
         (random_network(chips=(0, 1, 2)), "start must be of the same design"),
         (random_network(design_hash=skin.content_hash, chips=(0, 1)), "and chips"),
         (random_network(drag=0.1, design_hash=skin.content_hash, chips=(0, 1, 2)), "know drags"),
     ):
-        with pytest.raises(ModelError, match=said):
+        with pytest.raises(ModelError, match=message):
             train_network(skin, reduced_table(skin), effort=gentle, start=wrong)
 
 
 def test_wrong_use_is_refused(skin, planar):
     with pytest.raises(ModelError, match="table must be of the design"):
         train_network(planar, reduced_table(skin), effort=SHORT)
-    for change, said in (
+    for change, message in (
         ({"members": 0}, "members must be at least 1"),
         ({"depth": 1}, "depth must be at least 2"),
         ({"rate": 0.0}, "rate must be"),
         ({"seconds": -1.0}, "seconds must be"),
         ({"touches": 77}, "whole skins"),
     ):
-        with pytest.raises(ArgumentError, match=said):
+        with pytest.raises(ArgumentError, match=message):
             TrainingEffort(**change)

@@ -19,7 +19,7 @@ def skin(planar):
 
 def test_half_the_noise_is_half_the_bound_where_the_place_can_be_told(skin):
     table, noise = reduced_table(skin), signal_noise(skin)
-    whole, half = (bound_map(table, one, drags=False) for one in (noise, noise / 4))
+    whole, half = (bound_map(table, spread, drags=False) for spread in (noise, noise / 4))
     seen = whole.location < 1e-3
     assert seen.any()
     assert half.location[seen] == pytest.approx(whole.location[seen] / 2, rel=1e-2)
@@ -45,24 +45,24 @@ def test_a_table_that_knows_less_of_the_skin_bounds_higher(skin):
 
 
 def test_every_place_of_the_reference_design_can_be_told(skin):
-    found = bound_map(reduced_table(skin), signal_noise(skin), drags=False)
-    assert not found.blind.any()
-    assert found.super_resolution.area > 1
-    assert found.super_resolution.spacing > 1
+    bound = bound_map(reduced_table(skin), signal_noise(skin), drags=False)
+    assert not bound.blind.any()
+    assert bound.super_resolution.area > 1
+    assert bound.super_resolution.spacing > 1
 
 
 def test_one_chip_is_blind_to_a_drag_and_a_place_at_once(skin):
     table, noise = reduced_table(skin).of_chips((1,)), signal_noise(skin, (1,))
-    found = bound_map(table, noise, places=(13, 17))
-    assert found.blind.all()
-    assert found.super_resolution == (0.0, 0.0)
+    bound = bound_map(table, noise, places=(13, 17))
+    assert bound.blind.all()
+    assert bound.super_resolution == (0.0, 0.0)
 
 
 def test_a_place_that_is_not_known_at_all_is_known_to_lie_on_the_skin():
     x, y = np.linspace(0.0, 0.1, 11), np.linspace(0.0, 0.2, 21)
-    found = bound_of_slopes(x, y, np.zeros((11, 21, 3, 5)), 1e-12 * np.eye(3), drags=False)
-    np.testing.assert_allclose(found.place, np.broadcast_to([0.1, 0.2], (11, 21, 2)) / 12**0.5)
-    assert found.force == pytest.approx(1e3)
+    bound = bound_of_slopes(x, y, np.zeros((11, 21, 3, 5)), 1e-12 * np.eye(3), drags=False)
+    np.testing.assert_allclose(bound.place, np.broadcast_to([0.1, 0.2], (11, 21, 2)) / 12**0.5)
+    assert bound.force == pytest.approx(1e3)
 
 
 def test_slopes_of_a_table_bound_as_the_table_does(skin):
@@ -96,9 +96,9 @@ def test_the_solver_meets_the_bound(skin):
     place, force = np.array([0.047, 0.071]), np.array([0.0, 0.0, -0.5])
     exact = table.signals(place[None], force[None])[0]
     solver = TouchSolver(table, noise, TouchPriors(drag_spread=0.0))
-    said = [solver.single(exact + rng.multivariate_normal(np.zeros(9), noise)) for _ in range(300)]
-    error = np.stack([one.values[0, :2] for one in said]) - place
-    stated = np.sqrt(np.einsum("bii->b", [one.covariance[0, :2, :2] for one in said]).mean())
+    fits = [solver.single(exact + rng.multivariate_normal(np.zeros(9), noise)) for _ in range(300)]
+    error = np.stack([fit.values[0, :2] for fit in fits]) - place
+    stated = np.sqrt(np.einsum("bii->b", [fit.covariance[0, :2, :2] for fit in fits]).mean())
     reached = np.sqrt(np.mean((error**2).sum(axis=1)))
     assert reached == pytest.approx(stated, rel=0.25)
     slopes = table.slopes(place[None], force[None])[0][:, [0, 1, 4]]
@@ -112,11 +112,11 @@ def test_the_solver_meets_the_bound(skin):
 def test_the_bound_is_the_inverse_of_the_information(misfit, drags):
     """At one place under 0.3 N, all components, from slopes taken by differences."""
     table, noise, force = random_table(), 1e-12 * (np.eye(9) + 0.3), 0.3
-    found = bound_map(table, noise, force=force, misfit=misfit, drags=drags, places=(4, 5))
-    assert_allclose(found.x, np.linspace(0, BASIS.extent[0], 4))
-    assert_allclose(found.y, np.linspace(0, BASIS.extent[1], 5))
-    assert found.chips == 3
-    at = np.array([found.x[1], found.y[3], 0.0, 0.0, -force])
+    bound = bound_map(table, noise, force=force, misfit=misfit, drags=drags, places=(4, 5))
+    assert_allclose(bound.x, np.linspace(0, BASIS.extent[0], 4))
+    assert_allclose(bound.y, np.linspace(0, BASIS.extent[1], 5))
+    assert bound.chips == 3
+    at = np.array([bound.x[1], bound.y[3], 0.0, 0.0, -force])
     steps = np.diag([1e-7, 1e-7, 1e-6, 1e-6, 1e-6])
     ends = [table.signals((at + s * steps)[:, :2], (at + s * steps)[:, 2:]) for s in (1, -1)]
     slopes = ((ends[0] - ends[1]) / (2 * steps.sum(axis=0))[:, None]).T
@@ -126,12 +126,12 @@ def test_the_bound_is_the_inverse_of_the_information(misfit, drags):
         spread += force**2 * table.misfit + modes.T @ modes
     free = [0, 1, 2, 3, 4] if drags else [0, 1, 4]
     level = np.diag([*12 / BASIS.extent**2, 1e-6, 1e-6, 1e-6])[np.ix_(free, free)]
-    told = slopes[:, free].T @ np.linalg.inv(spread) @ slopes[:, free] + level
+    fisher = slopes[:, free].T @ np.linalg.inv(spread) @ slopes[:, free] + level
     expected = np.zeros(5)
-    expected[free] = np.sqrt(np.diag(np.linalg.inv(told)))
-    reached = [*found.place[1, 3], *found.drag[1, 3], found.force[1, 3]]
+    expected[free] = np.sqrt(np.diag(np.linalg.inv(fisher)))
+    reached = [*bound.place[1, 3], *bound.drag[1, 3], bound.force[1, 3]]
     assert_allclose(reached, expected, rtol=1e-5)
-    assert found.location[1, 3] == pytest.approx(np.hypot(*expected[:2]), rel=1e-5)
+    assert bound.location[1, 3] == pytest.approx(np.hypot(*expected[:2]), rel=1e-5)
 
 
 def test_the_usual_bound_is_of_half_a_newton_with_drags_on_the_skin_as_known():
@@ -151,15 +151,15 @@ def test_a_place_is_blind_from_five_millimetres():
     seen = 0.003
     for far, blind in ((3.99e-3, False), (4.01e-3, True)):
         noise = np.diag([seen**2, (far / 4) ** 2, 1e-6])
-        found = bound_of_slopes(x, y, slopes, noise, drags=False)
-        assert found.location[1, 2] == pytest.approx(np.hypot(seen, far), rel=1e-4)
-        assert found.blind[1, 2] == blind
-        assert found.blind.sum() == blind
-        squared = found.location[~found.blind] ** 2
+        bound = bound_of_slopes(x, y, slopes, noise, drags=False)
+        assert bound.location[1, 2] == pytest.approx(np.hypot(seen, far), rel=1e-4)
+        assert bound.blind[1, 2] == blind
+        assert bound.blind.sum() == blind
+        squared = bound.location[~bound.blind] ** 2
         area = 6.0 / 1
-        assert found.super_resolution.area == pytest.approx(area / squared.mean())
+        assert bound.super_resolution.area == pytest.approx(area / squared.mean())
         mean = np.sqrt(squared).mean() * np.sqrt(np.pi) / 2
-        assert found.super_resolution.spacing == pytest.approx(np.sqrt(area) / mean)
+        assert bound.super_resolution.spacing == pytest.approx(np.sqrt(area) / mean)
 
 
 def test_wrong_use_is_refused(skin):

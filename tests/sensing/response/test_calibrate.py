@@ -55,10 +55,10 @@ def made_signals(skin, where, push, noise, seed=0):
 
 def touch_planned(skin, table, noise, count, seed=0):
     plan = TouchPlanner(table, noise).plan(count)
-    where = np.stack([one.position for one in plan])
-    push = np.stack([one.force for one in plan])
-    said, _ = made_signals(skin, where, push, noise, seed)
-    return LabelledTouches(position=where, force=push, signals=said)
+    where = np.stack([target.position for target in plan])
+    push = np.stack([target.force for target in plan])
+    read, _ = made_signals(skin, where, push, noise, seed)
+    return LabelledTouches(position=where, force=push, signals=read)
 
 
 def missed(skin, table, noise):
@@ -85,12 +85,12 @@ def test_touches_all_at_once_or_one_by_one_come_to_the_same(skin, noise):
     whole, step = calibrate_touches(table, touches, noise), table
     for k in range(6):
         part = slice(k, k + 1)
-        one = LabelledTouches(
+        single = LabelledTouches(
             position=touches.position[part],
             force=touches.force[part],
             signals=touches.signals[part],
         )
-        step = replace(calibrate_touches(step, one, noise), misfit=table.misfit)
+        step = replace(calibrate_touches(step, single, noise), misfit=table.misfit)
     size = np.abs(whole.mean - table.mean).max()
     assert np.abs(whole.mean - step.mean).max() < 0.05 * size
 
@@ -109,7 +109,7 @@ def test_what_stays_open_shrinks_with_every_touch(skin, noise):
 def test_each_planned_touch_lowers_the_expected_error(skin, noise):
     table = table_with_modes(skin)
     plan = TouchPlanner(table, noise).plan(8)
-    errors = [one.error for one in plan]
+    errors = [target.error for target in plan]
     assert errors == sorted(errors, reverse=True)
     assert TouchPlanner(table, noise).next().error == pytest.approx(errors[0])
     # After the first touch the tool proposes the second of the plan.
@@ -122,13 +122,13 @@ def test_the_planner_knows_what_every_touch_leaves_open(skin, noise):
     """The updates after each touch against regression done at one stroke."""
     table = table_with_modes(skin)
     planner = TouchPlanner(table, noise, place_spread=1e-4, force_spread=5e-3)
-    told = []
+    made = []
     for _ in range(5):
         target = planner.next()
         planner.made(target.position, target.force)
-        told.append((target.position, target.force))
+        made.append((target.position, target.force))
         assert planner.error == pytest.approx(target.error)
-    where, push = (np.stack(one) for one in zip(*told, strict=True))
+    where, push = (np.stack(column) for column in zip(*made, strict=True))
     slopes, ways = table.slopes(where, push), table.mode_signals(where, push)
     off = np.array([1e-4] * 2 + [5e-3] * 3) ** 2
     spoilt = (
@@ -175,7 +175,7 @@ def test_labels_that_are_off_are_believed_less(skin, noise):
     trusting = LabelledTouches(signals=sharp.signals, **off)
     knowing = LabelledTouches(signals=sharp.signals, place_spread=5e-4, **off)
     errors = [
-        missed(skin, calibrate_touches(table, one, noise), noise) for one in (trusting, knowing)
+        missed(skin, calibrate_touches(table, given, noise), noise) for given in (trusting, knowing)
     ]
     assert errors[1] < errors[0]
 
@@ -274,16 +274,16 @@ def test_the_likelihood_of_touches_is_the_joint_density():
     table = random_table()
     noise = 1e-12 * (np.eye(9) + 0.3)
     touches = labelled(table, np.array([0.5, -1.0, 0.2]), count=8)
-    found = calibrate._posterior_weights(table, touches, noise)
+    posterior = calibrate._posterior_weights(table, touches, noise)
     place, force, flat = touches.position, touches.force, touches.signals.reshape(8, 9)
-    own = noise + (force**2).sum(axis=1)[:, None, None] * found.misfit
+    own = noise + (force**2).sum(axis=1)[:, None, None] * posterior.misfit
     own += label_noise(table, place, force, (touches.place_spread, touches.force_spread))
     modes = table.mode_signals(place, force).swapaxes(1, 2).reshape(72, -1)
     density = multivariate_normal(
         table.signals(place, force).ravel(), block_diag(*own) + modes @ modes.T
     )
     constant = 36 * np.log(2 * np.pi)
-    assert found.evidence == pytest.approx(density.logpdf(flat.ravel()) + constant, rel=1e-6)
+    assert posterior.evidence == pytest.approx(density.logpdf(flat.ravel()) + constant, rel=1e-6)
 
 
 def expected_error(table, noise, covariance):
@@ -334,7 +334,7 @@ def test_the_next_touch_is_the_best_of_all_that_may_be_made():
             for place in places
             if tuple(place) not in made
         ]
-        open_still, place, force = min(after, key=lambda one: np.sum(aim * one[0]))
+        open_still, place, force = min(after, key=lambda option: np.sum(aim * option[0]))
         target = planner.next()
         assert_allclose([*target.position, *target.force], [*place, *force], atol=1e-12)
         assert target.error == pytest.approx(expected_error(table, FLOOR, open_still), rel=1e-8)
@@ -357,8 +357,8 @@ def test_the_expected_error_is_that_of_presses_whose_drags_are_known_or_not(drag
         spread = np.linalg.inv(slopes.T @ precision @ slopes + np.diag(believed))
         shift = spread @ slopes.T @ precision @ table.mode_signals(*touch)[0].T
         squares.append(np.trace(spread[:2, :2]) + (shift[:2] ** 2).sum())
-    found = calibrate.expected_error(table, FLOOR, drag_spread=drag_spread)
-    assert found == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-9)
+    error = calibrate.expected_error(table, FLOOR, drag_spread=drag_spread)
+    assert error == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-9)
 
 
 def test_the_usual_rig_is_a_good_one_that_presses_with_0_8_newton():

@@ -45,7 +45,7 @@ def test_evidence_is_the_joint_density(joint):
     got = evidence.of(np.array([signals, other]))[:, stretch]
     density = multivariate_normal(mean, covariance, allow_singular=True)
     constant = 27 * np.log(2 * np.pi)
-    want = [density.logpdf(one.ravel()) + constant for one in (signals, other)]
+    want = [density.logpdf(given.ravel()) + constant for given in (signals, other)]
     assert_allclose(got, want, rtol=1e-6)
 
 

@@ -120,18 +120,18 @@ def test_modes_have_the_covariance_of_the_skins(true, skins):
     bare = replace(true, modes=true.modes[:0], grip_modes=true.grip_modes[:0])
     table = add_modes(bare, place, force, deviations, grips)
     assert len(table.modes) == 3
-    ways, found = true.mode_signals(*LATE), table.mode_signals(*LATE)
+    ways, fitted = true.mode_signals(*LATE), table.mode_signals(*LATE)
     size = np.abs(ways).max()
     middle = np.einsum("k,bkc->bc", weights.mean(axis=0), ways)
     assert_allclose(flat(table, LATE) - flat(true, LATE), middle, atol=0.01 * size)
     spread = np.cov(weights.T)
     expected = np.einsum("akc,kl,bld->acbd", ways, spread, ways, optimize=True)
-    covariance = np.einsum("akc,bkd->acbd", found, found)
+    covariance = np.einsum("akc,bkd->acbd", fitted, fitted)
     assert_allclose(covariance, expected, atol=0.02 * np.abs(expected).max())
     # What grips do goes along with each mode.
     assert_allclose(table.grip, grips.mean(axis=0), rtol=1e-12)
     expected = np.einsum("kl,k...,blc->...bc", spread, true.grip_modes, ways)
-    together = np.einsum("k...,bkc->...bc", table.grip_modes, found)
+    together = np.einsum("k...,bkc->...bc", table.grip_modes, fitted)
     assert_allclose(together, expected, atol=0.02 * np.abs(expected).max())
     # Without grips of their own skins have the table's.
     table = add_modes(bare, place, force, deviations)
@@ -142,11 +142,11 @@ def test_modes_have_the_covariance_of_the_skins(true, skins):
 
 def test_modes_too_small_to_matter_are_left_out(true):
     place, force = random_touches(80)
-    one = true.mode_signals(place, force)[:, 0]
-    one = one / np.sqrt(np.mean(one**2))
+    mode = true.mode_signals(place, force)[:, 0]
+    mode = mode / np.sqrt(np.mean(mode**2))
     for size, kept in ((0.49e-6, 0), (0.51e-6, 1)):
         # Two skins a and -a have the standard deviation sqrt(2) a.
-        pair = size / np.sqrt(2) * np.stack([one, -one]).reshape(2, -1, 3, 3)
+        pair = size / np.sqrt(2) * np.stack([mode, -mode]).reshape(2, -1, 3, 3)
         assert len(add_modes(true, place, force, pair).modes) == kept
         assert len(add_modes(true, place, force, 4 * pair, least=2e-6).modes) == kept
     with pytest.raises(ArgumentError, match="at least two skins; got 1"):
@@ -197,12 +197,12 @@ def test_a_chip_that_no_touch_moves_stays_straight_and_the_others_bend(true):
     rng = np.random.default_rng(3)
     bent = rng.normal(size=(3, 3, 3, 3))
     bent = 5.0 * (bent + bent.swapaxes(1, 2))
-    one, other = 1e-4 * rng.normal(size=(2, 200, 9))
-    one[:, :3] = other[:, :3] = 0.0
+    first, second = 1e-4 * rng.normal(size=(2, 200, 9))
+    first[:, :3] = second[:, :3] = 0.0
     prior = np.zeros_like(bent)
-    found = _fit_curvature(one, other, cross_signals(bent, one, other), prior, 1e-6)
-    assert not found[0].any()
-    assert_allclose(found[1:], bent[1:], atol=1e-3 * np.abs(bent).max())
+    fitted = _fit_curvature(first, second, cross_signals(bent, first, second), prior, 1e-6)
+    assert not fitted[0].any()
+    assert_allclose(fitted[1:], bent[1:], atol=1e-3 * np.abs(bent).max())
 
 
 def test_coupling_states_what_pairs_miss(true):
@@ -214,12 +214,12 @@ def test_coupling_states_what_pairs_miss(true):
     bare = replace(true, grip=0 * true.grip, pair_misfit=0 * true.pair_misfit)
     table = add_coupling(bare, true.grip, place, force, both.reshape(-1, 3, 3))
     assert_allclose(table.grip, true.grip)
-    one, other = table.dragged(place, force)
+    first, second = table.dragged(place, force)
     late = np.arange(300) % 10 == 0
     added = sum(table.signals(place[:, k], force[:, k]) for k in (0, 1))
     strength = np.sqrt((force[late, :, 2] ** 2).sum(axis=1))[:, None]
-    parts = [both - table.together(place, force), 0.015 * (one + other - added)]
-    parts.append(0.03 * (both - one - other))
+    parts = [both - table.together(place, force), 0.015 * (first + second - added)]
+    parts.append(0.03 * (both - first - second))
     expected = sum((p[late] / strength).T @ (p[late] / strength) / 30 for p in parts)
     assert_allclose(table.pair_misfit, expected, rtol=1e-9, atol=1e-20)
     # Others than those held out are fitted.
@@ -257,6 +257,6 @@ def test_what_little_data_leaves_open_is_settled_as_ever(true):
 def test_a_function_that_no_press_loads_is_left_at_zero():
     rows = np.random.default_rng(0).normal(size=(50, 4)) * [1.0, 2.0, 0.0, 0.5]
     true = np.array([[1.0, -1.0], [0.5, 0.0], [7.0, 7.0], [0.0, 2.0]]) * 1e-4
-    found, misfit = _first_fit(rows, rows @ true, np.ones(50))
-    assert_allclose(found, true * [[1], [1], [0], [1]], atol=1e-11)
+    weights, misfit = _first_fit(rows, rows @ true, np.ones(50))
+    assert_allclose(weights, true * [[1], [1], [0], [1]], atol=1e-11)
     assert_allclose(misfit, 0, atol=1e-20)

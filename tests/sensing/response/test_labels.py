@@ -84,9 +84,9 @@ def test_a_rest_that_was_not_read_is_that_of_the_touch_before(planar):
 
 def test_a_touch_that_was_not_read_says_why(planar):
     labeller = Labeller(planar)
-    one = labeller.label(held(VALUES, bad=(5,)))
-    assert one.status is Status.SATURATED
-    assert_allclose(one.values, 12.5 - 2.0)
+    label = labeller.label(held(VALUES, bad=(5,)))
+    assert label.status is Status.SATURATED
+    assert_allclose(label.values, 12.5 - 2.0)
     none = labeller.label(held(VALUES, bad=(4, 5, 6)))
     assert none.status is Status.SATURATED
     assert np.isnan(none.values).all()
@@ -143,13 +143,13 @@ def test_hysteresis_is_undone_where_touches_left_something(planar):
     labels = [Label(CONTACT, held - rest, 25.0, None, None, np.stack([rest, held]))
               for rest, held in read]  # fmt: skip
     unread = Label(CONTACT, np.full((3, 3), np.nan), np.nan, Status.SATURATED)
-    made, found = Labeller(planar).unlooped([*labels, unread])
+    made, fitted = Labeller(planar).unlooped([*labels, unread])
     assert made[-1] is unread
     widths = loops.plays @ loops.weights
-    assert found.plays @ found.weights == pytest.approx(widths, rel=0.05)
+    assert fitted.plays @ fitted.weights == pytest.approx(widths, rel=0.05)
     values = np.array([label.values for label in made[1:-1]])
     assert_allclose(values, bend.bent(elastic[1:]).reshape(-1, 3, 3), atol=2e-7)
-    touches = labelled_touches(made, (2, 1), place_spread=0.0, force_spread=0.0, loops=found)
+    touches = labelled_touches(made, (2, 1), place_spread=0.0, force_spread=0.0, loops=fitted)
     assert touches.left < 2e-7
     assert touches.loops.reach.shape == (6,)
     few, none = Labeller(planar).unlooped(labels[:2])

@@ -52,7 +52,7 @@ def known(monkeypatch):
 
         @classmethod
         def of_sets(cls, table, given, noise):
-            return [cls(table, one, noise) for one in given]
+            return [cls(table, chosen, noise) for chosen in given]
 
         def of(self, sets):
             given, meant = self._given, known.meant
@@ -64,8 +64,8 @@ def known(monkeypatch):
                 )
                 off = 0.0 if labels else known.far
             values = []
-            for one in sets:
-                flat, wanted = one.ravel(), meant.signals.ravel()
+            for read in sets:
+                flat, wanted = read.ravel(), meant.signals.ravel()
                 some = len(flat) != len(wanted)  # whose labels alone are asked about
                 if some or np.allclose(flat, wanted, rtol=1e-6, atol=1e-15):
                     values.append(-off)
@@ -281,25 +281,25 @@ def test_a_shifted_origin_is_found_to_04_mm(known):
         known.counts.clear()
         given = replace(known.meant, position=true + shift)
         judged = judge_touches(TABLE, given, NOISE)
-        found = re.fullmatch(
+        match = re.fullmatch(
             r"the origin of the places seems shifted by \((.*), (.*)\) mm",
             judged.suspicion.sentence,
         )
-        off = np.array([float(part) for part in found.groups()]) * 1e-3 - shift
+        off = np.array([float(part) for part in match.groups()]) * 1e-3 - shift
         assert np.abs(off).max() < 0.47e-3  # 0.4 mm, and the rounding of the sentence
         # Searched with at most twenty of the touches.
         assert set(known.counts) == {24, 12}
 
 
-@pytest.mark.parametrize(("far", "told", "named"), [
+@pytest.mark.parametrize(("far", "warned", "named"), [
     (7.0, False, False), (9.0, True, False), (29.0, True, False), (31.0, False, True),
 ])  # fmt: skip
-def test_a_mistake_is_told_from_e8_and_refused_from_e30(known, far, told, named):
+def test_a_mistake_is_told_from_e8_and_refused_from_e30(known, far, warned, named):
     known.far = far
     wrong = replace(known.meant, signals=-known.meant.signals)
     judged = judge_touches(TABLE, wrong, NOISE)
     assert (judged.suspicion is not None) is named
-    assert ("perhaps fields seem to have the wrong sign" in judged.warnings) is told
+    assert ("perhaps fields seem to have the wrong sign" in judged.warnings) is warned
     if named:
         assert judged.suspicion.gain == pytest.approx(far)
         with pytest.raises(CalibrationError, match=r"wrong sign \(mend them, or accept"):
@@ -309,15 +309,15 @@ def test_a_mistake_is_told_from_e8_and_refused_from_e30(known, far, told, named)
 
 
 @pytest.mark.parametrize(
-    ("gain", "told", "refused"),
+    ("gain", "warned", "refused"),
     [(29.0, 0, 0), (31.0, 1, 0), (99.0, 1, 0), (101.0, 0, 1)],
 )
-def test_one_odd_touch_is_told_from_e30_and_refused_from_e100(known, gain, told, refused):
+def test_one_odd_touch_is_told_from_e30_and_refused_from_e100(known, gain, warned, refused):
     known.odd = np.full(24, -50.0)
     known.odd[6] = gain
     judged = judge_touches(TABLE, known.meant, NOISE)
     sentence = "touch 7 does not fit the others"
-    assert (sentence in judged.warnings) == told
+    assert (sentence in judged.warnings) == warned
     assert (judged.refusal == sentence) == refused
     few = known.meant = touches(count=4)
     known.odd = np.full(4, 1e4)
@@ -340,15 +340,15 @@ def test_a_bad_fit_is_doubted_from_8_and_refused_from_16_times_the_misfit(known)
         assert judged.refusal == (refusal if stretch >= 16 else None)
 
 
-@pytest.mark.parametrize(("size", "told"), [(2.9, False), (3.1, True)])
-def test_a_chip_that_fits_three_times_worse_than_the_others_is_told(known, size, told):
+@pytest.mark.parametrize(("size", "warned"), [(2.9, False), (3.1, True)])
+def test_a_chip_that_fits_three_times_worse_than_the_others_is_told(known, size, warned):
     factor = np.repeat([1.0, size, 1.0], 3)
     known.residual = 1.5e-5 * np.tile(factor, (24, 1))
     known.residual[::2] *= -1
     judged = judge_touches(TABLE, known.meant, NOISE)
     np.testing.assert_allclose(np.abs(judged.residual), 1.5 * np.tile(factor, (24, 1)))
     sentence = f"chip 2 fits {size:.1f} times worse than the others"
-    assert (sentence in judged.warnings) is told
+    assert (sentence in judged.warnings) is warned
     everything, known.meant = known.residual, touches(count=4)
     known.residual = everything[:4]  # too few to tell a chip from a touch
     assert sentence not in judge_touches(TABLE, known.meant, NOISE).warnings

@@ -59,18 +59,18 @@ def test_touches_of_the_whole_sheet_drag_each_other_so(skin, grip):
     ]
     shares = patch_shares(skin, pairs).reshape(2, 2, -1)
     expected = both - np.stack(alone, axis=1)
-    said, _ = mutual_drags(grip, shares, light)
-    assert said == pytest.approx(expected, rel=5e-3, abs=2e-3 * np.abs(expected).max())
+    drags, _ = mutual_drags(grip, shares, light)
+    assert drags == pytest.approx(expected, rel=5e-3, abs=2e-3 * np.abs(expected).max())
     assert mutual_drags(np.zeros_like(grip), shares, light)[0] == pytest.approx(0.0)
 
 
 def test_a_table_shows_how_its_fields_bend(skin, coupled):
     """Two forces at one place are one touch with their sum."""
     where = np.array([[0.045, 0.07], [0.08, 0.1], [0.06, 0.04]])
-    one, other = np.array([[0.1, 0.2, -0.4]] * 3), np.array([[-0.2, 0.1, -0.3]] * 3)
+    first, second = np.array([[0.1, 0.2, -0.4]] * 3), np.array([[-0.2, 0.1, -0.3]] * 3)
     table = reduced_table(skin)
-    alone = [table.signals(where, force) for force in (one, other)]
-    both = table.signals(where, one + other)
+    alone = [table.signals(where, force) for force in (first, second)]
+    both = table.signals(where, first + second)
     missing = both - sum(alone)
     left = missing - cross_signals(coupled.curvature, *alone)
     assert np.abs(left).max() < 0.25 * np.abs(missing).max()
@@ -78,10 +78,10 @@ def test_a_table_shows_how_its_fields_bend(skin, coupled):
 
 def test_the_order_of_touches_does_not_matter(coupled):
     force = straight(PRESS)
-    said = coupled.together(WHERE, force)
-    assert coupled.together(WHERE[:, ::-1], force[:, ::-1]) == pytest.approx(said, abs=1e-12)
+    signals = coupled.together(WHERE, force)
+    assert coupled.together(WHERE[:, ::-1], force[:, ::-1]) == pytest.approx(signals, abs=1e-12)
     plainly = sum(coupled.signals(WHERE[:, k], force[:, k]) for k in (0, 1))
-    assert np.abs(said - plainly).max() > 20e-6
+    assert np.abs(signals - plainly).max() > 20e-6
 
 
 def test_coupling_is_found_from_pairs(skin, grip, coupled):
@@ -91,23 +91,23 @@ def test_coupling_is_found_from_pairs(skin, grip, coupled):
     force = straight(rng.uniform(0.1, 1.0, where.shape[:2]))
     true = replace(coupled, curvature=1.3 * coupled.curvature)
     both = true.together(where, force).reshape(len(where), 3, 3)
-    found = add_coupling(reduced_table(skin), grip, where[:-50], force[:-50], both[:-50])
+    table = add_coupling(reduced_table(skin), grip, where[:-50], force[:-50], both[:-50])
     late = where[-50:], force[-50:]
     flat = both[-50:].reshape(50, -1)
-    added = sum(found.signals(late[0][:, k], late[1][:, k]) for k in (0, 1))
-    left, before = (np.sqrt(np.mean((said - flat) ** 2)) for said in (found.together(*late), added))
+    added = sum(table.signals(late[0][:, k], late[1][:, k]) for k in (0, 1))
+    left, before = (np.sqrt(np.mean((sums - flat) ** 2)) for sums in (table.together(*late), added))
     assert left < 0.05 * before
-    assert np.linalg.eigvalsh(found.pair_misfit).min() >= -1e-20
+    assert np.linalg.eigvalsh(table.pair_misfit).min() >= -1e-20
     # What it takes to be unsure covers what it misses.
-    stated = np.sqrt(np.trace(found.pair_misfit) / 9 * np.mean((late[1] ** 2).sum(axis=(1, 2))))
+    stated = np.sqrt(np.trace(table.pair_misfit) / 9 * np.mean((late[1] ** 2).sum(axis=(1, 2))))
     assert left < 2 * stated
 
 
 def test_chips_left_out_take_their_curvature_along(coupled):
     fewer = coupled.of_chips((2, 1))
     whole = coupled.together(WHERE, straight(PRESS)).reshape(-1, 3, 3)
-    said = fewer.together(WHERE, straight(PRESS))
-    assert said == pytest.approx(whole[:, [2, 1]].reshape(-1, 6))
+    signals = fewer.together(WHERE, straight(PRESS))
+    assert signals == pytest.approx(whole[:, [2, 1]].reshape(-1, 6))
 
 
 @pytest.fixture(scope="module")
@@ -137,14 +137,14 @@ def test_pairs_read_their_sum_their_drags_and_the_curvature(small):
     shares = table.basis.vertex_shares(place)
     drags, _ = mutual_drags(table.grip, shares, -force[..., 2])
     force[..., :2] += drags
-    one, other = (table.signals(place[:, k], force[:, k]) for k in (0, 1))
+    first, second = (table.signals(place[:, k], force[:, k]) for k in (0, 1))
     product = np.einsum(
-        "bsi,bsj,sijk->bsk", one.reshape(6, 2, 3), other.reshape(6, 2, 3), table.curvature
+        "bsi,bsj,sijk->bsk", first.reshape(6, 2, 3), second.reshape(6, 2, 3), table.curvature
     )
     force[..., :2] -= drags
-    expected = one + other + product.reshape(6, 6)
+    expected = first + second + product.reshape(6, 6)
     assert_allclose(table.together(place, force), expected, rtol=1e-9, atol=1e-15)
-    assert_allclose(table.dragged(place, force), [one, other], rtol=1e-9, atol=1e-15)
+    assert_allclose(table.dragged(place, force), [first, second], rtol=1e-9, atol=1e-15)
 
 
 def test_columns_under_load_add_a_product_of_all_that_both_touches_load(small):
@@ -156,15 +156,15 @@ def test_columns_under_load_add_a_product_of_all_that_both_touches_load(small):
     for b, (a, push) in enumerate(zip(shares, force, strict=True)):
         c = moved[b][..., :2].reshape(4, 4)
         sideways = np.linalg.solve(c, moved[b][..., 2].reshape(4, 2) @ push[:, 2]).reshape(2, 2)
-        one, other = np.concatenate([sideways, -push[:, 2:]], axis=1)
-        added = np.einsum("h,d,hdgec,g,e->c", a[0], one, coupled.coupling, a[1], other)
-        found = coupled.coupled(place[[b]], force[[b]])[0]
-        assert_allclose(found, added, rtol=1e-5)
-        assert np.abs(found).max() > 1e-5
+        first, second = np.concatenate([sideways, -push[:, 2:]], axis=1)
+        added = np.einsum("h,d,hdgec,g,e->c", a[0], first, coupled.coupling, a[1], second)
+        extra = coupled.coupled(place[[b]], force[[b]])[0]
+        assert_allclose(extra, added, rtol=1e-5)
+        assert np.abs(extra).max() > 1e-5
     turned = coupled.together(place[:, ::-1], force[:, ::-1])
-    said = coupled.together(place, force)
-    assert_allclose(turned, said, rtol=1e-9, atol=1e-12)
-    assert_allclose(said - table.together(place, force), coupled.coupled(place, force), atol=1e-12)
+    both = coupled.together(place, force)
+    assert_allclose(turned, both, rtol=1e-9, atol=1e-12)
+    assert_allclose(both - table.together(place, force), coupled.coupled(place, force), atol=1e-12)
     fewer = coupled.of_chips((1,))
-    assert_allclose(fewer.together(place, force), said[:, 3:], rtol=1e-9, atol=1e-12)
+    assert_allclose(fewer.together(place, force), both[:, 3:], rtol=1e-9, atol=1e-12)
     assert_allclose(table.coupled(place, force), 0.0)

@@ -52,8 +52,8 @@ def test_windows_have_the_same_functions(lines, other):
     near = near.reshape(len(place), 3, -1)
     (phi, by_x), (psi, by_y) = basis.along_x(place[:, 0]), basis.along_y(place[:, 1])
     n, m = len(lines), len(other)
-    for row, (one, two) in enumerate(((phi, psi), (by_x, psi), (phi, by_y))):
-        whole = (one[:, :n, None] * two[:, None, :m]).reshape(len(x), -1)
+    for row, (along, across) in enumerate(((phi, psi), (by_x, psi), (phi, by_y))):
+        whole = (along[:, :n, None] * across[:, None, :m]).reshape(len(x), -1)
         for k in range(len(x)):
             summed = np.bincount(vertices[k], near[k, row], n * m)
             assert_allclose(summed, whole[k], atol=1e-8)
@@ -75,12 +75,12 @@ def test_one_touch_at_a_time_says_the_same_as_a_batch(skin, temperature):
     batch = table.signals(AT, PUSH, temperature)
     point = table.point_table(temperature)
     assert point.at(AT, PUSH)[0] == pytest.approx(batch, abs=1e-12)
-    one = [point.at(p[None], f[None])[0][0] for p, f in zip(AT, PUSH, strict=True)]
-    assert np.stack(one) == pytest.approx(batch, abs=1e-12)
-    said, slopes = point.scan(AT[:, 0], AT[:, 1], PUSH[0])
+    singly = [point.at(p[None], f[None])[0][0] for p, f in zip(AT, PUSH, strict=True)]
+    assert np.stack(singly) == pytest.approx(batch, abs=1e-12)
+    scanned, slopes = point.scan(AT[:, 0], AT[:, 1], PUSH[0])
     for k, place in enumerate(AT):
         (value,), (slope,) = point.at(place[None], PUSH[:1])
-        assert said[k] == pytest.approx(value, abs=1e-12)
+        assert scanned[k] == pytest.approx(value, abs=1e-12)
         assert slopes[k] == pytest.approx(slope, abs=1e-10)
 
 

@@ -235,8 +235,8 @@ def test_signals_are_the_sums_of_softened_forces_and_warmth():
     rows = BASIS.rows(place, softened)
     expected = rows @ table.mean.reshape(-1, 9)
     expected = expected + degrees[:, None] * (rows @ table.warmth.reshape(-1, 9))
-    found = table.signals(place, force, REFERENCE_TEMPERATURE + degrees)
-    assert_allclose(found, expected, rtol=1e-9, atol=1e-15)
+    batch = table.signals(place, force, REFERENCE_TEMPERATURE + degrees)
+    assert_allclose(batch, expected, rtol=1e-9, atol=1e-15)
     for k, temperature in enumerate(REFERENCE_TEMPERATURE + degrees):
         (value,), _ = table.point_table(temperature).at(place[k : k + 1], force[k : k + 1])
         assert_allclose(value, expected[k], rtol=1e-9, atol=1e-15)

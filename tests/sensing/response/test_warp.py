@@ -39,10 +39,10 @@ def test_slopes_are_those_of_the_functions(warp):
 def test_one_place_at_a_time_is_the_same(warp, coefficients):
     x = np.linspace(0, END, 97)
     value, slope = warp.functions(x)
-    one = np.array([warp.point(place, coefficients.tolist()) for place in x.tolist()])
+    points = np.array([warp.point(place, coefficients.tolist()) for place in x.tolist()])
     away = np.abs(x[:, None] - VERTICES).min(axis=1) > 1e-9
-    np.testing.assert_allclose(one[:, 0], x + value @ coefficients, atol=1e-15)
-    np.testing.assert_allclose(one[away, 1], (1 + slope @ coefficients)[away], atol=1e-9)
+    np.testing.assert_allclose(points[:, 0], x + value @ coefficients, atol=1e-15)
+    np.testing.assert_allclose(points[away, 1], (1 + slope @ coefficients)[away], atol=1e-9)
 
 
 def test_vertices_stay_where_they_are_but_for_a_shift(warp, coefficients):
@@ -85,8 +85,8 @@ def test_skins_are_believed_to_warp_by_tenths_of_a_millimetre_and_half_a_lever(p
     np.testing.assert_allclose(spread(vertices[0] - past), expected)
     np.testing.assert_allclose(spread(vertices[-1] + past), expected)
     for t in (0.1, 0.25, 0.5, 0.7):
-        one, two, three = (np.sin(2 * np.pi * k * t) for k in (1, 2, 3))
-        shares = [0.08 * one, 0.04 * two, 0.02 * three, 0.02 * one, 0.03 * 4 * t * (1 - t)]
+        first, second, third = (np.sin(2 * np.pi * k * t) for k in (1, 2, 3))
+        shares = [0.08 * first, 0.04 * second, 0.02 * third, 0.02 * first, 0.03 * 4 * t * (1 - t)]
         expected = np.hypot(0.2e-3, pitch * np.linalg.norm(shares))
         np.testing.assert_allclose(spread(vertices[:-1] + t * pitch), expected)
 
@@ -222,8 +222,8 @@ def test_the_estimator_answers_places_not_loads(table, drawn, planar):
     rng, errors = np.random.default_rng(7), []
     for place in rng.uniform(0.1, 0.9, (40, 2)) * table.basis.extent:
         signals = skin.signals(place[None], np.array([[0.0, 0.0, -0.6]]))[0]
-        found = [one._read(0.0, signals, 25.0).contacts[0] for one in (estimator, plain)]
-        errors.append([np.linalg.norm(contact.position - place) for contact in found])
+        contacts = [each._read(0.0, signals, 25.0).contacts[0] for each in (estimator, plain)]
+        errors.append([np.linalg.norm(contact.position - place) for contact in contacts])
     with_law, without = np.mean(errors, axis=0)
     assert with_law < 0.7e-3  # skins are drawn with covers of their own
     assert with_law < without / 2
@@ -245,7 +245,7 @@ def test_a_warp_along_one_axis_is_undone_along_that_axis(table, planar, axis):
     coefficients[axis * len(table.contact._lines[0].spread)] = 1e-3  # all loads 1 mm further on
     estimator = BayesEstimator(planar, replace(table, warp=coefficients))
     values = np.array([[0.05, 0.07, 0.0, 0.0, -0.5]])
-    found = TouchPosterior(values, 1e-8 * np.eye(5)[None], 0.0, 0.0)
-    touches, covariance = estimator._touches(found)
+    posterior = TouchPosterior(values, 1e-8 * np.eye(5)[None], 0.0, 0.0)
+    touches, covariance = estimator._touches(posterior)
     np.testing.assert_allclose(touches[0] - values[0], -1e-3 * (np.arange(5) == axis), atol=1e-9)
-    np.testing.assert_allclose(covariance, found.covariance)
+    np.testing.assert_allclose(covariance, posterior.covariance)

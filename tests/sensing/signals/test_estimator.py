@@ -91,11 +91,11 @@ def test_by_default_creep_of_the_columns_is_undone_and_drift_followed(planar, re
     touch = 1e-4 * np.array([[1.0], [2.0], [1.0]]) * np.ones(3)
     sizes = []
     for creep in (prony, ELASTIC):
-        one = Counting(planar, creep=creep)
-        one.zero([rest])
-        one.step(raised(planar, rest, 1.0, np.zeros((3, 3))))
-        one.step(raised(planar, rest, 1.0 + 1e-6, touch))
-        sizes.append(one.read[0][0].mean())
+        counting = Counting(planar, creep=creep)
+        counting.zero([rest])
+        counting.step(raised(planar, rest, 1.0, np.zeros((3, 3))))
+        counting.step(raised(planar, rest, 1.0 + 1e-6, touch))
+        sizes.append(counting.read[0][0].mean())
     # At once four fifths of a step show; what shows is a step that much larger.
     assert sizes[0] / sizes[1] == pytest.approx(1 / 0.8, rel=0.01)
     for k in range(400):
@@ -220,8 +220,8 @@ def test_touches_5_mm_off_the_skin_or_a_quarter_past_the_known_forces_are_not_be
     middle = geometry(planar).extent / 2
     place = middle + np.array(side) * (middle + beyond)
     estimator.contact = Contact(position=place, force=force)
-    found = estimator.step(raised(planar, rest, 1.0, np.diag([1e-3, -1e-3, 0.5e-3])))
-    assert found.status is (Status.CONTACT if believed else Status.OUT_OF_RANGE)
+    estimate = estimator.step(raised(planar, rest, 1.0, np.diag([1e-3, -1e-3, 0.5e-3])))
+    assert estimate.status is (Status.CONTACT if believed else Status.OUT_OF_RANGE)
 
 
 @pytest.mark.parametrize(("change", "refused"), [(59e-6, False), (61e-6, True)])

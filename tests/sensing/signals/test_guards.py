@@ -48,8 +48,8 @@ def test_a_chip_warms_by_5_k_and_1_k_a_second_at_most(elapsed):
             guard = ChipGuard(range(3))
             assert guard.step(reading(10.0, 0.0)) is None
             warmth = (25.0, 25.0 + sign * change, 25.0)
-            found = guard.step(reading(10.0 + elapsed, 1e-6, warmth))
-            assert found is (None if good else Status.CHIP_MISSING)
+            status = guard.step(reading(10.0 + elapsed, 1e-6, warmth))
+            assert status is (None if good else Status.CHIP_MISSING)
             # What was not believed counts from when it last was.
             again = guard.step(reading(10.0 + elapsed + 2.0, 2e-6, warmth))
             assert again is (None if change < most + 2 else Status.CHIP_MISSING)
@@ -72,8 +72,8 @@ def test_a_chip_is_frozen_that_repeats_ten_readings_while_another_moves(axis, mo
         if k == 11:
             field[2, axis] = moved + (axis == 1) * 0.0
         # The tenth repetition is the first that may count, and here the last one moves far.
-        found = guard.step(reading(0.1 * k, field))
-        assert found is (Status.CHIP_MISSING if frozen and k == 11 else None), k
+        status = guard.step(reading(0.1 * k, field))
+        assert status is (Status.CHIP_MISSING if frozen and k == 11 else None), k
 
 
 @pytest.mark.parametrize(("repeated", "frozen"), [(9, False), (10, True)])
@@ -82,8 +82,8 @@ def test_nine_repetitions_are_chance(repeated, frozen):
     for k in range(repeated + 1):
         far = 1e-3 * (k == repeated)
         field = np.array([[far, 0, 1e-7 * k], [3e-6, 3e-6, 3e-6], [0, 0, 1e-7 * k]])
-        found = guard.step(reading(0.1 * k, field))
-    assert found is (Status.CHIP_MISSING if frozen else None)
+        status = guard.step(reading(0.1 * k, field))
+    assert status is (Status.CHIP_MISSING if frozen else None)
 
 
 def test_without_a_setting_any_field_counts_that_squares_well():
@@ -136,8 +136,8 @@ def test_where_chips_wrap_a_jump_of_their_range_is_a_wrap(planar):
     ],
 )
 def test_only_flags_of_chips_that_are_used_count(flags, status):
-    for chips, found in (((0, 1, 2), status), ((1,), status), ((0, 2), None)):
-        assert ChipGuard(chips).bad(reading(flags=[0, int(flags), 0])) is found
+    for chips, expected in (((0, 1, 2), status), ((1,), status), ((0, 2), None)):
+        assert ChipGuard(chips).bad(reading(flags=[0, int(flags), 0])) is expected
 
 
 def test_a_clock_has_started_again_where_it_goes_back_by_two_seconds():

@@ -61,8 +61,8 @@ def test_whatever_happened_is_undone_once_the_plays_have_met(shares, start, seed
     own = loops(weights)
     elastic = np.outer([1.0, -1.0, 0.0, *shares], REACH)
     skin = Unlooping(own)
-    found = np.array([skin.step(read) for read in looped(own, elastic, start)])
-    assert_allclose(found[2:], elastic[2:], atol=2e-8)
+    undone = np.array([skin.step(read) for read in looped(own, elastic, start)])
+    assert_allclose(undone[2:], elastic[2:], atol=2e-8)
     spread = skin.covariance.diagonal()
     assert not spread.any() or (spread <= (0.3 * REACH) ** 2).all()
 
@@ -81,10 +81,10 @@ def test_what_is_not_known_of_the_past_is_said():
             spread.append(np.sqrt(skin.covariance.diagonal()))
         off.append(np.array(rows) - elastic)
     rms = np.sqrt(np.mean(np.square(off), axis=0))
-    said = np.mean(np.reshape(spread, (len(starts), len(elastic), 3)), axis=0)
-    assert (rms < 1.3 * said).all()
-    assert (rms > 0.8 * said).all()
-    assert (said[0] < 0.02 * REACH).all()
+    stated = np.mean(np.reshape(spread, (len(starts), len(elastic), 3)), axis=0)
+    assert (rms < 1.3 * stated).all()
+    assert (rms > 0.8 * stated).all()
+    assert (stated[0] < 0.02 * REACH).all()
 
 
 def test_rest_makes_what_is_unknown_part_of_the_zero():

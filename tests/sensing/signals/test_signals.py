@@ -41,9 +41,9 @@ def changed(reading: Reading, **changes: object) -> Reading:
 
 
 def test_an_untouched_ideal_skin_reads_nothing(planar, twin):
-    one = banded(planar).step(twin.read())
-    assert one.status is Status.NO_CONTACT
-    np.testing.assert_allclose(one.values, 0.0, atol=0.1e-6)
+    sample = banded(planar).step(twin.read())
+    assert sample.status is Status.NO_CONTACT
+    np.testing.assert_allclose(sample.values, 0.0, atol=0.1e-6)
 
 
 @pytest.mark.parametrize("temperature", [0.0, 25.0, 60.0])
@@ -136,8 +136,8 @@ def test_a_jump_of_half_the_window_is_a_wrap_where_a_chip_can_wrap(planar, twin)
 
 def test_a_temperature_that_is_not_reported_is_the_last_good_one(planar, twin):
     seen, reference = banded(planar), banded(planar)
-    for one in (seen, reference):
-        one.step(twin.read(TOUCH, time=0.0, temperature=45.0))
+    for signals in (seen, reference):
+        signals.step(twin.read(TOUCH, time=0.0, temperature=45.0))
     for k in range(1, 41):
         good = twin.read(TOUCH, time=0.1 * k, temperature=45.0)
         there = reference.step(good)
@@ -186,10 +186,10 @@ def test_warmth_is_taken_to_lessen_the_earths_field_as_the_magnets(planar, twin)
     rest = twin.read()
     seen.zero([changed(rest, field=rest.field + earth)])
     warm = twin.sense(held, time=1.0, temperature=65.0)
-    found = seen.step(changed(warm, field=warm.field + earth)).values
+    values = seen.step(changed(warm, field=warm.field + earth)).values
     seen_by_chips = mlx90393.rotations(planar.halls) @ earth
     left = seen_by_chips * (1 / temperature_factor(65.0) - 1)
-    np.testing.assert_allclose(found - banded(planar).step(warm).values, left, atol=1e-9)
+    np.testing.assert_allclose(values - banded(planar).step(warm).values, left, atol=1e-9)
 
 
 def test_the_zero_may_be_taken_warm(planar, twin):
@@ -272,8 +272,8 @@ def test_creeping_touches_read_as_settled(planar):
     pressed, rest = exact.motion(TOUCH), exact.motion([])
     magnets, board = Memory(prony, rest.magnets), Memory(prony, rest.board)
     creeping, taken = Signals(skin, creep=prony), Signals(skin, creep=ELASTIC)
-    for one in (creeping, taken):
-        one.zero([exact.read(time=-1.0)])
+    for signals in (creeping, taken):
+        signals.zero([exact.read(time=-1.0)])
     for k in range(1, 30):
         held = pressed if k > 5 else rest
         moved = Motion(
@@ -281,7 +281,7 @@ def test_creeping_touches_read_as_settled(planar):
             board=board.step(0.02, held.board),
         )
         reading = readout.read(moved, None, time=0.02 * k)
-        last = [one.step(reading).values for one in (creeping, taken)]
+        last = [signals.step(reading).values for signals in (creeping, taken)]
     settled = taken.step(exact.read(TOUCH, time=1.0)).values
     undone, left = (np.abs(values - settled).max() for values in last)
     assert left > 0.01 * np.abs(settled).max()
@@ -297,8 +297,8 @@ def test_from_its_zero_on_the_skin_has_rested(planar, twin, begin):
     used.zero([twin.read()]) if begin == "zero" else used.reset()
     fresh.zero([twin.read()]) if begin == "zero" else fresh.reset()
     for time in (2.0, 2.1):
-        found, expected = (one.step(twin.read(TOUCH, time=time)) for one in (used, fresh))
-        np.testing.assert_allclose(found.values, expected.values, atol=1e-12)
+        sample, expected = (signals.step(twin.read(TOUCH, time=time)) for signals in (used, fresh))
+        np.testing.assert_allclose(sample.values, expected.values, atol=1e-12)
 
 
 @pytest.mark.slow
@@ -312,8 +312,8 @@ def test_the_stated_noise_is_that_of_readings(planar):
     for s in range(3):
         part = slice(3 * s, 3 * s + 3)
         white = np.linalg.inv(np.linalg.cholesky(known[part, part]))
-        found = white @ np.cov(values[:, s].T) @ white.T
-        np.testing.assert_allclose(found, np.eye(3), atol=0.12)
+        whitened = white @ np.cov(values[:, s].T) @ white.T
+        np.testing.assert_allclose(whitened, np.eye(3), atol=0.12)
         other = known[part].copy()
         other[:, part] = 0.0
         assert not other.any()

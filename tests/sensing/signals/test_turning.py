@@ -52,9 +52,9 @@ def test_a_turn_changes_what_the_earth_and_weight_say(planar, chips):
         for row, part in enumerate(parts):
             own = slice(3 * row, 3 * row + 3)
             expected[own, own] += 0.2**2 / 3 * (part @ part) * np.eye(3)
-    found = turning(planar, chips)
-    np.testing.assert_array_equal(found.field, earth)
-    np.testing.assert_allclose(found.whole, expected, rtol=1e-5, atol=1e-7 * expected.max())
+    covariance = turning(planar, chips)
+    np.testing.assert_array_equal(covariance.field, earth)
+    np.testing.assert_allclose(covariance.whole, expected, rtol=1e-5, atol=1e-7 * expected.max())
 
 
 def test_a_field_that_is_the_same_at_all_chips_moves_them_together(planar):

@@ -183,8 +183,8 @@ def began(planar, noise, readings, step=0.1):
     """A still zero, and one of which so many readings showed what only a turn explains."""
     still, zero = zero_of(planar, noise), zero_of(planar, noise)
     for k in range(30):
-        for one in (still, zero):
-            assert one.step(0.1 * (k - 30), np.zeros(9))
+        for each in (still, zero):
+            assert each.step(0.1 * (k - 30), np.zeros(9))
     for k in range(readings):
         assert zero.step(step * k, 40e-6 * (1 + step * k) * ALIKE)
     return still, zero
@@ -214,8 +214,8 @@ def test_a_turn_that_a_reading_does_without_is_taken_back(planar, noise):
     """The last of a touch that was let go."""
     still, zero = began(planar, noise, 2)
     for k in range(2, 30):
-        for one in (still, zero):
-            assert one.step(0.1 * k, np.zeros(9))
+        for each in (still, zero):
+            assert each.step(0.1 * k, np.zeros(9))
     np.testing.assert_allclose(zero.offset, 0.0, atol=0.1e-6)
     assert (zero.covariance.diagonal() < 1.5 * still.covariance.diagonal()).all()
 

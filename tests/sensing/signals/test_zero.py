@@ -322,7 +322,7 @@ def test_wrong_idle_tests_are_refused():
 
 @pytest.mark.recordings
 def test_idle_moments_of_a_real_recording_are_found_among_presses(recordings):
-    (run,) = (one for one in read_eflesh(recordings) if one.set == "spatial_resolution")
+    (run,) = (course for course in read_eflesh(recordings) if course.set == "spatial_resolution")
     rest = run.field - run.field_rezeroed
     tracking = ZeroTracking(hold=0.0, time_constant=30.0, widening_rate=2e-6)
     noise = 40e-6**2 * np.eye(rest[0].size)
@@ -376,15 +376,15 @@ def test_noise_louder_than_the_chips_is_learned_on_an_arm(planar):
     louder, time = patterns @ patterns.T, 0.1 * np.arange(600)
     still = on_an_arm(planar, arm=False)
     followed(still, time, loud(planar, louder, 600))
-    found, told = [], []
+    learned, stated = [], []
     for seed in range(3):
         zero = on_an_arm(planar)
         assert followed(zero, time, loud(planar, louder, 600, seed))[100:].all()
-        found.append(zero._louder)
-        told.append(zero.covariance)
+        learned.append(zero._louder)
+        stated.append(zero.covariance)
     size = np.linalg.norm(louder)
-    assert np.linalg.norm(np.mean(found, axis=0) - louder) < 0.35 * size
-    assert (np.linalg.eigvalsh(np.mean(told, axis=0) - np.mean(found, axis=0)) > 0).all()
+    assert np.linalg.norm(np.mean(learned, axis=0) - louder) < 0.35 * size
+    assert (np.linalg.eigvalsh(np.mean(stated, axis=0) - np.mean(learned, axis=0)) > 0).all()
     assert not still._louder.any()
 
 
@@ -426,6 +426,6 @@ def test_readings_beyond_all_turns_are_no_turn_by_any_of_them(planar, monkeypatc
         monkeypatch.setattr("smoskin.sensing.signals.zero._BEYOND", beyond)
         zero = on_an_arm(planar)
         ways.append((followed(zero, time, read), zero.offset, zero.covariance))
-    for one, other in zip(*ways, strict=True):
-        np.testing.assert_array_equal(one, other)
+    for cut, full in zip(*ways, strict=True):
+        np.testing.assert_array_equal(cut, full)
     assert 0 < ways[0][0].sum() < 400

@@ -34,10 +34,12 @@ def readings(planar):
 def test_all_readings_are_written_in_their_order_unless_there_is_no_room(
     planar, readings, tmp_path, monkeypatch
 ):
-    path, told = tmp_path / "kept.mcap", []
+    path, failures = tmp_path / "kept.mcap", []
     with pytest.raises(RecordingError, match="No such file or directory"):
-        RecorderApart(tmp_path / "no" / "a.mcap", planar, attachments={}, on_failure=told.append)
-    recorder = RecorderApart(path, planar, attachments={"a": b"note"}, on_failure=told.append)
+        RecorderApart(
+            tmp_path / "no" / "a.mcap", planar, attachments={}, on_failure=failures.append
+        )
+    recorder = RecorderApart(path, planar, attachments={"a": b"note"}, on_failure=failures.append)
     for reading in readings[:40]:
         recorder.write(reading, Estimate(time=reading.time, status=Status.NO_CONTACT))
     until(lambda: recorder._remote.waiting == 0)
@@ -56,7 +58,7 @@ def test_all_readings_are_written_in_their_order_unless_there_is_no_room(
     times = [reading.time for reading, _ in open_recording(path)]
     assert times[:40] == [reading.time for reading in readings[:40]]
     assert len(times) == 240 - recorder.dropped
-    assert (recorder.failure, told) == ("", [])
+    assert (recorder.failure, failures) == ("", [])
 
 
 def test_an_arm_is_written_beside_them_where_there_is_room(planar, readings, tmp_path, monkeypatch):
@@ -72,23 +74,23 @@ def test_an_arm_is_written_beside_them_where_there_is_room(planar, readings, tmp
     assert recorder.dropped == 0  # that counts readings
     with pytest.raises(RecordingError, match="the recorder is closed"):
         recorder.write_arm(0.0, *arm)
-    found = decoded_by_others(path)
-    stamps = [[stamp for stamp, _ in found[topic]] for topic in ("/skin/reading", "/arm/joints")]
+    messages = decoded_by_others(path)
+    stamps = [[stamp for stamp, _ in messages[topic]] for topic in ("/skin/reading", "/arm/joints")]
     assert len(stamps[0]) == 30
     assert stamps[0] == stamps[1]
-    assert {word.data for _, word in found["/arm/state"]} == {"standing"}
+    assert {word.data for _, word in messages["/arm/state"]} == {"standing"}
 
 
 def test_a_file_that_is_gone_or_a_writer_that_is_ended_ends_the_recording_alone(
     planar, readings, tmp_path
 ):
-    told = []
+    failures = []
     for name, hurt, word in (
         ("removed", lambda recorder, path: path.unlink(), "No such file or directory"),
         ("ended", lambda recorder, path: recorder._remote._process.kill(), "has ended"),
     ):
         path = tmp_path / f"{name}.mcap"
-        recorder = RecorderApart(path, planar, attachments={}, on_failure=told.append)
+        recorder = RecorderApart(path, planar, attachments={}, on_failure=failures.append)
         hurt(recorder, path)
         for _ in range(1000):
             recorder.write(readings[0])
@@ -100,8 +102,8 @@ def test_a_file_that_is_gone_or_a_writer_that_is_ended_ends_the_recording_alone(
         assert f"{path} cannot be written" in recorder.failure
         assert recorder.dropped > 0
         recorder.close()
-        assert told.pop() == recorder.failure
-        assert not told
+        assert failures.pop() == recorder.failure
+        assert not failures
 
 
 LIFE = """

@@ -44,7 +44,7 @@ def bare(feed: Feed) -> str:
     return feed.url.partition("/?")[0]
 
 
-def told(client: ClientConnection) -> dict[str, Any]:
+def received(client: ClientConnection) -> dict[str, Any]:
     """The next message to a client."""
     return json.loads(client.recv(timeout=10.0))
 
@@ -53,7 +53,7 @@ def told(client: ClientConnection) -> dict[str, Any]:
 def listening(feed: Feed, query: str = "") -> Iterator[ClientConnection]:
     """A client that has its hello and is let in."""
     with connect(f"{bare(feed)}/{query}", open_timeout=10.0) as client:
-        assert told(client)["type"] == "hello"
+        assert received(client)["type"] == "hello"
         before = time.monotonic()
         while not feed.clients:
             assert time.monotonic() < before + 10.0
@@ -69,7 +69,7 @@ def test_a_client_is_told_every_estimate_in_units_that_names_say(feed):
     sink = feed.add("left", 3, PLANAR)
     touch = Contact(position=(0.045, 0.080), force=(0.1, -0.05, -0.5))
     with connect(bare(feed), open_timeout=10.0) as client:
-        hello = told(client)
+        hello = received(client)
         assert hello["protocol"] == "smoskin.feed.v1"
         assert hello["skins"] == [
             {
@@ -88,7 +88,7 @@ def test_a_client_is_told_every_estimate_in_units_that_names_say(feed):
                 time=0.1 * k, status=Status.CONTACT, contacts=(touch,), covariance=covariance
             )
             sink.write(reading(0.1 * k), estimate)
-        messages = [told(client) for _ in range(20)]
+        messages = [received(client) for _ in range(20)]
     assert [message["sequence"] for message in messages] == list(range(20))
     last = messages[-1]
     assert last["skin"] == "left"
@@ -109,7 +109,7 @@ def test_what_is_not_known_is_null_and_faults_have_names(feed):
     )
     with listening(feed) as client:
         sink.write(bad, Estimate(time=1.0, status=Status.CHIP_MISSING))
-        message = told(client)
+        message = received(client)
     assert message["contacts"] == []
     assert message["chips"] == [
         {
@@ -127,7 +127,7 @@ def test_a_client_that_asks_for_fewer_gets_fewer_of_each_skin(feed):
         for _ in range(5):
             for sink in sinks:
                 sink.write(reading())
-        assert {told(client)["skin"] for _ in sinks} == {"left", "right"}
+        assert {received(client)["skin"] for _ in sinks} == {"left", "right"}
         with pytest.raises(TimeoutError):
             client.recv(timeout=0.2)
 
@@ -146,16 +146,16 @@ def test_a_client_that_does_not_read_loses_what_is_old_and_delays_nobody(feed):
         for k in range(count):
             sink.write(reading(float(k)))
             if k % 20 == 19:  # the quick client keeps up
-                numbers = [told(client)["sequence"] for _ in range(20)]
+                numbers = [received(client)["sequence"] for _ in range(20)]
                 assert numbers == list(range(k - 19, k + 1))
         client.send('{"type": "counters", "skin": "skin"}')
-        assert told(client)["skipped_for_you"] == 0
-        assert told(slow)["type"] == "hello"
+        assert received(client)["skipped_for_you"] == 0
+        assert received(slow)["type"] == "hello"
         seen = []
         while not seen or seen[-1] < count - 1:
-            seen.append(told(slow)["sequence"])
+            seen.append(received(slow)["sequence"])
         slow.send('{"type": "counters", "skin": "skin"}')
-        assert told(slow)["skipped_for_you"] == count - len(seen) > 0
+        assert received(slow)["skipped_for_you"] == count - len(seen) > 0
     assert seen == sorted(set(seen))
 
 
@@ -178,12 +178,12 @@ def test_what_comes_faster_than_it_can_be_told_is_not_kept(feed):
             sink.write(reading(float(k)))
         assert len(gc.get_objects()) - before < count
         go.set()
-        messages = [told(client)]
+        messages = [received(client)]
         while messages[-1].get("sequence") != count - 1:
-            messages.append(told(client))
+            messages.append(received(client))
         client.send('{"type": "counters", "skin": "skin"}')
         heard = sum(message["type"] == "estimate" for message in messages)
-        assert told(client)["skipped_for_you"] == count - heard > 0
+        assert received(client)["skipped_for_you"] == count - heard > 0
 
 
 def test_zero_and_counters_are_asked_for_by_a_skins_name(feed):
@@ -192,17 +192,17 @@ def test_zero_and_counters_are_asked_for_by_a_skins_name(feed):
     feed.add("right", 3)
     with listening(feed) as client:
         client.send('{"type": "zero", "skin": "left"}')
-        assert told(client) == {"type": "done", "command": "zero", "skin": "left"}
+        assert received(client) == {"type": "done", "command": "zero", "skin": "left"}
         assert asked.is_set()
         client.send('{"type": "counters", "skin": "left"}')
-        assert told(client) == {
+        assert received(client) == {
             "type": "counters",
             "skin": "left",
             "readings": 7,
             "skipped_for_you": 0,
         }
         client.send('{"type": "zero", "skin": "right"}')
-        assert "this skin takes no commands" in told(client)["sentence"]
+        assert "this skin takes no commands" in received(client)["sentence"]
 
 
 @pytest.mark.parametrize(
@@ -216,11 +216,11 @@ def test_what_is_not_understood_is_refused_in_a_sentence(feed, message):
     feed.add("left", 3, zero=lambda: None)
     with listening(feed) as client:
         client.send(message)
-        answer = told(client)
+        answer = received(client)
         assert answer["type"] == "error"
         assert re.search("left|zero", answer["sentence"])
         client.send('{"type": "zero", "skin": "left"}')
-        assert told(client)["type"] == "done"
+        assert received(client)["type"] == "done"
 
 
 def test_a_skin_that_is_closed_is_gone_and_let_go(feed):
@@ -236,9 +236,9 @@ def test_a_skin_that_is_closed_is_gone_and_let_go(feed):
     gc.collect()
     assert held() is None
     with connect(bare(feed), open_timeout=10.0) as client:
-        assert [skin["skin"] for skin in told(client)["skins"]] == ["right"]
+        assert [skin["skin"] for skin in received(client)["skins"]] == ["right"]
         client.send('{"type": "zero", "skin": "left"}')
-        assert told(client)["sentence"].endswith("one of: right")
+        assert received(client)["sentence"].endswith("one of: right")
     again = feed.add("left", 3)
     sink.close()
     with pytest.raises(ArgumentError, match="'left' again"):
@@ -254,7 +254,7 @@ def test_an_oversized_message_ends_its_connection_alone(feed):
             with pytest.raises(ConnectionClosed, match="1009"):
                 client.recv(timeout=10.0)
         sink.write(reading())
-        assert told(other)["sequence"] == 0
+        assert received(other)["sequence"] == 0
 
 
 def answered(url: str, **headers: str) -> int:
@@ -310,7 +310,7 @@ def test_clients_that_come_and_go_leave_nothing_behind(feed):
     for k in range(10):
         with listening(feed) as client:
             sink.write(reading(float(k)))
-            told(client)
+            received(client)
     end = time.monotonic() + 10.0
     while (feed.clients or held() != before) and time.monotonic() < end:
         time.sleep(0.01)

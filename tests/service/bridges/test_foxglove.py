@@ -73,9 +73,9 @@ class Viewer:
         self._connection = connection
         self.channels: dict[int, dict[str, Any]] = {}
         while not self.channels:
-            told = json.loads(connection.recv(timeout=10.0))
-            if told["op"] == "advertise":
-                self.channels = {channel["id"]: channel for channel in told["channels"]}
+            message = json.loads(connection.recv(timeout=10.0))
+            if message["op"] == "advertise":
+                self.channels = {channel["id"]: channel for channel in message["channels"]}
         wanted = [{"id": name, "channelId": name} for name in self.channels]
         connection.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
 
@@ -96,7 +96,7 @@ class Viewer:
                     heard.setdefault(channel["topic"], []).append(decoded)
             except TimeoutError:
                 pass
-            scene = [e.id for told in heard.get("/left/scene", []) for e in told.entities]
+            scene = [e.id for update in heard.get("/left/scene", []) for e in update.entities]
             unused = 2 - len(estimate.contacts)
             if len(heard) == len(self.channels) - unused and {"sheet", "touches"} <= set(scene):
                 return heard
@@ -125,9 +125,9 @@ def test_a_stranger_decodes_every_channel(server):
     reading = heard["/left/reading"][0]
     assert_allclose(reading.field, np.arange(9.0) * 1e-6)
     assert reading.time == 5.0
-    told = heard["/left/estimate"][0]
-    assert told.status == "CONTACT"
-    assert_allclose(told.covariance, covariance.ravel())
+    estimated = heard["/left/estimate"][0]
+    assert estimated.status == "CONTACT"
+    assert_allclose(estimated.covariance, covariance.ravel())
     field = heard["/left/chip2/field"][0]
     assert field.header.frame_id == "left/chip2"
     assert field.magnetic_field.z == pytest.approx(8e-6)
@@ -165,16 +165,16 @@ def test_two_touches_are_on_a_channel_and_an_arrow_each(server, name):
         heard = viewer.messages(sink, estimate)
         assert set(heard) == {channel["topic"] for channel in viewer.channels.values()}
     for k, contact in enumerate(contacts):
-        for told in heard[f"/left/contact{k}"]:
-            assert told.header.frame_id == "left/skin"
-            place = [told.point.x, told.point.y, told.point.z]
+        for touch in heard[f"/left/contact{k}"]:
+            assert touch.header.frame_id == "left/skin"
+            place = [touch.point.x, touch.point.y, touch.point.z]
             assert place == [*contact.position, 0.0]
     first, second = (heard[f"/left/contact{k}"][0].header.stamp for k in range(2))
     assert (first.sec, first.nanosec) == (second.sec, second.nanosec)
-    told = heard["/left/estimate"][0]
-    assert_allclose(told.position.reshape(-1, 2), [c.position for c in contacts])
-    assert_allclose(told.force.reshape(-1, 3), [c.force for c in contacts])
-    assert_allclose(told.covariance.reshape(-1, 5, 5), covariance)
+    estimated = heard["/left/estimate"][0]
+    assert_allclose(estimated.position.reshape(-1, 2), [c.position for c in contacts])
+    assert_allclose(estimated.force.reshape(-1, 3), [c.force for c in contacts])
+    assert_allclose(estimated.covariance.reshape(-1, 5, 5), covariance)
     wrench = heard["/left/wrench"][0].wrench
     pull, lever = wrench.force, wrench.torque
     assert_allclose([pull.x, pull.y, pull.z], [0.3, -0.2, -1.8])
@@ -185,7 +185,7 @@ def test_two_touches_are_on_a_channel_and_an_arrow_each(server, name):
         pytest.approx((3 * k + 2) * 1e-6) for k in chips
     ]
     assert heard["/left/status"][0]["status"] == "CONTACT"
-    entities = [entity for told in heard["/left/scene"] for entity in told.entities]
+    entities = [entity for update in heard["/left/scene"] for entity in update.entities]
     arrows = next(entity for entity in entities if entity.id == "touches").arrows
     assert len(arrows) == 2
     roll = geometry(design).roll
@@ -204,7 +204,7 @@ def test_an_arrow_points_along_the_force_and_ends_at_the_touch(server):
     )
     with viewing(server) as viewer:
         heard = viewer.messages(sink, estimate)
-    entities = [entity for told in heard["/left/scene"] for entity in told.entities]
+    entities = [entity for update in heard["/left/scene"] for entity in update.entities]
     (arrow,) = next(entity for entity in entities if entity.id == "touches").arrows
     tip, along = arrow_of(arrow)
     assert_allclose(along / np.linalg.norm(along), TOUCH.force / np.linalg.norm(TOUCH.force))

@@ -155,8 +155,8 @@ def test_another_process_hears_all_of_a_live_skin(start):
     tools = ["--", "--ros-args", *inside, "-p", "prefix:=left_"]
     # A hand that touches for 0.65 s of every 0.8 s.
     start("-m", "smoskin", "ros", "twin://planar?mechanics=reduced&rate=50&hand=yes", *tools)
-    told = result(listener, 60)
-    heard = {topic: messages for topic, messages in told["heard"].items() if messages}
+    report = result(listener, 60)
+    heard = {topic: messages for topic, messages in report["heard"].items() if messages}
     assert set(heard) >= {*topics[:4], "/diagnostics"}
     for chip in range(3):
         stamps, received, frames, fields = zip(*heard[f"skin/chip{chip}/field"], strict=True)
@@ -190,7 +190,7 @@ def test_another_process_hears_all_of_a_live_skin(start):
     values = heard["/diagnostics"][-1][3][1][0]
     assert values["chip0"] == "good"
     assert float(values["rate, Hz"]) > 20
-    (zeroed, sentence), parameters, *settings = told["answers"]
+    (zeroed, sentence), parameters, *settings = report["answers"]
     assert zeroed or sentence == "The skin is touched." or "as soon as the skin rests" in sentence
     assert parameters == ["left_", True, 0.0]
     assert settings == [False, False, True]
@@ -203,10 +203,12 @@ def test_the_zero_is_taken_when_asked_for(start):
     asked = {"topics": [wrench, field], "until": [wrench, 5], "calls": calls, "more": 30}
     listener = listening(start, **asked)
     start("-m", "smoskin", "ros", "twin://planar?mechanics=reduced&rate=50")
-    told = result(listener, 60)
-    assert told["answers"] == [[True, "The zero is taken."], True]
+    report = result(listener, 60)
+    assert report["answers"] == [[True, "The zero is taken."], True]
     # From then on there are wrenches, but no fields.
-    later = {topic: len(told["heard"][topic]) - told["by_then"][topic] for topic in (wrench, field)}
+    later = {
+        topic: len(report["heard"][topic]) - report["by_then"][topic] for topic in (wrench, field)
+    }
     assert later[wrench] >= 30
     assert later[field] <= 5
 
@@ -224,12 +226,12 @@ def test_none_of_12000_is_lost_and_a_paused_subscriber_slows_nothing(start, caps
     with pytest.raises(subprocess.TimeoutExpired):
         publisher.wait(8.0)
     paused.send_signal(signal.SIGSTOP)
-    told, published = result(listener, 100), result(publisher, 30)
+    report, published = result(listener, 100), result(publisher, 30)
     assert published["dropped"] == 0
-    numbers = [round(message[3][0] * 1e9) for message in told["heard"][field]]
+    numbers = [round(message[3][0] * 1e9) for message in report["heard"][field]]
     assert numbers == list(range(numbers[0], numbers[0] + 12000))
-    assert len(told["heard"][wrench]) >= 11990
-    latency = 1e-6 * np.array([message[1] - message[0] for message in told["heard"][field]])
+    assert len(report["heard"][wrench]) >= 11990
+    latency = 1e-6 * np.array([message[1] - message[0] for message in report["heard"][field]])
     middle, most = np.percentile(latency, [50, 99])
     assert published["seconds"] == pytest.approx(63.0, abs=2.0)
     assert len(result(hasty, 30)["heard"][field]) == 5000

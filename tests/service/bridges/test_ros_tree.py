@@ -41,9 +41,9 @@ class Node:
         return self.parameters[name]
 
     def create_publisher(self, kind, topic, quality):
-        def publish(told):
-            name = told.__msgtype__
-            raw = bytes(STORE.serialize_cdr(told, name))
+        def publish(msg):
+            name = msg.__msgtype__
+            raw = bytes(STORE.serialize_cdr(msg, name))
             self.published.setdefault(topic, []).append((name, raw, quality))
 
         return SimpleNamespace(publish=publish)
@@ -132,11 +132,11 @@ def assert_tree(transforms, design, prefix):
     """Each chip stands in the skin's frame where it lies, its axes turned as it was soldered."""
     skin = geometry(design)
     assert len(transforms) == len(design.halls)
-    for chip, told in enumerate(transforms):
-        assert told.header.frame_id == f"{prefix}skin"
-        assert told.child_frame_id == f"{prefix}chip{chip}"
-        assert told.header.stamp.sec * 10**9 + told.header.stamp.nanosec == NOW
-        place, turn = told.transform.translation, told.transform.rotation
+    for chip, frame in enumerate(transforms):
+        assert frame.header.frame_id == f"{prefix}skin"
+        assert frame.child_frame_id == f"{prefix}chip{chip}"
+        assert frame.header.stamp.sec * 10**9 + frame.header.stamp.nanosec == NOW
+        place, turn = frame.transform.translation, frame.transform.rotation
         assert [place.x, place.y, place.z] == pytest.approx(skin.chips[chip], abs=1e-12)
         turned = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w])
         assert np.linalg.norm([turn.x, turn.y, turn.z, turn.w]) == pytest.approx(1.0)
@@ -162,10 +162,10 @@ def test_without_tf2_each_frame_is_a_message_of_its_own(ros, monkeypatch, caplog
     monkeypatch.setitem(sys.modules, "tf2_msgs.msg", None)
     design = load_design("planar")
     with RosNode(design, zero=lambda: None):
-        told = ros[0].published.pop("skin/frames")
-    assert {kind for kind, _, _ in told} == {"geometry_msgs/msg/TransformStamped"}
-    assert_tree([decoded(kind, raw) for kind, raw, _ in told], design, "")
-    assert {(quality.durability, quality.depth) for _, _, quality in told} == {
+        frames = ros[0].published.pop("skin/frames")
+    assert {kind for kind, _, _ in frames} == {"geometry_msgs/msg/TransformStamped"}
+    assert_tree([decoded(kind, raw) for kind, raw, _ in frames], design, "")
+    assert {(quality.durability, quality.depth) for _, _, quality in frames} == {
         ("transient local", 3),
     }
     assert "the chips' frames are on skin/frames" in caplog.text

@@ -84,9 +84,9 @@ def lab(seen):
     return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
 
 
-def contrast(one, other):
+def contrast(first, second):
     """Ratio of two colours' luminances as WCAG has it."""
-    dark, light = sorted(float((XYZ @ linear(color))[1]) for color in (one, other))
+    dark, light = sorted(float((XYZ @ linear(color))[1]) for color in (first, second))
     return (light + 0.05) / (dark + 0.05)
 
 
@@ -107,9 +107,9 @@ def test_the_measures_are_those_of_the_literature():
 @pytest.mark.parametrize("name", SETS)
 def test_colors_that_mean_different_things_stay_apart(name, kind):
     assert len(SETS[name]) >= 2
-    for one, other in combinations(SETS[name], 2):
-        seen = [lab(np.array(KINDS[kind]) @ linear(color)) for color in (one, other)]
-        assert np.linalg.norm(seen[0] - seen[1]) >= APART, (one, other)
+    for first, second in combinations(SETS[name], 2):
+        seen = [lab(np.array(KINDS[kind]) @ linear(color)) for color in (first, second)]
+        assert np.linalg.norm(seen[0] - seen[1]) >= APART, (first, second)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -177,10 +177,10 @@ def test_text_has_the_page_s_ink_and_colors_mark_it():
 def test_no_state_is_told_by_its_color_alone():
     words = [word for word, _ in panel._STATUS.values()]
     assert len(set(words)) == len(words) == len(Status)
-    told = set()
+    states = set()
     for flags, drift in ((None, None), (0, None), (0, 1.0), (1, None), (2, None), (4, None)):
         given = None if flags is None else np.array([flags])
         far = None if drift is None else np.full((1, 3), drift)
         (word,) = re.findall(r"</td><td>([^<]+)</td><td>", history.lamps(("S1",), given, far))
-        told.add(word)
-    assert len(told) == 6
+        states.add(word)
+    assert len(states) == 6

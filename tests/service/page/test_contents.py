@@ -18,12 +18,12 @@ def sent(view):
 
 
 def of_kind(messages, kind):
-    return [one for one in messages if type(one).__name__ == f"{kind}Message"]
+    return [message for message in messages if type(message).__name__ == f"{kind}Message"]
 
 
 def only(messages, kind):
-    (one,) = of_kind(messages, kind)
-    return one
+    (message,) = of_kind(messages, kind)
+    return message
 
 
 @pytest.fixture(scope="module")
@@ -67,19 +67,21 @@ CONTROLS = [
 
 
 def test_controls_stand_in_their_order_with_their_first_values(page):
-    found = []
-    for one in page:
-        kind = type(one).__name__.removesuffix("Message")
+    controls = []
+    for message in page:
+        kind = type(message).__name__.removesuffix("Message")
         if kind in {name for name, *_ in CONTROLS}:
-            label = getattr(one.props, "label", None) or getattr(one.props, "title", None) or ""
-            found.append((kind, label, getattr(one, "value", None), one.props.visible))
-    assert found == CONTROLS
+            label = (
+                getattr(message.props, "label", None) or getattr(message.props, "title", None) or ""
+            )
+            controls.append((kind, label, getattr(message, "value", None), message.props.visible))
+    assert controls == CONTROLS
 
 
 def test_sliders_have_their_ends_and_steps(page):
     ends = {
-        one.props.label: (one.props.min, one.props.max, one.props.step)
-        for one in of_kind(page, "GuiSlider")
+        slider.props.label: (slider.props.min, slider.props.max, slider.props.step)
+        for slider in of_kind(page, "GuiSlider")
     }
     assert ends == {
         "Press, N": (0.05, 1.0, 0.05),
@@ -95,12 +97,15 @@ def test_sliders_have_their_ends_and_steps(page):
 
 
 def test_controls_stand_in_their_folders(page):
-    names = {"root": "", **{one.uuid: one.props.label for one in of_kind(page, "GuiFolder")}}
+    names = {
+        "root": "",
+        **{folder.uuid: folder.props.label for folder in of_kind(page, "GuiFolder")},
+    }
     inside = {
-        one.props.label: names[one.container_uuid]
+        control.props.label: names[control.container_uuid]
         for kind in ("GuiSlider", "GuiCheckbox", "GuiButtonGroup", "GuiDropdown")
-        for one in of_kind(page, kind)
-        if one.container_uuid in names
+        for control in of_kind(page, kind)
+        if control.container_uuid in names
     }
     drawn = ("Deformation ×", "Taken apart", "Sheet opacity", "Scales")
     picture = (*drawn, "Map of the bound", "Trail")
@@ -119,8 +124,10 @@ def test_controls_stand_in_their_folders(page):
 
 
 def test_the_numbers_stand_on_the_right_and_the_curves_on_the_left(page):
-    places = {one.uuid: one.position["edge"] for one in of_kind(page, "GuiSetPanelPosition")}
-    widths = {one.uuid: one.width for one in of_kind(page, "GuiSetPanelWidth")}
+    places = {
+        message.uuid: message.position["edge"] for message in of_kind(page, "GuiSetPanelPosition")
+    }
+    widths = {message.uuid: message.width for message in of_kind(page, "GuiSetPanelWidth")}
     main, fields = "viser-control-panel", only(page, "GuiPanel").uuid
     assert places == {main: "right", fields: "left"}
     # A telephone held upright is 390 wide; the picture of a screen of 1366 keeps half of it.
@@ -157,10 +164,10 @@ def test_curves_start_empty_over_ten_seconds_and_to_both_sides_of_zero(page):
 def test_two_lights_of_the_scenes_own_shine_on_the_skin(page):
     assert only(page, "EnvironmentMap").hdri_data is None
     assert only(page, "EnableLights").enabled is False
-    lights = [one for one in page if type(one).__name__.endswith("LightMessage")]
-    assert [one.name for one in lights] == ["/light/sky", "/light/sun"]
+    lights = [message for message in page if type(message).__name__.endswith("LightMessage")]
+    assert [light.name for light in lights] == ["/light/sky", "/light/sun"]
     ((x, y, z),) = (
-        one.position for one in of_kind(page, "SetPosition") if one.name == "/light/sun"
+        message.position for message in of_kind(page, "SetPosition") if message.name == "/light/sun"
     )
     # The sun grazes from the left: 20 to 45 degrees high, and hardly from in front.
     assert x < 0
@@ -176,11 +183,11 @@ def test_the_page_opens_with_the_cameras_eye(page):
 
 
 def test_what_lies_under_the_sheet_is_flat_and_its_names_stand_in_its_middle(page):
-    boxes = {one.name: np.array(one.props.dimensions) for one in of_kind(page, "Box")}
+    boxes = {box.name: np.array(box.props.dimensions) for box in of_kind(page, "Box")}
     assert set(boxes) == {f"/chips/{site.name}" for site in PLANAR.halls}
     for size in boxes.values():
         assert 0.1 < size[2] < 0.2
         assert size[0] == size[1] == pytest.approx(0.4)  # cm, somewhat larger than life
-    labels = {one.name: one.props for one in of_kind(page, "Label") if "chips" in one.name}
+    labels = {label.name: label.props for label in of_kind(page, "Label") if "chips" in label.name}
     assert set(labels) == {f"/chips/{site.name}/label" for site in PLANAR.halls}
     assert {label.anchor for label in labels.values()} == {"center-center"}

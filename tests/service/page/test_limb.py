@@ -30,8 +30,8 @@ def test_a_ray_along_the_normal_finds_the_place_it_comes_from():
     for place in ([0.05, 0.02], [0.1, 0.15]):
         inward = SKIN.roll.axes(place[1])[:, 2]
         start = SKIN.roll.places([*place, 0.05])
-        found = pick(CURVED, SKIN.sheet.vertices, start, -inward)
-        np.testing.assert_allclose(found, place, atol=3e-3)  # a sheet's ridges are not its mean
+        picked = pick(CURVED, SKIN.sheet.vertices, start, -inward)
+        np.testing.assert_allclose(picked, place, atol=3e-3)  # a sheet's ridges are not its mean
 
 
 def test_marks_stand_on_the_limb_and_point_inwards():

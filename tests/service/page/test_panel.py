@@ -157,9 +157,9 @@ def test_numbers_that_are_unknown_are_left_out():
     covariance = np.diag([1e-3, 2e-3, 0.03, 0.04, 0.05])[None] ** 2
     rows = panels._rows([pull], covariance, [far, near])
     cells = [row.replace("</td>", "|").replace("<td>", "") for row in rows.split("<tr>")[2:]]
-    told = [row.removesuffix("</tr>").removesuffix("|").split("|") for row in cells]
+    entries = [row.removesuffix("</tr>").removesuffix("|").split("|") for row in cells]
     whole = np.sqrt((0.6 * 0.03) ** 2 + (0.8 * 0.05) ** 2)  # along the force (0.6, 0, -0.8)
-    assert told == [
+    assert entries == [
         ["x, mm", "10.0", "± 1.0", "11.2", "-1.2"],
         ["y, mm", "20.0", "± 2.0", "20.0", "+0.0"],
         ["F, N", "0.500", f"± {whole:.3f}", "0.510", "-0.010"],
@@ -185,9 +185,9 @@ def test_a_second_touch_has_a_line_of_its_own(view):
     assert "second touch x 20.0 mm  y 30.0 mm  F 0.25 N" in card
     assert "100 readings/s" in card
     assert "2.5 ms" in card
-    one = view._panel._card_html(moment(estimate=TOUCHED), 0.0, 0.5, None)
-    assert "second touch" not in one
-    assert "– ms" in one
+    single = view._panel._card_html(moment(estimate=TOUCHED), 0.0, 0.5, None)
+    assert "second touch" not in single
+    assert "– ms" in single
 
 
 @pytest.mark.parametrize(

@@ -154,9 +154,9 @@ def test_what_cannot_be_played_is_told_and_the_skin_is_shown_on(tmp_path, record
             (empty, "has no readings"),
         ):
             ask_for(path)
-            wait_for(lambda path=path: path.name in view._panel._told and view._panel.refusal)
-            assert view._panel._told.startswith("Not played: ")
-            assert word in view._panel._told
+            wait_for(lambda path=path: path.name in view._panel._notice and view._panel.refusal)
+            assert view._panel._notice.startswith("Not played: ")
+            assert word in view._panel._notice
             assert view._rerun is None
         ask_for(recorded_touch)
         wait_for(lambda: view._rerun is not None and view._panel.player is not None)
@@ -264,9 +264,13 @@ def test_a_live_skin_is_recorded_and_read_by_another_estimator(tmp_path: Path) -
             opened.wait_until(lambda: not opened.text("touch").startswith(("x 50.0 mm", "–")))
             press("Stop recording")
             opened.wait_until(lambda: opened.text("recording").startswith("Recorded planar-"))
-            told = opened.text("recording")
+            sentence = opened.text("recording")
             (file,) = tmp_path.iterdir()
-            kept = [one.contacts[0] for _, one in open_recording(file) if one and one.contacts]
+            kept = [
+                estimate.contacts[0]
+                for _, estimate in open_recording(file)
+                if estimate and estimate.contacts
+            ]
             texts = {
                 "x {:.1f} mm  y {:.1f} mm  F {:.2f} N".format(
                     *(1e3 * contact.position), np.linalg.norm(contact.force)
@@ -294,7 +298,7 @@ def test_a_live_skin_is_recorded_and_read_by_another_estimator(tmp_path: Path) -
         reader.join(10.0)
         assert not reader.is_alive()
     first, second = (open_recording(file) for file in sorted(tmp_path.iterdir()))
-    assert told == f"Recorded {first.path.name}: {first.reading_count} readings, 0 lost."
+    assert sentence == f"Recorded {first.path.name}: {first.reading_count} readings, 0 lost."
     moments = [reading.time for reading, _ in first]
     assert first.reading_count == len(moments) > len(kept) > 0
     assert (np.diff(moments) > 0).all()

@@ -177,8 +177,8 @@ def test_a_message_sets_values_of_what_is_offered_and_nothing_else(
             time.sleep(0.01)
     assert (push.value, push.disabled, push.max, still.value) == (0.8, False, 1.0, False)
     assert push._impl.update_cb == callbacks
-    told = [record.getMessage() for record in caplog.records if "refused" in record.getMessage()]
-    assert told == [
+    logged = [record.getMessage() for record in caplog.records if "refused" in record.getMessage()]
+    assert logged == [
         "refused to set disabled of a control",
         "refused to set update_cb of a control",
         "refused to set value, max of a control",

@@ -234,7 +234,7 @@ def test_what_stands_is_not_silent(stands) -> None:
     )  # fmt: skip
     written: list[tuple[object, ...]] = []
     with View(PLANAR, player=player) as view:
-        view._panel.write = lambda *told: written.append(told)
+        view._panel.write = lambda *given: written.append(given)
         view.write(reading(), NOTHING)
         time.sleep(0.4)
     newest, _, now, _ = written[-1]

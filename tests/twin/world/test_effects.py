@@ -140,14 +140,14 @@ def test_motor_and_steel_inside_a_limb_lie_60_mm_under_its_skin(curved):
 def test_steel_answers_the_earth_as_a_sphere_of_iron_does(twin):
     soft = replace(Steel(), remanence=0.0, travel=0.0)
     large = replace(soft, radius=2 * soft.radius)
-    one, other = (
+    weak, strong = (
         steel.ambience(twin, np.random.default_rng(0), TIMES).field for steel in (soft, large)
     )
-    assert_allclose(other, 8 * one)
+    assert_allclose(strong, 8 * weak)
     # On the surface, in line with the field, iron doubles what it adds: (a / r)^3 2 B.
     place = np.array(soft.place) * [*np.array([0.12, 0.16]), 1.0]
     nearest = np.linalg.norm(twin.readout._chips - place, axis=1).min()
-    assert np.abs(one).max() <= 2 * 60e-6 * (soft.radius / nearest) ** 3 * 1.05
+    assert np.abs(weak).max() <= 2 * 60e-6 * (soft.radius / nearest) ** 3 * 1.05
 
 
 def test_warm_chips_read_warm_and_their_magnets_follow_half_way(twin):
@@ -171,14 +171,14 @@ def test_readings_come_late_or_not_at_all_but_in_order():
     ]  # fmt: skip
     there = Arrival().arrived(readings, np.random.default_rng(0))
     assert len(there) == 2000
-    lost = sum(one is None for one in there) / 2000
+    lost = sum(reading is None for reading in there) / 2000
     assert 0.04 < lost < 0.12
-    late = [one.time - 0.1 * k for k, one in enumerate(there) if one is not None]
+    late = [reading.time - 0.1 * k for k, reading in enumerate(there) if reading is not None]
     assert np.mean(late) == pytest.approx(5e-3, rel=0.1)
-    times = [one.time for one in there if one is not None]
+    times = [reading.time for reading in there if reading is not None]
     assert (np.diff(times) > 0).all()
     again = Arrival(lost=0.0, burst=0.0, delay=0.0).arrived(readings, np.random.default_rng(0))
-    assert [one.time for one in again] == [one.time for one in readings]
+    assert [reading.time for reading in again] == [reading.time for reading in readings]
 
 
 def test_loops_do_not_depend_on_pace_and_close(twin):

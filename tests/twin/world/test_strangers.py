@@ -44,8 +44,8 @@ def test_between_vertices_shares_go_as_they_are_warped(planar):
 def test_past_the_rim_the_lever_is_as_long_as_told(planar):
     tops = geometry(planar).tops
     for name, lever in (("half-lever", 0.5), ("no-lever", 0.0), ("smoothstep", 1.0)):
-        found = shares(STRANGERS[name], planar, (0.0, tops[0, 3, 1]))
-        middle = np.einsum("nm,nmd->d", found, tops)
+        weights = shares(STRANGERS[name], planar, (0.0, tops[0, 3, 1]))
+        middle = np.einsum("nm,nmd->d", weights, tops)
         assert middle[0] == pytest.approx(tops[0, 0, 0] * (1 - lever), abs=1e-5)
 
 
@@ -53,9 +53,9 @@ def test_a_gaussian_falls_with_the_distance(planar):
     tops = geometry(planar).tops
     near, far = Gaussian(width=1e-3), Gaussian(width=10e-3)
     assert shares(near, planar, tops[2, 2] + 1e-3)[2, 2] == pytest.approx(1.0)
-    found = shares(far, planar, tops[2, 3])
+    weights = shares(far, planar, tops[2, 3])
     ratio = np.exp(-((tops[3, 3, 0] - tops[2, 3, 0]) ** 2) / 2e-4)
-    assert found[3, 3] / found[2, 3] == pytest.approx(ratio, rel=1e-3)
+    assert weights[3, 3] / weights[2, 3] == pytest.approx(ratio, rel=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -122,14 +122,14 @@ class Demonstration:
     def broken(self) -> tuple[str, ...]:
         """Sentences about what was not kept, beside the numbers of the summary."""
         words = ", ".join(f"{name} {count}" for name, count in self.exceeded.items() if count)
-        able, asked, told = self.summary.rate_hz, self.asked_hz, []
+        able, asked, sentences = self.summary.rate_hz, self.asked_hz, []
         if words:
-            told.append(f"Limits were exceeded, each so often: {words}.")
+            sentences.append(f"Limits were exceeded, each so often: {words}.")
         if able < asked:
-            told.append(f"This machine can only turn {able:g} of {asked:g} readings a second.")
+            sentences.append(f"This machine can only turn {able:g} of {asked:g} readings a second.")
         if self.not_recorded:
-            told.append(f"{self.not_recorded}.")
-        return tuple(told)
+            sentences.append(f"{self.not_recorded}.")
+        return tuple(sentences)
 
     @property
     def kept(self) -> bool:
@@ -254,8 +254,10 @@ def demonstrate(
             say(f"Touch {number + 1} of {len(presses)}, at ({x:.0f}, {y:.0f}) mm.")
             stage.play(press, number, lambda moment: watch(stage, moment))
     able = len(stage.moments) / stage.busy
-    found = judged(stage.moments, presses, limits or Limits(), able)
-    return replace(found, asked_hz=rate, not_recorded="" if recorder is None else recorder.failure)
+    demonstration = judged(stage.moments, presses, limits or Limits(), able)
+    return replace(
+        demonstration, asked_hz=rate, not_recorded="" if recorder is None else recorder.failure
+    )
 
 
 def _posed(design: SkinDesign, table: ResponseTable, pose: Callable[[], Pose]) -> Estimator:

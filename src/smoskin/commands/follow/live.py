@@ -147,7 +147,7 @@ def _heed(
     first: float | None = None
     for estimate in loop:
         first = estimate.time if first is None else first
-        for word in _said(words):
+        for word in _drained(words):
             if word == "quit":
                 return
             obey(word)
@@ -231,7 +231,7 @@ def _robot(name: str, chain: Chain) -> Arm:
     return kinds[kind](host, chain)
 
 
-def _said(words: "queue.Queue[str]") -> Iterator[str]:
+def _drained(words: "queue.Queue[str]") -> Iterator[str]:
     """What people have said since."""
     while not words.empty():
         yield words.get().strip().lower()

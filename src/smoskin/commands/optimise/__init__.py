@@ -336,7 +336,7 @@ def compare_bounds(
 ) -> tuple[Side, ...]:
     """Bounds of both designs, as designed and as made."""
     return _sides(
-        *(_bounds(one, places, force=force, unmodelled=unmodelled) for one in (before, after))
+        *(_bounds(design, places, force=force, unmodelled=unmodelled) for design in (before, after))
     )
 
 

@@ -72,7 +72,7 @@ class Characterisation:
 
         table = Table("figure", "value", "of", "in the paper")
         for figure in self.figures:
-            table.add_row(figure.title, *_said(figure), figure.printed)
+            table.add_row(figure.title, *_cells(figure), figure.printed)
         return (table,)
 
 
@@ -148,7 +148,7 @@ def write_report(
         draw_courses(done.courses).savefig(picture, format="svg", metadata={"Date": None})
     worlds = "; ".join(dict.fromkeys(recorded.world for recorded in done.recordings))
     figures = [("figure", "value", "of", "in the paper", "equation", "source")]
-    figures += [(f.title, *_said(f), f.printed, f.equation, f.source) for f in done.figures]
+    figures += [(f.title, *_cells(f), f.printed, f.equation, f.source) for f in done.figures]
     parts = [
         (f.title, [("where", f.unit), *((label, f"{value:.4g}") for label, value in f.parts)])
         for f in done.figures
@@ -164,13 +164,13 @@ def write_report(
         picture.getvalue(),
         "force, depth and signal of the touches",
     )
-    said = json.dumps(done.as_json(), indent=2, ensure_ascii=False) + "\n"
-    for file, content in zip(files, (said.encode(), page, picture.getvalue()), strict=True):
+    document = json.dumps(done.as_json(), indent=2, ensure_ascii=False) + "\n"
+    for file, content in zip(files, (document.encode(), page, picture.getvalue()), strict=True):
         write_output(file, content)
     return files
 
 
-def _said(figure: Figure) -> tuple[str, str]:
+def _cells(figure: Figure) -> tuple[str, str]:
     """Value with its deviation and how many it is of; or why there is none."""
     measured = figure.measured
     if figure.reason:

@@ -124,10 +124,12 @@ def _noise(courses: Sequence[Course]) -> Made:
     each = [noise(course.still) for course in courses if len(course.still) >= 3]
     if not each:
         raise _Lacking("no rest before a touch has three good readings")
-    steps = np.array([one.count - 1 for one in each])
-    squares = np.array([one.value for one in each]) ** 2
+    steps = np.array([measured.count - 1 for measured in each])
+    squares = np.array([measured.value for measured in each]) ** 2
     sigma = float((squares @ steps / steps.sum()) ** 0.5)
-    relative = np.array([one.deviation / one.value if one.value else 0.0 for one in each])
+    relative = np.array(
+        [measured.deviation / measured.value if measured.value else 0.0 for measured in each]
+    )
     spread = sigma * float(np.sqrt((relative * steps) @ (relative * steps)) / steps.sum())
     count = int(steps.sum()) + len(steps)
     return _in_unit(Measured(value=sigma, deviation=spread, count=count), 1e6), []
@@ -184,10 +186,12 @@ def _repeatability(courses: Sequence[Course]) -> Made:
         whole.append(each)
     if not whole:
         raise _Lacking("no touch was made three times at one place with one force")
-    free = np.array([one.count - 1 for one in whole])
-    share = float((np.array([one.value for one in whole]) ** 2 @ free / free.sum()) ** 0.5)
+    free = np.array([measured.count - 1 for measured in whole])
+    share = float(
+        (np.array([measured.value for measured in whole]) ** 2 @ free / free.sum()) ** 0.5
+    )
     spread = share * (0.5 / float(free.sum())) ** 0.5
-    count = sum(one.count for one in whole)
+    count = sum(measured.count for measured in whole)
     return _in_unit(Measured(value=share, deviation=spread, count=count), 100.0), parts
 
 

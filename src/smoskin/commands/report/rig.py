@@ -82,23 +82,23 @@ def lag_of(touch: HeldTouch, course: Course) -> float:
     return float(shifts[best] + (0.5 * _STEP * (before - after) / bend if bend < 0.0 else 0.0))
 
 
-def _correlation(one: Floats, other: Floats) -> float:
+def _correlation(first: Floats, second: Floats) -> float:
     """Correlation of two series; 0 where one does not change."""
-    one, other = one - one.mean(), other - other.mean()
-    size = float(np.linalg.norm(one) * np.linalg.norm(other))
-    return float(one @ other) / size if size > 0.0 else 0.0
+    first, second = first - first.mean(), second - second.mean()
+    size = float(np.linalg.norm(first) * np.linalg.norm(second))
+    return float(first @ second) / size if size > 0.0 else 0.0
 
 
 def rig_figures(compliance: Measured, lags: Sequence[float]) -> tuple[Figure, ...]:
     """Both as figures of a report, with why they are not known."""
     return (
-        _told(
+        _filled(
             _COMPLIANCE,
             compliance,
             lambda m: 1e6 * m,
             "no recording of a rigid block was given, with gauge and stage",
         ),
-        _told(
+        _filled(
             _LAG,
             mean_of(lags),
             lambda m: 1e3 * m,
@@ -107,7 +107,7 @@ def rig_figures(compliance: Measured, lags: Sequence[float]) -> tuple[Figure, ..
     )
 
 
-def _told(figure: Figure, measured: Measured, unit: Callable[[float], float], why: str) -> Figure:
+def _filled(figure: Figure, measured: Measured, unit: Callable[[float], float], why: str) -> Figure:
     if not measured.count:
         return replace(figure, reason=why)
     value, deviation = unit(measured.value), unit(measured.deviation)

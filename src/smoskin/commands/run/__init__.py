@@ -359,12 +359,12 @@ def _design_of(
     """The given design, which must be the source's, or the source's own, which a board may lack."""
     own = source.design_hash
     if design is None:
-        found = source.design
-        if found is None and needed:
+        own_design = source.design
+        if own_design is None and needed:
             raise ArgumentError(
                 f"design must be given, or a learned model of it: {url!r} does not name it"
             )
-        return found
+        return own_design
     if own is not None:
         design.check_own(f"source {url!r}", own)
     if source.chips != len(design.halls):

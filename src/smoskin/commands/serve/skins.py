@@ -297,8 +297,8 @@ class Service(Resource):
 def counters_line(counters: dict[str, Any]) -> str:
     """Counters of all skins in a line for people."""
     return "; ".join(
-        f"{name} {told['state']}, {told['readings']} readings"
-        + (f" at {told['rate_hz']:.0f} Hz" if told["rate_hz"] else "")
-        + f", {told['touches']} touches"
-        for name, told in counters.items()
+        f"{name} {skin['state']}, {skin['readings']} readings"
+        + (f" at {skin['rate_hz']:.0f} Hz" if skin["rate_hz"] else "")
+        + f", {skin['touches']} touches"
+        for name, skin in counters.items()
     )

@@ -225,14 +225,14 @@ def _write_refusal(error: TooBentError, surface: str, cells: tuple[int, int], ou
     """Write what a surface that is refused asks too much of, and take away any older sheet."""
     for name in (*_ALWAYS, *_SOUND, _DESIGN):
         (out / name).unlink(missing_ok=True)
-    told = {
+    refusal = {
         "holds": False,
         "gates": [error.gate.as_json()],
         "surface": surface,
         "cells": list(cells),
         "advice": str(error),
     }
-    write_output(out / "validity.json", json.dumps(told, indent=1).encode())
+    write_output(out / "validity.json", json.dumps(refusal, indent=1).encode())
 
 
 def _write(report: TessellationReport, out: Path) -> None:
@@ -240,12 +240,12 @@ def _write(report: TessellationReport, out: Path) -> None:
     made = report.made
     title = f"{report.cells[0]} x {report.cells[1]} cells on {report.surface}"
     values = report.as_json()
-    told = [name for name in values if name not in ("holds", "folds", "gates", "advice", "files")]
+    keys = [name for name in values if name not in ("holds", "folds", "gates", "advice", "files")]
     picture = _picture(made, title)
     verdict = f"This sheet must not be cut: {made.advice}." if made.advice else "Every gate holds."
     names = [file.name for file in report.files]
     contents: dict[str, bytes | str] = {
-        "validity.json": documents.validity(made, **{name: values[name] for name in told}),
+        "validity.json": documents.validity(made, **{name: values[name] for name in keys}),
         "report.html": report_page(title, verdict, report.sections, names, picture),
         "fold.html": fold_page(made, title),
         "sheet.svg": picture,

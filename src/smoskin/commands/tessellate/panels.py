@@ -48,11 +48,11 @@ def panels_for(design: SkinDesign, made: Tessellation, planar: Tessellation) -> 
     should, the thickest that there is room for are kept.
     """
     panels, reason = _chosen(design, made, planar)
-    told = panels.design
-    if told != design:
+    chosen = panels.design
+    if chosen != design:
         why = Provenance(origin="assumed", reason=reason)
-        told = replace(told, provenance={**told.provenance, "panels.thickness": why})
-    return replace(panels, design=told, reason=reason)
+        chosen = replace(chosen, provenance={**chosen.provenance, "panels.thickness": why})
+    return replace(panels, design=chosen, reason=reason)
 
 
 def _chosen(design: SkinDesign, made: Tessellation, planar: Tessellation) -> tuple[Panelled, str]:
@@ -63,15 +63,15 @@ def _chosen(design: SkinDesign, made: Tessellation, planar: Tessellation) -> tup
         why = f"plates of {_mm(made.plate)}, as creases leave no room for {_mm(own)}"
     if not made.folds:
         return first, why
-    told = f"a press folds its cell by {first.relative:.3f} of what it does on a plane"
+    folding = f"a press folds its cell by {first.relative:.3f} of what it does on a plane"
     if first.relative >= LEAST_SHARE:
-        return first, f"{why}; {told}"
+        return first, f"{why}; {folding}"
     for plate in thinner_plates(made.plate):
         panels = _with(design, plate, made, planar)
         if panels.relative >= LEAST_SHARE:
-            why = f"plates of {_mm(plate)}, as with {_mm(made.plate)} {told}"
+            why = f"plates of {_mm(plate)}, as with {_mm(made.plate)} {folding}"
             return panels, f"{why}, with these by {panels.relative:.3f}"
-    return first, f"{why}; {told}, and with no plates that are sold by {LEAST_SHARE}"
+    return first, f"{why}; {folding}, and with no plates that are sold by {LEAST_SHARE}"
 
 
 def _with(design: SkinDesign, plate: float, made: Tessellation, planar: Tessellation) -> Panelled:

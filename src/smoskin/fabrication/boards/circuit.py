@@ -165,25 +165,25 @@ def _chip(k: int, site: HallSite) -> list[Component]:
 
 def faults(circuit: Circuit) -> tuple[str, ...]:
     """Broken electrical rules of a circuit, each in a sentence; none for one that works."""
-    found = [*_pin_faults(circuit), *_net_faults(circuit)]
+    broken = [*_pin_faults(circuit), *_net_faults(circuit)]
     chips = [c for c in circuit.components if c.part is parts.MLX90393]
     for chip in chips:
-        found += _address_faults(chip)
+        broken += _address_faults(chip)
         mine = [c for c in circuit.components if c.serves == chip.reference]
         steady = sum(set(c.nets.values()) == {SUPPLY, GROUND} for c in mine)
         needed = sum(role == "supply" for _, role in chip.part.pins.values())
         if steady < needed:
-            found.append(
+            broken.append(
                 f"{chip.reference} needs {needed} capacitors from {SUPPLY} to {GROUND} beside it; "
                 f"got {steady}"
             )
     answers = Counter(address for chip in chips if (address := _strapped(chip)) is not None)
     for address, many in sorted(answers.items()):
         if many > 1:
-            found.append(f"{many} chips answer at the address {address:#x}; it must be one")
+            broken.append(f"{many} chips answer at the address {address:#x}; it must be one")
     if circuit.floating and any(c.part is parts.PICO for c in circuit.components):
-        found.append("the microcontroller must stand on the base, not on the floating board")
-    return tuple(found)
+        broken.append("the microcontroller must stand on the base, not on the floating board")
+    return tuple(broken)
 
 
 def _pin_faults(circuit: Circuit) -> Iterator[str]:

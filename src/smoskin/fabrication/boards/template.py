@@ -107,10 +107,10 @@ def skin_layout(design: SkinDesign) -> Layout:
     circuit, first = skin_circuit(design), None
     for sides, edge in product(_sides(sorted(set(_rows(design)))), (-1, 1)):
         layout = _Router(design, circuit, sides, edge).layout(thickness)
-        found = layout_faults(layout)
-        if not found:
+        faults = layout_faults(layout)
+        if not faults:
             return layout
-        first = first or found[0]
+        first = first or faults[0]
     raise DesignError(f"the board of {design.name!r} has no room: {first}")
 
 

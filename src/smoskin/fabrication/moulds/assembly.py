@@ -11,7 +11,7 @@ import shapely
 import shapely.affinity
 from shapely import Polygon
 
-from smoskin.design.skin import Magnet, SkinDesign
+from smoskin.design.skin import SkinDesign
 from smoskin.errors import DesignError
 from smoskin.fabrication.layout import columns_developed, magnet_height, pillar_places, pose
 from smoskin.fabrication.moulds.covers import covers, guide
@@ -242,9 +242,10 @@ def base(design: SkinDesign, workshop: Workshop) -> list[Part]:
         middle, there = magnet_height(design, magnet), pose(design, place)
         low, high = middle - magnet.height / 2, middle + magnet.height / 2
         if high > top:
+            gap = min(site.gap for site in design.halls if site.magnet == magnet.name)
             raise DesignError(
                 f"magnet {magnet.name!r} must lie below the base's face, its gap at least "
-                f"{1e3 * least:.2f} mm; got {1e3 * _gap(design, magnet):.2f} mm"
+                f"{1e3 * least:.2f} mm; got {1e3 * gap:.2f} mm"
             )
         floor = min(floor, low - BASE_FLOOR)
         pocket = disc((0.0, 0.0), magnet.radius + workshop.fit)
@@ -261,11 +262,6 @@ def base(design: SkinDesign, workshop: Workshop) -> list[Part]:
     for pocket in pockets:
         solid = solid - pocket
     return [replace(whole, solid=solid, slabs=() if pockets else whole.slabs), *parts]
-
-
-def _gap(design: SkinDesign, magnet: Magnet) -> float:
-    """Least gap of the chips that watch a magnet, m."""
-    return min(site.gap for site in design.halls if site.magnet == magnet.name)
 
 
 def top(design: SkinDesign, workshop: Workshop) -> list[Part]:

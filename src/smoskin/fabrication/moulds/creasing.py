@@ -49,12 +49,12 @@ def creasing_moulds(design: SkinDesign, workshop: Workshop, sheet: FlatSheet) ->
     """
     parts = []
     for number, share in enumerate(FOLD_STAGES, 1):
-        lower, upper, facets, told = faces(design, workshop, sheet, share)
+        lower, upper, facets, closing = faces(design, workshop, sheet, share)
         bottom, top = float(lower[:, 2].min()), float(upper[:, 2].max())
         die = under_surface(np.add(lower, [0.0, 0.0, _FLOOR - bottom]), facets, 0.0)
         over = upper * [1.0, -1.0, -1.0] + [0.0, 0.0, top + _FLOOR]
         punch = under_surface(over, facets[:, ::-1], 0.0)
-        title = f"stage {number} of {len(FOLD_STAGES)}: {told}"
+        title = f"stage {number} of {len(FOLD_STAGES)}: {closing}"
         parts += [
             Part(name=f"crease_{name}_{number}", title=f"creasing {name}, {title}", solid=solid)
             for solid, name in ((die, "die"), (punch, "punch"))
@@ -280,10 +280,10 @@ def _on_limb(
         )
     away = workshop.plate(design) + workshop.fit
     lower, upper = (_offset(vertices, facets, by) for by in (-away, away))
-    told = "closes on the panels' faces"
+    closing = "closes on the panels' faces"
     if many < rows:
-        told += f"; {many} of {rows} rows of cells at once, moved on row by row"
-    return lower, upper, facets, told
+        closing += f"; {many} of {rows} rows of cells at once, moved on row by row"
+    return lower, upper, facets, closing
 
 
 def _normals(vertices: Floats, facets: Ints) -> Floats:

@@ -50,7 +50,7 @@ def split(
     for axis in (0, 1):
         solid = _pinned(solid, cuts, axis)
     pieces = _sliced(solid, cuts[0], 0)
-    pieces = [piece for one in pieces for piece in _sliced(one, cuts[1], 1)]
+    pieces = [piece for strip in pieces for piece in _sliced(strip, cuts[1], 1)]
     pieces = [piece for piece in pieces if not piece.is_empty()]
     return [
         replace(

@@ -199,5 +199,5 @@ def _solid_of(shape: Any) -> Any:
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopExp import TopExp_Explorer
 
-    found = TopExp_Explorer(shape, TopAbs_ShapeEnum.TopAbs_SOLID)
-    return found.Current()
+    explorer = TopExp_Explorer(shape, TopAbs_ShapeEnum.TopAbs_SOLID)
+    return explorer.Current()

@@ -101,25 +101,25 @@ class AsciiGauge(Gauge):
         self._line.close()
 
 
-def newtons(said: str) -> float:
+def newtons(reply: str) -> float:
     """Force of a gauge's answer, N; a `SourceError` where it is no force, or a coarse one."""
-    reading = _READING.fullmatch(said)
+    reading = _READING.fullmatch(reply)
     if reading is None:
         raise SourceError(
-            f"the gauge answered {said[:40]!r}, which is no reading: it must answer ? with a "
+            f"the gauge answered {reply[:40]!r}, which is no reading: it must answer ? with a "
             "number and its unit"
         )
     sign, whole, part, unit = reading.groups()
     if unit not in _UNITS:
         raise SourceError(
-            f"the gauge must tell its unit, one of {', '.join(_UNITS)}; got {said[:40]!r}: set it "
+            f"the gauge must tell its unit, one of {', '.join(_UNITS)}; got {reply[:40]!r}: set it "
             "to newtons, and its data format to number and unit"
         )
     step = 10.0 ** -len(part or "") * _UNITS[unit]
     if step > _COARSEST * (1 + 1e-9):
         raise SourceError(
             f"the gauge reads in steps of {1e3 * step:.3g} mN, which must be at most "
-            f"{1e3 * _COARSEST:g} mN; got {said[:40]!r}: set it to newtons, or take a finer one"
+            f"{1e3 * _COARSEST:g} mN; got {reply[:40]!r}: set it to newtons, or take a finer one"
         )
     value = float(f"{whole}.{part or '0'}") * _UNITS[unit]
     return -value if sign == "-" else value

@@ -42,20 +42,20 @@ class TextLine(Resource):
 
     def line(self, timeout: float) -> str:
         """The next line that is not empty, without its end; `SourceError` if none comes in time."""
-        said = self.heard(timeout)
-        if said is None:
+        line = self.heard(timeout)
+        if line is None:
             raise self.silence(timeout)
-        return said
+        return line
 
     def heard(self, timeout: float) -> str | None:
         """The next line that is not empty, without its end; None if none comes in time."""
         end = time.monotonic() + timeout
         while True:
-            text, found, rest = self._heard.partition(b"\n")
-            if found:
+            text, newline, rest = self._heard.partition(b"\n")
+            if newline:
                 self._heard = rest
-                if said := text.decode("ascii", "replace").strip():
-                    return said
+                if line := text.decode("ascii", "replace").strip():
+                    return line
                 continue
             if len(self._heard) > _LONGEST:
                 raise SourceError(

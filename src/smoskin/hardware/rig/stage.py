@@ -136,31 +136,31 @@ class GrblStage(Stage):
     def _accept(self) -> None:
         """Wait until the controller has taken a line."""
         end = time.monotonic() + _ANSWER
-        while (said := self._line.line(max(end - time.monotonic(), 0.0))) != "ok":
-            if said.startswith("error:"):
-                code = said.removeprefix("error:")
+        while (line := self._line.line(max(end - time.monotonic(), 0.0))) != "ok":
+            if line.startswith("error:"):
+                code = line.removeprefix("error:")
                 raise SourceError(
                     f"the stage refused a move: {_ERRORS.get(code, f'GRBL error {code}')}; look "
                     "at the origin, the plan and the stage's own travel"
                 )
-            _raise_alarm(said)
+            _raise_alarm(line)
 
     def _look(self) -> tuple[str, Floats]:
         """State and place of the stage, from its next status report."""
         end = time.monotonic() + _ANSWER
         while time.monotonic() < end:
             self._line.send(b"?")
-            while (said := self._line.heard(_REPORTING)) is not None:
-                _raise_alarm(said)
-                if said.startswith("<"):
-                    if (place := self._place(said)) is not None:
+            while (line := self._line.heard(_REPORTING)) is not None:
+                _raise_alarm(line)
+                if line.startswith("<"):
+                    if (place := self._place(line)) is not None:
                         return place
                     break
         raise self._line.silence(_ANSWER)
 
-    def _place(self, said: str) -> tuple[str, Floats] | None:
+    def _place(self, line: str) -> tuple[str, Floats] | None:
         """State and place of a report; None where it tells none, or not yet by which offset."""
-        report = _REPORT.fullmatch(said)
+        report = _REPORT.fullmatch(line)
         if report is None:
             return None
         state, rest = report.groups()
@@ -184,10 +184,10 @@ class GrblStage(Stage):
         return None
 
 
-def _raise_alarm(said: str) -> None:
+def _raise_alarm(line: str) -> None:
     """Raise where a line is an alarm."""
-    if said.startswith("ALARM:"):
-        code = said.removeprefix("ALARM:")
+    if line.startswith("ALARM:"):
+        code = line.removeprefix("ALARM:")
         raise SourceError(
             f"the stage is in alarm: {_ALARMS.get(code, f'GRBL alarm {code}')}; free the probe by "
             "hand, home the stage ($H) and begin again"

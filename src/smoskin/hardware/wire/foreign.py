@@ -48,14 +48,14 @@ class Step(NamedTuple):
 
 def _steps() -> tuple[Step, ...]:
     """The distinct steps of the chip's 32 gains and resolutions, the finest first."""
-    found: dict[float, Step] = {}
+    steps: dict[float, Step] = {}
     for gain in range(8):
         for resolution in range(4):
             step = mlx90393.sensitivity(_setting(gain, resolution)) / _MICROTESLA
             key = round(float(step[0]), 9)
-            pairs = found[key].pairs if key in found else ()
-            found[key] = Step(float(step[0]), float(step[2]), (*pairs, (gain, resolution)))
-    return tuple(found[key] for key in sorted(found))
+            pairs = steps[key].pairs if key in steps else ()
+            steps[key] = Step(float(step[0]), float(step[2]), (*pairs, (gain, resolution)))
+    return tuple(steps[key] for key in sorted(steps))
 
 
 def _setting(gain: int, resolution: int) -> HallSetting:

@@ -67,9 +67,9 @@ def load_coupling(design: SkinDesign, readings: Floats) -> Floats:
     unit = tangent.solve(place, _unit_loads(made)).reshape(*shape, 3 * count)
     lever = tangent.solve(place, np.moveaxis(readings, 0, -1))
     bent = []
-    for one in np.moveaxis(unit, -1, 0):
+    for motion in np.moveaxis(unit, -1, 0):
         ends = [
-            tangent.blocks(rest.motion + sign * _STEP * one, rest.board, fold=1.0)
+            tangent.blocks(rest.motion + sign * _STEP * motion, rest.board, fold=1.0)
             for sign in (1.0, -1.0)
         ]
         bent.append((_pushed(made, ends[0], lever) - _pushed(made, ends[1], lever)) / (2 * _STEP))

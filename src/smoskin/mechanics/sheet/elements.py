@@ -107,16 +107,16 @@ def fold_curvature(arms: Array, moved: Array) -> Array:
     return curvature
 
 
-def dot(one: Array, other: Array) -> Array:
+def dot(left: Array, right: Array) -> Array:
     """Product of vectors in the last axis but one."""
-    products = one * other
+    products = left * right
     return products[..., 0, :] + products[..., 1, :] + products[..., 2, :]
 
 
-def _cross(one: Array, other: Array) -> Array:
+def _cross(left: Array, right: Array) -> Array:
     """Cross product of vectors in the last axis but one."""
-    a, b, c = one[..., 0, :], one[..., 1, :], one[..., 2, :]
-    d, e, f = other[..., 0, :], other[..., 1, :], other[..., 2, :]
+    a, b, c = left[..., 0, :], left[..., 1, :], left[..., 2, :]
+    d, e, f = right[..., 0, :], right[..., 1, :], right[..., 2, :]
     return jnp.stack([b * f - c * e, c * d - a * f, a * e - b * d], axis=-2)
 
 

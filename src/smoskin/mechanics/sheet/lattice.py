@@ -356,8 +356,8 @@ def _bars(sheet: Sheet, diagonals: Ints, cell: MiuraCell, panels: Panels) -> tup
 def _crease_hinges(sheet: Sheet, diagonals: Ints) -> Ints:
     """Each crease and the far corner of the triangle on either side, (C, 4)."""
     far: dict[tuple[int, int], list[int]] = {}
-    for start, end, one, other in diagonals.tolist():
-        for wing in (one, other):
+    for start, end, left, right in diagonals.tolist():
+        for wing in (left, right):
             for near, beyond in ((start, end), (end, start)):
                 far.setdefault((min(near, wing), max(near, wing)), []).append(beyond)
     return np.array(

@@ -139,13 +139,13 @@ def reason(sheet: Candidate, failed: Sequence[Gate]) -> str:
     sectors = [gate for gate in failed if "sector_angle" in gate.name]
     worst = (sectors or failed)[0]
     unit = "" if worst.unit == "1" else f" {worst.unit}"
-    told = f"{worst.name} is {worst.value:.4g}{unit}, its limit {worst.limit:.4g}"
+    text = f"{worst.name} is {worst.value:.4g}{unit}, its limit {worst.limit:.4g}"
     if worst in sectors and worst.where is not None:
-        told += f", at {_millimetres(sheet.vertices[sheet.net.corners.at[worst.where]])}"
+        text += f", at {_millimetres(sheet.vertices[sheet.net.corners.at[worst.where]])}"
     away = sheet.layers[:, :2].mean(axis=0)
     if worst.name == "coverage" and np.abs(away).max() > _AWAY:
-        told += f"; the sheet's middle lies {_millimetres(away)} away from the patch's"
-    return told
+        text += f"; the sheet's middle lies {_millimetres(away)} away from the patch's"
+    return text
 
 
 def _millimetres(place: Floats) -> str:

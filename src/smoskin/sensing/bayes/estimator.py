@@ -156,12 +156,12 @@ class BayesEstimator(SignalEstimator):
         self._warm_to(temperature)
         if self._is_lost(time, signals):
             return Estimate(time=time, status=Status.OUT_OF_RANGE)
-        found = self._likeliest(time, signals)
-        if found.misfit > _WORST * self.table.count:
+        posterior = self._likeliest(time, signals)
+        if posterior.misfit > _WORST * self.table.count:
             self._forget()
             self._lost = time, signals
             return Estimate(time=time, status=Status.OUT_OF_RANGE)
-        values, covariance = self._touches(found)
+        values, covariance = self._touches(posterior)
         if len(values) == 1:
             self._rest(time, values[0], covariance[0])
         else:
@@ -201,8 +201,8 @@ class BayesEstimator(SignalEstimator):
         nothing = self._priors.chances[0]
         zero, amiss = self._signals.followed, self._signals.bent_amiss(signals)
         self._solver.add_noise(zero.covariance + amiss)
-        one = self._solver.single(signals)
-        return one.evidence > density + math.log(nothing or 1e-300)
+        touch = self._solver.single(signals)
+        return touch.evidence > density + math.log(nothing or 1e-300)
 
     def _is_lost(self, time: float, signals: Floats) -> bool:
         """Whether nothing explained signals like these a moment ago."""
@@ -212,19 +212,19 @@ class BayesEstimator(SignalEstimator):
         near = np.linalg.norm(signals - before) < _NEAR * np.linalg.norm(before)
         return bool(near and time - since < _LOST)
 
-    def _touches(self, found: TouchPosterior) -> tuple[Floats, Floats]:
+    def _touches(self, posterior: TouchPosterior) -> tuple[Floats, Floats]:
         """Touch vectors (K, 5), and their covariance (K, 5, 5), others being as likely."""
-        values, covariance = self._unwarped(found)
-        covariance *= found.share
-        for other in found.others:
+        values, covariance = self._unwarped(posterior)
+        covariance *= posterior.share
+        for other in posterior.others:
             there, spread = self._unwarped(other)
             away = there - values
             covariance += other.share * (spread + away[:, :, None] * away[:, None])
         return values, covariance
 
-    def _unwarped(self, found: TouchPosterior) -> tuple[Floats, Floats]:
+    def _unwarped(self, posterior: TouchPosterior) -> tuple[Floats, Floats]:
         """Touch vectors and their covariance of what loads the sheet."""
-        values, covariance = np.array(found.values), np.array(found.covariance)
+        values, covariance = np.array(posterior.values), np.array(posterior.covariance)
         for axis, unwarp in enumerate(self._unwarps):
             if unwarp.is_none:
                 continue
@@ -250,23 +250,23 @@ class BayesEstimator(SignalEstimator):
         if rival and two and two.evidence > rival.at_best(signals, zero.turned):
             return two
         before, self._leads = self._leads, {}
-        one = best = self._follow("single", time, signals, before)
-        if one.misfit < _DOUBT * count:
+        single = best = self._follow("single", time, signals, before)
+        if single.misfit < _DOUBT * count:
             two = None
         elif two:
             self._leads["pair"] = before["pair"]
         elif self._priors.chances[2] > 0:
             two = self._pair(time, signals, before)
-        self._rival = rival = Rival(time, signals, solver.whitener(one), one)
+        self._rival = rival = Rival(time, signals, solver.whitener(single), single)
         if two and two.evidence > rival.at_best(signals, zero.turned):
             return two
         turned = False
-        if one.misfit > _STIRRED * count and (turn := zero.turned).any():
+        if single.misfit > _STIRRED * count and (turn := zero.turned).any():
             solver.add_noise(still + turn)
             other = self._follow("turned", time, signals, before)
-            if other.evidence + _TURNS > one.evidence:
+            if other.evidence + _TURNS > single.evidence:
                 best, turned = other, True
-        if one.misfit < _DOUBT * count:
+        if single.misfit < _DOUBT * count:
             self._alone = LoneTouch(time, best)
         elif two and two.evidence > best.evidence + (_TURNS if turned else 0.0):
             return two
@@ -303,11 +303,11 @@ class BayesEstimator(SignalEstimator):
         guess, enough = (lead.values, lead.enough(time, signals)) if lead else (None, 0.0)
         if lead and lead.is_left(signals, enough):
             guess, enough = None, 0.0
-        found = solve(signals, guess, *standing, enough=enough)
-        if lead is None or found.misfit > enough:
-            lead = Lead(time, found.guesses, signals, found.misfit)
-        self._leads[way] = lead._replace(values=found.guesses)
-        return found
+        posterior = solve(signals, guess, *standing, enough=enough)
+        if lead is None or posterior.misfit > enough:
+            lead = Lead(time, posterior.guesses, signals, posterior.misfit)
+        self._leads[way] = lead._replace(values=posterior.guesses)
+        return posterior
 
 
 class Rival(NamedTuple):

@@ -260,9 +260,9 @@ class TouchProblem:
             cost += 0.5 * float(away @ precision @ away)
         return misfit, cost
 
-    def posterior(self, found: Descent, standing: Standing | None = None) -> TouchPosterior:
+    def posterior(self, end: Descent, standing: Standing | None = None) -> TouchPosterior:
         """What a descent has come to; how many touches there are is judged by the reading alone."""
-        return self._laplace(found, standing)[0]
+        return self._laplace(end, standing)[0]
 
     def posteriors(self, ends: list[Descent], standing: Standing | None = None) -> TouchPosterior:
         """The same of the first of several descents, beside which stand others as likely."""
@@ -282,14 +282,15 @@ class TouchProblem:
         shares = np.exp(np.array(heights) - max(heights))
         shares /= shares.sum()
         first, *others = (
-            one._replace(share=share) for one, share in zip(kept, shares.tolist(), strict=True)
+            posterior._replace(share=share)
+            for posterior, share in zip(kept, shares.tolist(), strict=True)
         )
         return first._replace(others=tuple(others[:_OTHERS]))
 
-    def _laplace(self, found: Descent, standing: Standing | None) -> tuple[TouchPosterior, float]:
+    def _laplace(self, end: Descent, standing: Standing | None) -> tuple[TouchPosterior, float]:
         """What a descent has come to, and the logarithm of how likely that is beside others."""
         count, rows = self._count, self.rows
-        information = found.slopes @ found.slopes.T
+        information = end.slopes @ end.slopes.T
         information.ravel()[:: len(information) + 1] += self._curvature
         inverse, log_det = inverse_and_log_det(information)
         log_det_known = log_det
@@ -297,7 +298,7 @@ class TouchProblem:
             information[:2, :2] += standing.precision
             inverse, log_det_known = inverse_and_log_det(information)
         values, covariance = np.zeros((count, 5)), np.zeros((count, 5, 5))
-        values[:, rows] = found.unknowns.reshape(count, -1)
+        values[:, rows] = end.unknowns.reshape(count, -1)
         values[:, 4] = -np.exp(values[:, 4])
         scale = np.ones(len(inverse))
         scale[self._presses] = values[:, 4]
@@ -305,12 +306,12 @@ class TouchProblem:
         blocks = inverse.reshape(count, len(rows), count, len(rows))
         for k in range(count):
             covariance[k, rows[:, None], rows] = blocks[k, :, k]
-        fit = -0.5 * float(np.log1p(found.squared * self._power).sum())
-        evidence = self._constant + fit - 0.5 * (found.misfit + log_det)
-        height = fit - found.cost - 0.5 * log_det_known
+        fit = -0.5 * float(np.log1p(end.squared * self._power).sum())
+        evidence = self._constant + fit - 0.5 * (end.misfit + log_det)
+        height = fit - end.cost - 0.5 * log_det_known
         if count == 2 and math.dist(values[0, :2], values[1, :2]) < APART:
             evidence = height = -math.inf
-        return TouchPosterior(values, covariance, found.misfit, evidence), height
+        return TouchPosterior(values, covariance, end.misfit, evidence), height
 
     def unknowns(self, values: Floats) -> Floats:
         """Unknowns (U,) of touches (K, 5)."""

@@ -95,6 +95,6 @@ def _intersected(
     joined = np.linalg.inv(_SHARES * sure_before + (1 - _SHARES) * sure)
     k = int(np.einsum("kii->k", joined).argmin())
     share = float(_SHARES[k, 0, 0])
-    told = share * (sure_before @ before) + (1 - share) * (sure @ place)
+    information = share * (sure_before @ before) + (1 - share) * (sure @ place)
     luck = min(_LUCK, float(spread.trace() / joined[k].trace()))
-    return joined[k] @ told, luck * joined[k]
+    return joined[k] @ information, luck * joined[k]

@@ -119,9 +119,9 @@ class TouchSolver:
             self._pair_starts = pair_starts(self.table, problem)
         return problem, self._pair_starts
 
-    def whitener(self, found: TouchPosterior) -> Floats:
+    def whitener(self, posterior: TouchPosterior) -> Floats:
         """W (C, C), 1/T, which turns signals into standard deviations for a single touch."""
-        return self._problem(1).whitener(float((found.values[:, 2:] ** 2).sum()))
+        return self._problem(1).whitener(float((posterior.values[:, 2:] ** 2).sum()))
 
     def _problem(self, touches: int) -> TouchProblem:
         """What is solved for so many touches under the noise of now."""
@@ -150,18 +150,20 @@ class TouchSolver:
             led = problem.descend_all(signals, guesses, standing, steps)
             if 2 * led[0].cost < max(fits, enough):
                 return problem.posteriors(led, standing)
-        begun = [problem.unknowns(one) for one in starts.best(signals, _STARTS[touches], standing)]
+        begun = [
+            problem.unknowns(start) for start in starts.best(signals, _STARTS[touches], standing)
+        ]
         tried: list[Descent] = []
         good = 0.5 * _GOOD * len(signals)
         for some in filter(None, (begun[:_FOLLOWED], begun[_FOLLOWED:])):
             if tried and tried[0].cost < good:
                 break
             tried += problem.descend_all(signals, np.array(some), standing, steps, good)
-            tried.sort(key=lambda found: found.cost)
+            tried.sort(key=lambda end: end.cost)
         if touches == 2 and tried and tried[0].cost >= good:
-            best = np.array([found.unknowns for found in tried[:_FOLLOWED]])
+            best = np.array([end.unknowns for end in tried[:_FOLLOWED]])
             tried = problem.descend_all(signals, best, standing)
-            tried.sort(key=lambda found: found.cost)
+            tried.sort(key=lambda end: end.cost)
         if tried and (standing is None or 2 * tried[0].cost < fits):
             return problem.posteriors(tried[: len(tried) if touches == 2 else 1], standing)
         if standing is not None:

@@ -139,31 +139,31 @@ def _rough(design: SkinDesign, touches: TouchTable) -> RoughFit | None:
 
 def _misfit(design: SkinDesign, touches: TouchTable) -> float:
     """Mean misfit of the touches; infinite where no skin explains them."""
-    found = _rough(design, touches)
-    return np.inf if found is None else float(found.misfit.mean())
+    fit = _rough(design, touches)
+    return np.inf if fit is None else float(fit.misfit.mean())
 
 
 def _mistake(design: SkinDesign, few: TouchTable, misfit: float) -> str | None:
     """The mistake of all touches, by few that misfit so; None where none that is known does it."""
     limit = min(_WELL, misfit / _FAR)
     for sentence, meant in _mistakes(design, few):
-        found = _rough(design, meant)
-        if found is None or found.misfit.mean() > limit:
+        fit = _rough(design, meant)
+        if fit is None or fit.misfit.mean() > limit:
             continue
-        if not 0.5 < np.median(found.calibration.field_factor) < 2.0:
+        if not 0.5 < np.median(fit.calibration.field_factor) < 2.0:
             continue
         pressed, given = (np.abs(table.force).max() for table in (meant, few))
-        stiffness = _sideways_stiffness(design, found.calibration)
+        stiffness = _sideways_stiffness(design, fit.calibration)
         return sentence or _force_scale(stiffness * given / pressed)
     return None
 
 
 def _exchanged_rows(design: SkinDesign, touches: TouchTable) -> str | None:
     """Two rows far worse than the others that explain each other's readings."""
-    found = _rough(design, touches)
-    if found is None:
+    fit = _rough(design, touches)
+    if fit is None:
         return None
-    misfit = found.misfit
+    misfit = fit.misfit
     odd = np.argsort(-misfit)[:_SUSPECTS]
     if misfit[odd[1]] < _FAR * max(float(np.median(misfit)), 1.0):
         return None

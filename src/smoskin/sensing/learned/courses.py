@@ -87,12 +87,12 @@ def examples_of_courses(courses: Sequence[Course]) -> Examples:
     targets = known[:, vary]
     lengths = [len(course.time) for course in courses]
     group, run = np.empty(len(known), dtype=np.int64), np.repeat(np.arange(len(courses)), lengths)
-    told = np.isfinite(targets).all(axis=1)
+    labelled = np.isfinite(targets).all(axis=1)
     for k in range(len(courses)):
         mine = run == k
         # As many readings with an answer in each part, wherever in the course they are.
-        before = np.cumsum(told[mine]) - told[mine]
-        if (count := int(told[mine].sum())) < 2 * _PARTS:
+        before = np.cumsum(labelled[mine]) - labelled[mine]
+        if (count := int(labelled[mine].sum())) < 2 * _PARTS:
             raise ArgumentError(
                 f"course {k + 1} must have {2 * _PARTS} readings of known force; got {count}"
             )

@@ -353,7 +353,7 @@ class LearnedEstimator(Estimator):
         """
         for reading in readings:
             check_chips(reading, self.model.chips_in_reading, "model")
-        good = [self._used(one.field) for one in readings if self._guard.bad(one) is None]
+        good = [self._used(each.field) for each in readings if self._guard.bad(each) is None]
         if not good:
             raise ArgumentError(
                 "readings must hold at least one in which the used chips are good; "

@@ -80,9 +80,9 @@ def places_of(position: Floats) -> Ints:
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    one, other = cKDTree(position).query_pairs(_ONE_PLACE, output_type="ndarray").T
+    first, second = cKDTree(position).query_pairs(_ONE_PLACE, output_type="ndarray").T
     count = len(position)
-    near = coo_array((np.ones(len(one)), (one, other)), shape=(count, count))
+    near = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
     return np.asarray(connected_components(near, directed=False)[1], dtype=np.int64)
 
 

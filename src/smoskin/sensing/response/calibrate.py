@@ -150,9 +150,9 @@ def calibrate_touches(
     priors = [table]
     if table.warp is None and table.warp_modes is not None:
         priors = [replace(table, warp_modes=factor * table.warp_modes) for factor in _WARPED]
-    found = [_posterior_weights(prior, touches, noise) for prior in priors]
+    posteriors = [_posterior_weights(prior, touches, noise) for prior in priors]
     table, (weights, covariance, misfit, _) = max(
-        zip(priors, found, strict=True), key=lambda one: one[1].evidence
+        zip(priors, posteriors, strict=True), key=lambda candidate: candidate[1].evidence
     )
     # The root of the covariance mixes the old modes into new ones of one deviation each.
     power, mixes = np.linalg.eigh(covariance)
@@ -205,10 +205,10 @@ class _Posterior(NamedTuple):
 
 def _posterior_weights(table: ResponseTable, touches: LabelledTouches, noise: Floats) -> _Posterior:
     """The posterior, by signals that are linear in the weights near those found before."""
-    found = _linear_posterior(table, touches, noise, np.zeros(len(table.modes)))
+    posterior = _linear_posterior(table, touches, noise, np.zeros(len(table.modes)))
     for _ in range(0 if table.warp_modes is None else _LINEAR - 1):
-        found = _linear_posterior(table, touches, noise, found.weights)
-    return found
+        posterior = _linear_posterior(table, touches, noise, posterior.weights)
+    return posterior
 
 
 def _linear_posterior(

@@ -85,7 +85,7 @@ class Evidence:
     ) -> Iterator["Evidence | None"]:
         """The same of several sets of as many touches, laid out at once; None for an error."""
         many = [
-            np.concatenate([getattr(one, name) for one in touches])
+            np.concatenate([getattr(labelled, name) for labelled in touches])
             for name in ("position", "force", "signals", "temperature")
         ]
         whole = replace(
@@ -94,13 +94,13 @@ class Evidence:
         labels = _Labels.of(table, whole, noise)
         for begin in range(0, len(whole), len(touches[0])):
             part = slice(begin, begin + len(touches[0]))
-            one = cls.__new__(cls)
+            evidence = cls.__new__(cls)
             try:
-                one._know(_Labels(*(values[part] for values in labels)))
+                evidence._know(_Labels(*(values[part] for values in labels)))
             except np.linalg.LinAlgError:
                 yield None
             else:
-                yield one
+                yield evidence
 
     def _know(self, labels: _Labels) -> None:
         modes = labels.modes

@@ -227,16 +227,18 @@ def add_coupling(
     both = floats("signals", signals, (None, 3)).reshape(len(place), table.count)
     curvature = table_curvature(table) if curvature is None else curvature
     table = replace(table, grip=grip, curvature=curvature, coupling=coupling)
-    one, other = table.dragged(place, push)
+    first, second = table.dragged(place, push)
     softer = table.coupled(place, push)
-    missing = both - one - other - softer
+    missing = both - first - second - softer
     seen = np.arange(len(place)) % _HELD_OUT != 0
-    curvature = _fit_curvature(one[seen], other[seen], missing[seen], table.curvature, _PAIR_BLUR)
+    curvature = _fit_curvature(
+        first[seen], second[seen], missing[seen], table.curvature, _PAIR_BLUR
+    )
     # A calibration of single touches does not find how a made skin holds and bends otherwise.
     added = sum(table.signals(place[:, k], push[:, k]) for k in (0, 1))
     unsure = [
-        missing - cross_signals(curvature, one, other),
-        _MADE_GRIP * (one + other - added),
+        missing - cross_signals(curvature, first, second),
+        _MADE_GRIP * (first + second - added),
         _MADE_CURVATURE * missing,
         _MADE_COUPLING * softer,
     ]
@@ -248,29 +250,29 @@ def add_coupling(
 def table_curvature(table: ResponseTable) -> Floats:
     """The curvature (S, 3, 3, 3), 1/T, that a table shows: two forces at a place are their sum."""
     grid = middles_of_fields(table.basis.extent, _BENT_AT)
-    one, other = np.triu_indices(len(_BENT_BY))
+    i, j = np.triu_indices(len(_BENT_BY))
 
     def at_all(forces: Floats) -> Floats:
         place = np.repeat(grid, len(forces), axis=0)
         values = table.signals(place, np.tile(forces, (len(grid), 1)))
         return values.reshape(len(grid), len(forces), -1)
 
-    alone, both = at_all(_BENT_BY), at_all(_BENT_BY[one] + _BENT_BY[other])
-    first, second = (alone[:, index].reshape(-1, table.count) for index in (one, other))
+    alone, both = at_all(_BENT_BY), at_all(_BENT_BY[i] + _BENT_BY[j])
+    first, second = (alone[:, index].reshape(-1, table.count) for index in (i, j))
     missing = both.reshape(first.shape) - first - second
     none = np.zeros((len(table.chips), 3, 3, 3))
     return _fit_curvature(first, second, missing, none, _TABLE_BLUR)
 
 
 def _fit_curvature(
-    one: Floats, other: Floats, missing: Floats, prior: Floats, blur: float
+    first: Floats, second: Floats, missing: Floats, prior: Floats, blur: float
 ) -> Floats:
     """Curvature near a prior whose products of signals (B, C) make what their sums miss."""
     curvature = np.array(prior)
-    left = missing - cross_signals(prior, one, other)
+    left = missing - cross_signals(prior, first, second)
     for chip in range(len(prior)):
         part = slice(3 * chip, 3 * chip + 3)
-        a, b = one[:, part], other[:, part]
+        a, b = first[:, part], second[:, part]
         size = (a**2).mean(axis=0) + (b**2).mean(axis=0)
         if not size.any():
             continue

@@ -186,7 +186,7 @@ def judge_touches(
     likeliest = float(given.max())
     best = Suspicion("", likeliest, np.inf)
     for some in (mistakes.of_signals(evidence, axes), mistakes.of_labels(), mistakes.of_origin()):
-        best = max([best, *some], key=lambda one: one.gain)
+        best = max([best, *some], key=lambda suspicion: suspicion.gain)
         if best.stretch < _POOR and best.gain > likeliest + _NAMED:
             break
     warnings = []
@@ -236,18 +236,18 @@ class _Mistakes(NamedTuple):
             where = f"Bx, By and Bz seem to stand in the columns {columns}"
             tried.append((f"{where} of every chip", turned, 0.0))
             for chip in range(s):
-                one = np.array(signals)
-                one[:, chip] = turned[:, chip]
+                single = np.array(signals)
+                single[:, chip] = turned[:, chip]
                 name = self.table.chips[chip] + 1
-                tried.append((f"{where} of chip {name}", one, 0.0))
+                tried.append((f"{where} of chip {name}", single, 0.0))
         for i, j in self._pairs(_SUSPECTS):
             swapped = np.array(signals)
             swapped[[i, j]] = signals[[j, i]]
             tried.append((f"{self._both(i, j)} seem to have exchanged their labels", swapped, 0.0))
-        sets = np.array([one[1] for one in tried]).reshape(len(tried), n, -1)
-        volumes = np.array([one[2] for one in tried])
+        sets = np.array([trial[1] for trial in tried]).reshape(len(tried), n, -1)
+        volumes = np.array([trial[2] for trial in tried])
         gains = evidence.of(sets) + volumes[:, None]
-        yield from map(_suspicion, [one[0] for one in tried], gains)
+        yield from map(_suspicion, [trial[0] for trial in tried], gains)
 
     def of_one(self, evidence: Evidence) -> Suspicion:
         """The touch whose label is likeliest to be wrong."""
@@ -298,7 +298,7 @@ class _Mistakes(NamedTuple):
         shift = np.zeros(2)
         for steps in (_SHIFTS, *(np.array([0.0, -step, step]) for step in _STEPS)):
             shifts = [shift + step for step in itertools.product(steps, steps)]
-            moved = [replace(few, position=few.position + one) for one in shifts]
+            moved = [replace(few, position=few.position + offset) for offset in shifts]
             shift = shifts[int(self._likelihoods(moved).max(axis=1).argmax())]
         x, y = -1e3 * shift
         text = f"the origin of the places seems shifted by ({x:.1f}, {y:.1f}) mm"
@@ -308,9 +308,11 @@ class _Mistakes(NamedTuple):
     def _likelihoods(self, sets: Sequence[LabelledTouches]) -> Floats:
         """Logarithms of the likelihoods (H, F) of the signals with each of H sets of labels."""
         signals = sets[0].signals.reshape(1, len(sets[0]), -1)
-        found = Evidence.of_sets(self.table, sets, self.noise)
+        evidences = Evidence.of_sets(self.table, sets, self.noise)
         none = np.full(len(STRETCHES), -np.inf)
-        return np.array([none if one is None else one.of(signals)[0] for one in found])
+        return np.array(
+            [none if evidence is None else evidence.of(signals)[0] for evidence in evidences]
+        )
 
     def _pairs(self, count: int) -> Iterator[tuple[int, int]]:
         """Pairs of the touches that fit worst."""
@@ -386,7 +388,7 @@ def _warnings(
         for other in (-1, 1):
             there = (touches.position - middle) * [sign, other] >= 0
             if not there.all(axis=1).any():
-                ends = ["small" if one < 0 else "large" for one in (sign, other)]
+                ends = ["small" if side < 0 else "large" for side in (sign, other)]
                 yield f"no touch lies in the quarter of {ends[0]} {name} and {ends[1]} y"
 
 

@@ -58,8 +58,8 @@ class NearPairs:
 
     def __init__(self, shares: Floats) -> None:
         self._shape = (*shares.shape[:2], shares.shape[1], len(_ONE), shares.shape[-1] ** 2)
-        one = shares.take(_ONE, axis=2)[:, :, None, :, :, None]
-        self._products = one * shares.take(_OTHER, axis=2)[:, None, :, :, None]
+        first = shares.take(_ONE, axis=2)[:, :, None, :, :, None]
+        self._products = first * shares.take(_OTHER, axis=2)[:, None, :, :, None]
 
     def held(self, grip: Floats, press: Floats) -> tuple[Floats, Floats]:
         """The same as of all vertices, with slopes by x, y and press of each, (B, 2, 7, 2).

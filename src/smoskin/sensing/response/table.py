@@ -231,8 +231,8 @@ class ResponseTable:
         linear in motion ("Pairs" in `docs/derivations.md`):
         ``y = s_1 + s_2 + kappa(s_1, s_2) + f_1 Q f_2``.
         """
-        one, other = self.dragged(position, force)
-        both = one + other + cross_signals(self.curvature, one, other)
+        first, second = self.dragged(position, force)
+        both = first + second + cross_signals(self.curvature, first, second)
         return np.asarray(both + self.coupled(position, force))
 
     def coupled(self, position: ArrayLike, force: ArrayLike) -> Floats:
@@ -388,7 +388,7 @@ def shipped_tables() -> dict[str, Path]:
 
 def _table(arrays: dict[str, Any], header: dict[str, Any]) -> ResponseTable:
     """The table of a file's arrays and header."""
-    low, high = (float(one) for one in header["forces_N"])
+    low, high = (float(force) for force in header["forces_N"])
     for name, step in header.get("steps", {}).items():
         arrays[name] = arrays[name].astype(np.float64) * step
     check_filled("response table", arrays, "modes", "misfit")

@@ -120,7 +120,7 @@ class PlaceWarp:
         """What undoes the warps of x and y on a skin of this extent, (2,), m."""
         split = len(self._lines[0].spread)
         parts = coefficients[:split], coefficients[split:]
-        x, y = (Unwarp(*one) for one in zip(self._lines, parts, extent.tolist(), strict=True))
+        x, y = (Unwarp(*line) for line in zip(self._lines, parts, extent.tolist(), strict=True))
         return x, y
 
 

@@ -216,11 +216,11 @@ def learn_loops(rests: Floats, held: Floats, noise: Floats, axes: Floats | None 
             left.append(state)
         before = np.diff([np.zeros_like(widths), *left[:-1]], axis=0) / rest_spread
         moved = [np.swapaxes(before[..., chip], 1, 2).reshape(-1, len(plays)) for chip in chips]
-        for chip, found, explained in zip(chips, *_pooled(moved, seen), strict=True):
+        for chip, chip_weights, explained in zip(chips, *_pooled(moved, seen), strict=True):
             if explained < chdtri(len(plays), _CHANCE):
-                found = np.zeros(len(plays))
-            found = found * min(1.0, 0.99 * _MOST / max(found.sum(), 1e-12))
-            weights[:, chip] = found[:, None]
+                chip_weights = np.zeros(len(plays))
+            chip_weights = chip_weights * min(1.0, 0.99 * _MOST / max(chip_weights.sum(), 1e-12))
+            weights[:, chip] = chip_weights[:, None]
         loops = Loops(weights=weights, plays=plays, reach=reach)
         elastic = elastic_signals(loops, rests, held)[1]
     return replace(loops, axes=axes)
@@ -245,16 +245,16 @@ def _pooled(moved: list[Floats], seen: list[Floats]) -> tuple[list[Floats], list
     rows = np.concatenate([plays / spread for plays, spread in zip(moved, spreads, strict=True)])
     whole = np.concatenate([change / spread for change, spread in zip(seen, spreads, strict=True)])
     of_all = nnls(rows, whole)[0]
-    found = []
+    weights = []
     for plays, change, spread in zip(moved, seen, spreads, strict=True):
         tied = spread / _APART
         rows = np.concatenate([plays, tied * np.eye(count)])
-        found.append(nnls(rows, np.append(change, tied * of_all))[0])
-    return found, explained
+        weights.append(nnls(rows, np.append(change, tied * of_all))[0])
+    return weights, explained
 
 
 def elastic_signals(loops: Loops, rests: Floats, held: Floats) -> tuple[Floats, Floats]:
     """Elastic signals (N, C), T, behind those at rest before each touch and under it."""
     skin = Unlooping(loops)
-    found = [(skin.step(rest), skin.step(touch)) for rest, touch in zip(rests, held, strict=True)]
-    return np.array([one for one, _ in found]), np.array([other for _, other in found])
+    elastic = [(skin.step(rest), skin.step(touch)) for rest, touch in zip(rests, held, strict=True)]
+    return np.array([rest for rest, _ in elastic]), np.array([touch for _, touch in elastic])

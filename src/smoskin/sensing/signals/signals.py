@@ -351,7 +351,8 @@ class Signals:
         freedom = (len(flat) - 1) * flat.shape[1]
         moved = float(np.einsum("bi,ij,bj->", flat, self._precision, flat)) / _LOUDER**2
         if freedom and moved > chdtri(freedom, _UNLIKELY):
-            raise ArgumentError(f"{LET_GO}; got readings that move by {_rms(flat):.3g} uT")
+            rms = 1e6 * np.sqrt((flat**2).mean())
+            raise ArgumentError(f"{LET_GO}; got readings that move by {rms:.3g} uT")
 
     def _elapsed(self, time: float) -> float:
         """Seconds since the last reading that was good."""
@@ -401,11 +402,6 @@ class Signals:
         self._thermometer.step(reading.temperature)
         turned = (self._to_field @ reading.field[:, :, None])[:, :, 0]
         return np.asarray(turned / temperature_factor(self._thermometer.magnets)[:, None])
-
-
-def _rms(deviations: Floats) -> float:
-    """Root mean square, uT."""
-    return float(np.sqrt((deviations**2).mean()) * 1e6)
 
 
 def rest_field(design: SkinDesign) -> Floats:

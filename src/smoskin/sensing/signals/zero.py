@@ -91,11 +91,6 @@ TouchTest: TypeAlias = Callable[[Floats, float], bool]
 of such changes by a turn."""
 
 
-def _never(change: Floats, unsure: Floats) -> float:
-    """Take nothing for idle."""
-    return math.inf
-
-
 @dataclass(slots=True)
 class _Steady:
     """What the zero is if a turn that has just begun is none: a touch begins or ends slowly too."""
@@ -160,7 +155,7 @@ class Zero:
         self.tracking = tracking
         self.believed = True
         """Whether it has stayed within its bound."""
-        self._idle: IdleTest = idle or _never
+        self._idle: IdleTest = idle or (lambda change, unsure: math.inf)
         self._noise, self._turning = noise, turning
         self._seen = TurnsSeen(turning) if turning is not None and turning.weighs else None
         self._likelier_touched = touched
@@ -425,7 +420,7 @@ class Zero:
         noise = self._noise + self._louder
         share = solve_definite(zero + noise, noise).T
         likely = share @ change
-        found = np.outer(likely, likely) + noise - share @ noise
-        more = self._louder + (found - noise) / (_TAKEN + self._heard)
+        expected = np.outer(likely, likely) + noise - share @ noise
+        more = self._louder + (expected - noise) / (_TAKEN + self._heard)
         powers, axes = np.linalg.eigh(more)
         self._louder = (axes * np.maximum(powers, 0.0)) @ axes.T

@@ -132,7 +132,7 @@ class Written:
         on_failure: Callable[[str], object],
     ) -> None:
         self._recorder = Recorder(path, design, attachments=attachments, on_failure=on_failure)
-        self._on_kept, self._told = on_kept, 0
+        self._on_kept, self._reported = on_kept, 0
 
     def write(self, reading: Reading, estimate: Estimate | None) -> None:
         """Append a reading and what was made of it."""
@@ -149,6 +149,6 @@ class Written:
         self._tell()
 
     def _tell(self) -> None:
-        if self._recorder.kept != self._told:
-            self._told = self._recorder.kept
-            self._on_kept(self._told)
+        if self._recorder.kept != self._reported:
+            self._reported = self._recorder.kept
+            self._on_kept(self._reported)

@@ -320,7 +320,7 @@ class _FeedSink(Sink):
         self._sequence += 1
 
         def message() -> Mapping[str, Any]:
-            told = {"time_s": reading.time} if estimate is None else estimate_values(estimate)
+            values = {"time_s": reading.time} if estimate is None else estimate_values(estimate)
             more = (
                 {}
                 if estimate is None
@@ -331,7 +331,7 @@ class _FeedSink(Sink):
                 "skin": self._name,
                 "sequence": sequence,
                 "unix_s": round(taken, 6),
-                **told,
+                **values,
                 **more,
                 "chips": chip_values(reading),
             }

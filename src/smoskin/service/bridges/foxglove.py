@@ -196,8 +196,8 @@ class _Shown(Sink):
         if estimate.status in ros.WRENCH_KNOWN and self._wrench.has_sinks():
             self._wrench.log(codec.encode_wrench(estimate.contacts, stamp), log_time=stamp)
         if self._status.has_sinks():
-            told = {"status": estimate.status.name, "means": estimate.status.value}
-            self._status.log(told, log_time=stamp)
+            message = {"status": estimate.status.name, "means": estimate.status.value}
+            self._status.log(message, log_time=stamp)
         if self._scene.has_sinks():
             arrows = [self._arrow(contact) for contact in estimate.contacts]
             self._draw("touches", stamp, arrows=arrows)

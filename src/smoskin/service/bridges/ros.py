@@ -137,7 +137,7 @@ class RosNode(Sink):
         self._heard = threading.Condition()
         self._status: Status | None = None
         self._touched = self._closed = False
-        self._readings = self._told = 0
+        self._readings = self._diagnosed = 0
         self._flags = np.zeros(len(design.halls), int)
         self._waiting: deque[tuple[int, Reading, Estimate | None]] = deque(maxlen=_KEPT)
         self._dropped = 0
@@ -326,7 +326,7 @@ class RosNode(Sink):
         """Say how the skin does."""
         message = self._messages
         with self._heard:
-            count, self._told = self._readings - self._told, self._readings
+            count, self._diagnosed = self._readings - self._diagnosed, self._readings
             status, flags = self._status, self._flags.copy()
             self._flags[:] = 0
         level, words = b"\3", "No readings come."
@@ -339,7 +339,7 @@ class RosNode(Sink):
         rate = f"{count / _PERIOD:.1f}"
         values = {"readings": str(self._readings), "rate, Hz": rate, "dropped": str(self._dropped)}
         values |= faults
-        told = message.DiagnosticStatus(
+        diagnostic = message.DiagnosticStatus(
             level=level,
             name=f"{self.name}: skin",
             message=words,
@@ -347,7 +347,7 @@ class RosNode(Sink):
             values=[message.KeyValue(key=key, value=value) for key, value in values.items()],
         )
         header = message.header(self._node.get_clock().now().to_msg(), "")
-        self._health.publish(message.DiagnosticArray(header=header, status=[told]))
+        self._health.publish(message.DiagnosticArray(header=header, status=[diagnostic]))
 
 
 class _Messages:

@@ -52,11 +52,11 @@ class Columns:
         ring, side = np.divmod(np.arange((_RINGS - 1) * _SIDES), _SIDES)
         low, after = ring * _SIDES + side, ring * _SIDES + (side + 1) % _SIDES
         high, beyond = low + _SIDES, after + _SIDES
-        one = np.concatenate(
+        column = np.concatenate(
             [np.stack([low, after, beyond], axis=-1), np.stack([low, beyond, high], axis=-1)]
         )
         starts = _RINGS * _SIDES * np.arange(len(self.heads))
-        return np.asarray(one + starts[:, None, None]).reshape(-1, 3)
+        return np.asarray(column + starts[:, None, None]).reshape(-1, 3)
 
     def places(self, vertices: Floats) -> Floats:
         """Vertices of all the columns under a sheet with such vertices (V, 3), both in m."""

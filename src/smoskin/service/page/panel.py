@@ -128,7 +128,7 @@ class Panel:
         """Whether a recording goes on, a sentence about the newest, and the file to be played."""
         self.refusal = ""
         """Sentence about a recording that cannot be played; empty while there is none."""
-        self._told, self._labels = "", threading.Lock()
+        self._notice, self._labels = "", threading.Lock()
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 111, 181))
         gui.set_panel_label(title)
         gui.main_panel.dock_right()
@@ -206,10 +206,6 @@ class Panel:
             colors = {name: css(color) for name, color in _LEGEND}
             gui.add_html(html("legend", **colors))
 
-    def _threshold_words(self, moment: Moment | None) -> str:
-        """The threshold beside the touch that is shown; a space where there is none."""
-        return " " if moment is None else self._forces.sentence() or " "
-
     @property
     def force(self) -> tuple[float, float, float]:
         """Force that a press exerts on the skin, as the sliders stand, N."""
@@ -258,8 +254,8 @@ class Panel:
         self.relabel(RECORD[not goes_on], RECORD[goes_on])
         self.rerun.visible = finished is not None
         sentence = self.refusal or sentence
-        if sentence and sentence != self._told and self._recorded is not None:
-            self._told, self._recorded.visible = sentence, True
+        if sentence and sentence != self._notice and self._recorded is not None:
+            self._notice, self._recorded.visible = sentence, True
             self._recorded.content = html("recorded", sentence=escape(sentence))
 
     def zero(self) -> None:
@@ -342,7 +338,7 @@ class Panel:
             second=f"second touch {_line(contacts[1])}" if len(contacts) > 1 else " ",
             rate=_number(rate, 0),
             latency=_number(math.nan if moment is None else moment.latency * 1e3, 1),
-            threshold=self._threshold_words(moment),
+            threshold=(self._forces.sentence() if moment else "") or " ",
             end=escape(self.end),
         )
 

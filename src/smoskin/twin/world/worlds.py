@@ -62,7 +62,7 @@ def world_of(world: str = "plain", effect: str | None = None) -> World:
     >>> world_of("hard").name, len(world_of(effect="earth").effects)
     ('hard', 1)
     """
-    worlds = {one.name: one for one in (PLAIN, HARD, LIMB)}
+    worlds = {each.name: each for each in (PLAIN, HARD, LIMB)}
     if world not in worlds:
         raise ArgumentError(f"world must be one of {', '.join(worlds)}; got {world!r}")
     if effect is None:
