@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from smoskin.design.skin import Limb, SkinDesign
 from smoskin.feasibility import load_design
@@ -17,6 +18,10 @@ os.environ.setdefault(
     "JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache" / "jax")
 )
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")
+
+# A busy machine makes any example slow; speed is for the benchmarks.
+settings.register_profile("smoskin", deadline=None)
+settings.load_profile("smoskin")
 
 collect_ignore = ["ros_listener.py", "ros_publisher.py"]
 """Programs that tests run by the Python of ROS."""

@@ -49,7 +49,7 @@ def readings(until=10.0, step=0.25):
 # The file
 
 
-@settings(max_examples=40, deadline=None)  # each file waits for the disk
+@settings(max_examples=40)
 @given(
     x=st.floats(-1, 1), z=st.floats(-10, -1e-9), depth=st.floats(0, 0.01),
     field=st.floats(-0.06, 0.06), start=st.floats(0, 1e6),

@@ -127,7 +127,6 @@ def test_every_stream_is_answered(kind, count):
         max_examples=count,
         derandomize=True,
         database=None,
-        deadline=None,
         suppress_health_check=list(HealthCheck),
     )
     @given(stream=streams(), zeroed=st.booleans())

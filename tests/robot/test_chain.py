@@ -23,7 +23,7 @@ def closed_form(angles, along, across):
     return np.array([reach * np.cos(yaw), reach * np.sin(yaw), height])
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(ANGLES)
 def test_places_on_the_skin_follow_sines_and_cosines(angles):
     posture = CHAIN.posture(angles)
@@ -32,7 +32,7 @@ def test_places_on_the_skin_follow_sines_and_cosines(angles):
     assert np.linalg.norm(posture.of_skin([0.6, 0.0, 0.8])) == pytest.approx(1.0)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(ANGLES)
 def test_the_jacobian_is_the_change_of_place(angles):
     step = 1e-6

@@ -27,7 +27,7 @@ def test_the_dead_band_has_two_edges(force, before, pushed):
     assert law.is_pushed(force, before, LIMITS) is pushed
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(arrays(float, 3, elements=st.floats(-2.0, 2.0)))
 def test_speed_grows_with_the_force_over_the_band_along_it(force):
     velocity = law.yielding(force, LIMITS)
@@ -38,7 +38,7 @@ def test_speed_grows_with_the_force_over_the_band_along_it(force):
     assert velocity @ force >= 0.0
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(INSIDE, arrays(float, 3, elements=st.floats(-0.1, 0.1)))
 def test_joints_move_the_place_as_wanted_or_damping_holds_them(angles, wanted):
     posture = CHAIN.posture(angles)
@@ -58,7 +58,7 @@ def test_where_a_way_is_lost_the_velocity_turns_away():
     assert law.turned_away(np.zeros(3), wanted) == 180.0
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(INSIDE, SPEEDS)
 def test_no_part_of_the_arm_passes_its_speed(angles, speeds):
     posture = CHAIN.posture(angles)
@@ -71,7 +71,7 @@ def test_no_part_of_the_arm_passes_its_speed(angles, speeds):
     assert np.linalg.norm(between @ allowed, axis=1).max() <= 0.1 + 1e-12
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(INSIDE, SPEEDS)
 def test_every_joint_can_stop_inside_its_range(angles, speeds):
     allowed = law.range_factor(CHAIN, angles, speeds, LIMITS) * speeds
@@ -81,7 +81,7 @@ def test_every_joint_can_stop_inside_its_range(angles, speeds):
     assert (stopped >= CHAIN.lower - 1e-12).all()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(INSIDE, SPEEDS)
 def test_place_and_parts_can_stop_in_the_workspace(angles, speeds):
     posture = CHAIN.posture(angles)
@@ -100,7 +100,7 @@ def test_place_and_parts_can_stop_in_the_workspace(angles, speeds):
     assert (sinking[low] >= -1e-12).all()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(INSIDE, SPEEDS, SPEEDS)
 def test_speed_is_gained_no_faster_than_allowed(angles, before, wanted):
     posture = CHAIN.posture(angles)

@@ -63,7 +63,7 @@ def estimate_bits(estimate: Estimate | None) -> object:
     return time, estimate.status, contacts, estimate.covariance.tobytes()
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(st.tuples(readings(), st.none() | estimates()), max_size=6), st.booleans())
 # Forces whose bits are NaN or huge go into the viewers' sum as they are.
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")

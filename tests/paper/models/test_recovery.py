@@ -33,7 +33,7 @@ def test_a_signal_at_rest_has_no_recovery_time() -> None:
     st.floats(-5.0, 5.0),
     st.sampled_from([2e-6, -3.0]),
 )
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_a_recovery_gives_its_solid_back(shares: list[float], rest: float, scale: float) -> None:
     tried = np.array([0.1, 1.0, 10.0, 100.0])
     solid = creeping_solid(shares, tried[: len(shares)])

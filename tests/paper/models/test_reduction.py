@@ -53,7 +53,7 @@ def reduced_presses(design, attenuation, *, scale=1.0, sink=0.0, variation=1.0):
     )
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(attenuation=ATTENUATIONS, scale=st.floats(0.05, 1.5))
 def test_fits_find_the_model_that_made_the_presses(planar, attenuation, scale):
     presses = reduced_presses(planar, attenuation, scale=scale)
@@ -66,7 +66,7 @@ def test_fits_find_the_model_that_made_the_presses(planar, attenuation, scale):
     assert signs_agree(presses).all()
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(attenuation=st.floats(0.05, 0.95), variation=st.floats(0.3, 3.0))
 def test_stiffness_of_three_cells_gives_both_coefficients(planar, attenuation, variation):
     presses = reduced_presses(planar, (attenuation, attenuation), variation=variation)

@@ -35,7 +35,7 @@ def test_zones_of_the_reference_are_table_s1(planar):
         assert zone.lines_x == pytest.approx([expected.mean()])
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(skin=skins())
 def test_zones_hold_every_cell_once_and_their_lines_decide(planar, skin):
     cells, corners = skin

@@ -42,7 +42,7 @@ def covered(ambiguous, cells):
     return named
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(skin=skins(), attenuation=st.floats(0.05, 1.0), factor=st.floats(1e-9, 1e3))
 def test_every_cell_not_listed_is_found(planar, skin, attenuation, factor):
     cells, corners = skin
@@ -60,7 +60,7 @@ def test_every_cell_not_listed_is_found(planar, skin, attenuation, factor):
         assert not ambiguity.ratio_gap > 2e-6 * (1 + ambiguity.ratios[0] ** 2)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(skin=skins(magnets=(2, 2)), seed=st.integers(0, 2**32 - 1))
 def test_two_magnets_are_judged_by_signs_and_mean_ratios(planar, skin, seed):
     """The rule as the SI words it, written out: the zone by signs, the cell by the lines."""
@@ -82,7 +82,7 @@ def test_two_magnets_are_judged_by_signs_and_mean_ratios(planar, skin, seed):
             assert same == pytest.approx(along[expected, 0] / along[expected, 1], abs=1e-9)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(skin=skins(), seed=st.integers(0, 2**32 - 1))
 def test_a_mirrored_sheet_gives_mirrored_answers(planar, skin, seed):
     cells, corners = skin
