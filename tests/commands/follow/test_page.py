@@ -45,8 +45,9 @@ CAMERA = {
 
 @pytest.fixture(autouse=True)
 def busy(monkeypatch):
-    """No clock has jumped where other programs kept this one from reading."""
+    """No clock has jumped, and no arm gone astray, where other programs kept this one waiting."""
     monkeypatch.setattr("smoskin.robot.follow._JUMP", 5.0)
+    monkeypatch.setattr("smoskin.robot.follow._UNLIKE", 5.0)
 
 
 @contextmanager
