@@ -84,14 +84,13 @@ class StaticSheet(Sheet):
         # A touch is read by the lower chip and by x and y of the upper ones.
         lower = 3 * mounts.index("base") + np.arange(3)
         self._channels = np.concatenate([lower, *(3 * s + np.arange(2) for s in upper)])
-        self._rows = design.cells[1]
         cells = design.cells[0] * design.cells[1]
         stiffness = stiffness_map(design, coefficients).reshape(-1, 1)
-        self._press = unit_press(design, coefficients).reshape(cells, -1) / stiffness
+        folds = unit_press(design, coefficients).reshape(cells, -1) / stiffness
         chip, vertex = _board_motions(design, calibration)
         self.lower = chip.reshape(*design.cells, 3, 3)
-        drag = np.zeros((*self._press.shape, 2))
-        pull, self._hold = np.zeros((2, cells, 2))
+        drag = np.zeros((*folds.shape, 2))
+        pull, hold = np.zeros((2, cells, 2))
         if isinstance(grip, Sticking):
             moved, given = drag_motions(design), -vertex[:, :2]
             watched = [design.magnet(design.halls[s].magnet).name for s in upper]
@@ -101,15 +100,18 @@ class StaticSheet(Sheet):
             over = moved.vertex.reshape(cells, 2, 2)
             pull = _column_pull(design, calibration) / stiffness
             held = np.einsum("cab,cb->ca", over, pull) - given[..., 2]
-            self._hold = np.linalg.solve(over - given[..., :2], held[..., None])[..., 0]
-        straight = np.column_stack([self._hold, -np.ones(cells)])
+            hold = np.linalg.solve(over - given[..., :2], held[..., None])[..., 0]
         # What the channels see of the unknown touch; magnets move one way, their chips the other.
         self._moves = np.zeros((cells, len(self._channels), 3))
         self._moves[:, :3, :2] = chip[:, :, :2]
-        self._moves[:, :3, 2] = np.einsum("cab,cb->ca", chip, straight)
+        self._moves[:, :3, 2] = np.einsum("cab,cb->ca", chip[..., :2], hold) - chip[..., 2]
         self._moves[:, 3:, :2] = -drag
-        self._moves[:, 3:, 2] = -self._press - np.einsum("cka,ca->ck", drag, self._hold - pull)
+        self._moves[:, 3:, 2] = -folds - np.einsum("cka,ca->ck", drag, hold - pull)
         self._products = np.einsum("cka,ckb->ckab", self._moves, self._moves)
+        self._per_fold = folds / (folds**2).sum(axis=1, keepdims=True)
+        # Variances of what a newton folds, and of what the finger holds of it.
+        self._folded = _PRESS_OFF**2 * (folds**2).mean(axis=1)
+        self._held = _HOLD_OFF**2 * (hold**2).mean(axis=1) + _HOLD_LEAST**2
         noise = motion_noise(design)
         self._noise = noise[self._channels]
         self.presses, self.loads = self._linear(design)
@@ -119,19 +121,18 @@ class StaticSheet(Sheet):
     def solve(self, motions: Floats) -> Solution | None:
         """Touch by motions (3S,), m, of the chips against their magnets; None where none fits."""
         seen = motions[self._channels]
-        touch = np.zeros((2, len(self._press), 3))  # (F_xy - r f, f) if straight, and if dragged
-        touch[..., 2] = -self._press @ seen[3:] / (self._press**2).sum(axis=1)
+        touch = np.zeros((2, len(self._moves), 3))  # (F_xy - r f, f) if straight, and if dragged
+        touch[..., 2] = -self._per_fold @ seen[3:]
         for _ in range(_PASSES):
             weights, prior = self._certainty(touch, seen)
             normal = self._normal(weights, prior)
             pulled = np.einsum("hck,cka->hca", weights * seen, self._moves)
             touch = np.linalg.solve(normal, pulled[..., None])[..., 0]
         left = seen - np.einsum("cka,hca->hck", self._moves, touch)
-        off = (touch[..., :2] ** 2).sum(axis=2)
-        cost = (weights * left**2 - np.log(weights)).sum(axis=2) + off * prior - 2 * np.log(prior)
-        cost += np.linalg.slogdet(normal)[1]
+        cost = (weights * left**2 - np.log(weights)).sum(axis=2) + np.linalg.slogdet(normal)[1]
+        cost += (touch[..., :2] ** 2).sum(axis=2) * prior - 2 * np.log(prior)
         cost = np.where(touch[..., 2] > 0, cost, np.inf)
-        dragged, number = divmod(int(cost.argmin()), len(self._press))
+        dragged, number = divmod(int(cost.argmin()), len(self._moves))
         if cost[dragged, number] == np.inf:
             return None
         chances = np.exp((cost.min() - cost) / 2)
@@ -140,7 +141,7 @@ class StaticSheet(Sheet):
         misfit = float(unlike @ unlike / (seen @ seen + by_touch @ by_touch))
         *drag, press = touch[dragged, number].tolist()
         force = np.array([*drag, -press]) if dragged else np.array([0.0, 0.0, -press])
-        return Solution(divmod(number, self._rows), force, confidence, misfit)
+        return Solution(divmod(number, self.lower.shape[1]), force, confidence, misfit)
 
     def _certainty(self, touch: Floats, seen: Floats) -> tuple[Floats, Floats]:
         """Inverse variances of what is seen, (2, C, K), m^-2, and of each axis' drag, (2, C), N^-2.
@@ -150,11 +151,10 @@ class StaticSheet(Sheet):
         drag, press = touch[..., :2], touch[..., 2]
         variance = np.broadcast_to(self._noise, (2, *self._moves.shape[:2])).copy()
         variance[..., :3] += _CHIP_OFF**2 * (seen[..., :3] ** 2).sum(axis=-1)[..., None]
-        folded = (_PRESS_OFF * press) ** 2 * (self._press**2).mean(axis=1)
         swayed = np.einsum("cka,hca->hck", self._moves[:, 3:, :2], drag)
-        variance[..., 3:] += (folded + _DRAG_OFF**2 * (swayed**2).mean(axis=2))[..., None]
-        held = (_HOLD_OFF**2 * (self._hold**2).mean(axis=1) + _HOLD_LEAST**2) * press[0] ** 2
-        held += _FORCE_LEAST**2
+        of_touch = self._folded * press**2 + _DRAG_OFF**2 * (swayed**2).mean(axis=2)
+        variance[..., 3:] += of_touch[..., None]
+        held = self._held * press[0] ** 2 + _FORCE_LEAST**2
         return 1 / variance, 1 / np.stack([held, np.full_like(held, _DRAGS**2)])
 
     def _normal(self, weights: Floats, prior: Floats) -> Floats:
